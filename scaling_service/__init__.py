@@ -1,0 +1,70 @@
+"""Scales multibody body models to persons from motion capture, and says how far to trust the result.
+
+What is named in ``__all__`` is the Python interface; it is loaded when it is first used, so that the
+worker processes of single modules stay light.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scaling_service.calibration.settings import CalibrationSettings
+    from scaling_service.core.errors import InputError
+    from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+    from scaling_service.evaluation.kinematic_error import kinematic_error
+    from scaling_service.formats.recording import read_recording
+    from scaling_service.jobs.loading import read_model
+    from scaling_service.jobs.saving import save
+    from scaling_service.jobs.settings import Settings
+    from scaling_service.jobs.subjects import load_subject
+    from scaling_service.jobs.tasks import Results, Scaling, compare, scale
+    from scaling_service.models.subject import Subject
+    from scaling_service.processing.pipeline import ProcessingSettings
+
+__all__ = [
+    "CalibrationSettings",
+    "InputError",
+    "ProcessingSettings",
+    "Results",
+    "Scaling",
+    "Settings",
+    "Subject",
+    "compare",
+    "inverse_kinematics",
+    "kinematic_error",
+    "load_subject",
+    "read_model",
+    "read_recording",
+    "save",
+    "scale",
+]
+
+_HOMES = {
+    "CalibrationSettings": "calibration.settings",
+    "InputError": "core.errors",
+    "ProcessingSettings": "processing.pipeline",
+    "Results": "jobs.tasks",
+    "Scaling": "jobs.tasks",
+    "Settings": "jobs.settings",
+    "Subject": "models.subject",
+    "compare": "jobs.tasks",
+    "inverse_kinematics": "estimation.inverse_kinematics",
+    "kinematic_error": "evaluation.kinematic_error",
+    "load_subject": "jobs.subjects",
+    "read_model": "jobs.loading",
+    "read_recording": "formats.recording",
+    "save": "jobs.saving",
+    "scale": "jobs.tasks",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'scaling_service' has no attribute '{name}'")
+    return getattr(import_module(f"scaling_service.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

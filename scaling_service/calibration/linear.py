@@ -1,0 +1,249 @@
+"""Marker-based linear scaling: one factor per segment from distances (MB, Puchaud 2019, 2.2.2)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from scaling_service.anatomy.hip_centre import hip_centres
+from scaling_service.anatomy.markers import canonical
+from scaling_service.calibration.measurements import MEASUREMENTS, Points, ratio
+from scaling_service.calibration.placement import add_markers, place_markers, place_tracking_markers
+from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.text import few
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Vector
+from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.models.neutral import neutral_frames
+from scaling_service.models.results import Calibration
+from scaling_service.models.scaling import scaled
+from scaling_service.models.subject import Measurement, ScaleSetup, Session
+from scaling_service.models.trial import Trial
+
+_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
+_SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
+_SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
+
+
+def linear(session: Session, settings: CalibrationSettings) -> Calibration:
+    """Scale the session's model from marker distances.
+
+    With an OpenSim scale set-up its measurements, manual factors and marker placement are used;
+    otherwise the measurements of :data:`~scaling_service.calibration.measurements.MEASUREMENTS`.
+    Extra markers are then placed from the standing trial.
+
+    Raises
+    ------
+    TrialUnusable
+        No recording, or none of the measurements can be taken.
+    """
+    clock = time.perf_counter()
+    standing = _standing(session)
+    notes: list[str] = []
+    if session.static is None:
+        notes.append(f"no static trial: lengths were measured on '{standing.name}'")
+    if session.scale_setup is not None:
+        factors = setup_factors(session.model, standing, session.scale_setup)
+    else:
+        factors, more = anatomical_factors(session.model, session.static, session.calibration, settings)
+        notes.extend(more)
+    setup = session.scale_setup
+    model = scaled(session.model, factors)
+    if setup is not None and setup.placement is not None:
+        model = place_markers(model, standing, setup.placement)
+    elif setup is None:
+        model, placed = place_tracking_markers(model, standing)
+        if placed:
+            notes.append(f"MB: {len(placed)} tracking markers placed from '{standing.name}': {few(placed)}")
+    model = add_markers(model, session.subject.extra_markers, standing)
+    return Calibration(
+        "MB", model, session.model, factors, wall_s=time.perf_counter() - clock, warnings=tuple(notes)
+    )
+
+
+def _standing(session: Session) -> Trial:
+    for trial in (session.static, *session.calibration):
+        if trial is not None:
+            return trial
+    raise TrialUnusable(
+        "there is no trial to measure lengths on",
+        field="trials.static",
+        remedy="Give a static trial or at least one calibration trial",
+    )
+
+
+def anatomical_factors(
+    model: BodyModel, standing: Trial | None, moving: Sequence[Trial], settings: CalibrationSettings
+) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """One factor per segment from anatomical landmarks.
+
+    Each measurement is taken on the first trial that shows all its points. Segments without a
+    measurement take the mean factor of the others.
+
+    Parameters
+    ----------
+    standing : Trial, optional
+        The static trial; it is measured first.
+    moving : sequence of Trial
+        Measured where the static trial lacks a landmark.
+
+    Returns
+    -------
+    factors : dict
+        Segment to x, y, z factors.
+    notes : tuple of str
+        What could not be measured.
+
+    Raises
+    ------
+    TrialUnusable
+        Nothing could be measured, or a length is zero.
+    """
+    ours = model_points(model)
+    people = [
+        person_points(trial, standing=trial is standing, regression=settings.hip_regression)
+        for trial in ((standing, *moving) if standing is not None else moving)
+    ]
+    found: dict[str, float] = {}
+    notes: list[str] = []
+    for measurement in MEASUREMENTS:
+        own = [s for s in measurement.segments if s in model.segment_names]
+        taken = next((r for r in (ratio(measurement, p, ours) for p in people) if r is not None), None)
+        if own and taken is not None:
+            _check(taken.factor, own[0])
+            found |= dict.fromkeys(own, taken.factor)
+            if taken.pairs < len(measurement.pairs):
+                notes.append(
+                    f"MB: {', '.join(own)} measured on {taken.pairs} of {len(measurement.pairs)} distances"
+                )
+    if not found:
+        raise TrialUnusable(
+            "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there",
+            field="markers",
+            remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
+        )
+    mean = float(np.mean(list(found.values())))
+    rest = [s for s in model.segment_names if s not in found]
+    if rest:
+        notes.append(f"MB: no landmarks to measure {', '.join(rest)}: scaled by the mean factor {mean:.3f}")
+    every = {s: found.get(s, mean) for s in model.segment_names}
+    return {s: (f, f, f) for s, f in every.items()}, tuple(notes)
+
+
+def _check(factor: float, segment: str) -> None:
+    if not _SMALLEST < factor < 1.0 / _SMALLEST:
+        raise TrialUnusable(
+            f"segment '{segment}' would be scaled by {factor:.3g}",
+            field="markers",
+            remedy="Check the unit of the recording and that the labels mean the right landmarks",
+        )
+
+
+def person_points(trial: Trial, *, standing: bool, regression: str) -> Points:
+    """Landmarks of a recording by canonical name, with the hip centres that a regression gives.
+
+    Only a standing trial gives the leg length that the fuller regressions use.
+    """
+    points: dict[str, Array] = {}
+    for label in trial.labels:
+        landmark = canonical(label)
+        if landmark is not None:
+            points.setdefault(landmark, trial.position(label))
+    sacrum = points.get("SACR")  # stands for both PSIS where they were not marked
+    pelvis = [points.get(name, sacrum if name.endswith("PSIS") else None) for name in _PELVIS]
+    known = [p for p in pelvis if p is not None]
+    if len(known) == len(_PELVIS):
+        legs = [_leg_length(points, side) if standing else None for side in "RL"]
+        hips = hip_centres(*known, regression=regression, leg_length_r=legs[0], leg_length_l=legs[1])
+        points |= {"hip_r": hips.right_ground, "hip_l": hips.left_ground}
+    return points
+
+
+def _leg_length(points: Points, side: str) -> float | None:
+    """ASIS to medial malleolus, mean over the frames that show both (m)."""
+    ends = (points.get(f"{side}ASIS"), points.get(f"{side}MM"))
+    if ends[0] is None or ends[1] is None:
+        return None
+    distance = np.linalg.norm(ends[0] - ends[1], axis=1)
+    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
+
+
+def model_points(model: BodyModel) -> Points:
+    """The same points on the model in its neutral pose, one frame."""
+    points: dict[str, Array] = {}
+    frames = neutral_frames(model)
+    for marker in model.markers:
+        landmark = canonical(marker.name)
+        if landmark is not None:
+            rotation, origin = frames[marker.segment]
+            points.setdefault(landmark, (origin + rotation @ np.array(marker.nominal))[None])
+    for side in "rl":
+        if f"femur_{side}" in frames:
+            points[f"hip_{side}"] = frames[f"femur_{side}"][1][None]
+    return points
+
+
+def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
+    """Factors by an OpenSim scale set-up: the same as its ScaleTool gives.
+
+    Raises
+    ------
+    TrialUnusable
+        A marker pair cannot be measured, or a length is zero.
+    """
+    factors = {s: [1.0, 1.0, 1.0] for s in model.segment_names}
+    for step in setup.order:
+        if step == "measurements":
+            for measurement in setup.measurements:
+                _apply(measurement, _pair_factor(model, trial, measurement, setup.time_range), factors)
+        else:
+            for segment, given in setup.manual.items():
+                if segment in factors:
+                    factors[segment] = list(given)
+    return {s: (x, y, z) for s, (x, y, z) in factors.items()}
+
+
+def _apply(measurement: Measurement, factor: float, factors: Mapping[str, list[float]]) -> None:
+    for segment, axes in measurement.axes.items():
+        for letter in axes if segment in factors else "":
+            factors[segment]["XYZ".index(letter)] = factor
+
+
+def _pair_factor(
+    model: BodyModel, trial: Trial, measurement: Measurement, time_range: tuple[float, float] | None
+) -> float:
+    names = list(dict.fromkeys(name for pair in measurement.pairs for name in pair))
+    for name in names:
+        if name not in model.marker_names:
+            raise TrialUnusable(
+                f"measurement '{measurement.name}' uses marker '{name}', which the model does not have",
+                field="scale_setup",
+                remedy="Give the marker set that belongs to the set-up under `marker_set:`",
+            )
+    tree = compile_model(model, names)
+    ours = marker_positions(tree, default_coordinates(model, 1), parameter_values(model))[0]
+    rows = slice(None) if time_range is None else _between(trial, time_range)
+    ratios = []
+    for first, second in measurement.pairs:
+        seen = trial.position(first)[rows] - trial.position(second)[rows]
+        person = float(np.nanmean(np.linalg.norm(seen, axis=1)))
+        generic = float(np.linalg.norm(ours[names.index(first)] - ours[names.index(second)]))
+        if min(person, generic) < _SHORTEST_M:
+            raise TrialUnusable(
+                f"markers '{first}' and '{second}' lie less than {_SHORTEST_M * 1e3:.0f} mm apart",
+                file=trial.name,
+                field=f"scale_setup.{measurement.name}",
+                remedy="Check the labels and the unit",
+            )
+        ratios.append(person / generic)
+    return float(np.mean(ratios))
+
+
+def _between(trial: Trial, time_range: tuple[float, float]) -> slice:
+    """Rows of a time range, its ends included."""
+    first, last = np.searchsorted(trial.times, (time_range[0] - 1e-9, time_range[1] + 1e-9))
+    return slice(int(first), max(int(last), int(first) + 1))

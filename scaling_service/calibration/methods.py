@@ -1,0 +1,131 @@
+"""The table of methods: each one a small frozen value; a new method is a new row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+from scaling_service.calibration.freedom import Freedom
+from scaling_service.calibration.linear import linear
+from scaling_service.calibration.optimised import Progress, optimise
+from scaling_service.calibration.settings import PAPER, CalibrationSettings
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.models.results import Calibration
+from scaling_service.models.subject import Session
+
+
+class Method(Protocol):
+    """One way to scale a model."""
+
+    @property
+    def needs(self) -> str | None:
+        """The method that gives the first guess, if any."""
+
+    @property
+    def title(self) -> str:
+        """What is fitted, in plain words."""
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,
+        progress: Progress | None,
+    ) -> Calibration:
+        """Scale the session's model."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerBased:
+    """Linear scaling from marker distances."""
+
+    title: str = "segment sizes from marker distances"
+    needs: str | None = None
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,  # noqa: ARG002 (the table's one signature; linear scaling needs no first guess)
+        settings: CalibrationSettings,
+        progress: Progress | None,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Scale the session's model from its standing trial."""
+        return linear(session, settings)
+
+
+@dataclass(frozen=True, slots=True)
+class Optimised:
+    """Optimisation from another method's model."""
+
+    name: str
+    title: str
+    needs: str
+    freedom: Freedom
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,
+        progress: Progress | None,
+    ) -> Calibration:
+        """Fit the start's model to the calibration trials."""
+        if start is None:
+            raise ValueError(f"{self.name} starts from {self.needs}")
+        return optimise(self.name, start, session.calibration, self.freedom, settings, progress)
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "MB": MarkerBased(),
+        "MB_lam": Optimised(
+            "MB_lam",
+            "lengths, knee axes and selected marker coordinates fitted to movement",
+            "MB",
+            Freedom(lengths=True, all_markers=False),
+        ),
+        "MB_am": Optimised(
+            "MB_am",
+            "knee axes and all marker coordinates fitted to movement",
+            "MB",
+            Freedom(lengths=False, all_markers=True),
+        ),
+    }
+)
+
+
+def calibrate(
+    session: Session,
+    method: str,
+    settings: CalibrationSettings = PAPER,
+    known: Mapping[str, Calibration] | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Scale a session's model by one method.
+
+    Parameters
+    ----------
+    method : str
+        A key of :data:`METHODS`.
+    known : mapping, optional
+        Calibrations done already; a method's first guess is taken from here where it is.
+    progress : callable, optional
+        Called with the step's number and the cumulative kinematic error (m2).
+
+    Raises
+    ------
+    SubjectInvalid
+        There is no such method.
+    """
+    if method not in METHODS:
+        raise SubjectInvalid(
+            f"there is no method '{method}'", field="method", remedy=f"Methods are {', '.join(METHODS)}"
+        )
+    done = known or {}
+    if method in done:
+        return done[method]
+    row = METHODS[method]
+    start = calibrate(session, row.needs, settings, done) if row.needs is not None else None
+    return row.calibrate(session, start, settings, progress)

@@ -1,0 +1,49 @@
+"""What a calibration may do, with the paper's numbers as defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """Settings of the optimisation-based methods (Puchaud 2019, section 2.2.4).
+
+    Parameters
+    ----------
+    strategy : 'joint' or 'alternating'
+        Motion and parameters together, or the paper's loop of inverse kinematics and parameters.
+    n_frames : int
+        Frames equally spaced over the calibration trials.
+    length_bound : float
+        Scale factors stay within ``1 +- length_bound`` of their start.
+    axis_bound_x_deg, axis_bound_y_deg : float
+        Bounds on the turns of a knee axis.
+    marker_bound_m : float
+        Bound on each shift of a marker's local coordinate.
+    loop_tolerance : float
+        The alternating loop stops when the cumulative kinematic error changes by less than this share.
+    max_loops : int
+        And at the latest after so many loops.
+    robust_m : float, optional
+        Scale of a Huber loss on marker distances; plain least squares if not given.
+    hip_regression : str
+        Which regression gives the person's hip centres for linear scaling (a name known to
+        :func:`scaling_service.anatomy.hip_centre.hip_centres`).
+    """
+
+    strategy: Literal["joint", "alternating"] = "joint"
+    n_frames: int = 100
+    length_bound: float = 0.20
+    axis_bound_x_deg: float = 20.0
+    axis_bound_y_deg: float = 30.0
+    marker_bound_m: float = 0.05
+    loop_tolerance: float = 0.01
+    max_loops: int = 200
+    robust_m: float | None = None
+    hip_regression: str = "harrington2007"
+
+
+PAPER = CalibrationSettings()
+"""The settings of Puchaud 2019, with motion and parameters solved together."""

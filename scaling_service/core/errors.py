@@ -1,0 +1,87 @@
+"""Errors that a user can act on: every one names the file, the field and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+
+class InputError(Exception):
+    """Something a user gave cannot be used.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, one sentence without a trailing full stop.
+    file : str or Path, optional
+        The file in which it was found.
+    field : str, optional
+        The key, column, label or component in that file.
+    remedy : str, optional
+        What to do about it, one sentence.
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        file: str | Path | None = None,
+        field: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        self.problem = problem
+        self.file = str(file) if file is not None else None
+        self.field = field
+        self.remedy = remedy
+        super().__init__(problem, self.file, field, remedy)
+
+    def __str__(self) -> str:
+        where = ", ".join(part for part in (self.file, self.field) if part)
+        text = f"{where}: {self.problem}" if where else self.problem
+        return f"{text}. {self.remedy}" if self.remedy else text
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return (_rebuild, (type(self), self.problem, self.file, self.field, self.remedy))
+
+
+def _rebuild(
+    kind: type[InputError], problem: str, file: str | None, field: str | None, remedy: str | None
+) -> InputError:
+    """Restore an error that crossed a process boundary, whatever its own constructor takes."""
+    error = kind.__new__(kind)
+    InputError.__init__(error, problem, file=file, field=field, remedy=remedy)
+    return error
+
+
+class FileUnreadable(InputError):
+    """A file is absent, empty, truncated or not what its name says."""
+
+
+class SubjectInvalid(InputError):
+    """The subject document does not follow its contract."""
+
+
+class ModelRefused(InputError):
+    """A body model holds a component that cannot be represented; it is named in ``field``."""
+
+
+class TrialUnusable(InputError):
+    """A recording was read but cannot be used for what was asked."""
+
+
+class MarkerMissing(InputError):
+    """A marker that is needed has no label in a recording."""
+
+    def __init__(self, marker: str, trial: str, present: Sequence[str]) -> None:
+        shown = ", ".join(present[:12]) + (", …" if len(present) > 12 else "")
+        super().__init__(
+            f"trial '{trial}' has no marker '{marker}'; it has {shown}",
+            field=f"markers.{marker}",
+            remedy=f"Map the label that means '{marker}' under `markers:` in the subject file",
+        )
+        self.marker = marker
+        self.trial = trial
+
+
+class DependencyMissing(InputError):
+    """An optional library is needed for what was asked."""

@@ -1,0 +1,19 @@
+"""Plain words for lists and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_SHOWN = 6  # chosen: as many names as fit one line
+
+
+def few(names: Sequence[str]) -> str:
+    """Some names, and how many more there are.
+
+    Examples
+    --------
+    >>> few(["a", "b"])
+    'a, b'
+    """
+    more = len(names) - _SHOWN
+    return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,330 @@
+"""The body model: a tree of one-degree-of-freedom joints whose values come from laws.
+
+Everything that moves, or could be made to move, is a joint: a rotation about or a translation
+along a fixed axis of the frame it starts from. A joint's value is a :class:`Law`, a sum of terms
+``gain * parameter * shape(coordinate)``. All quantities are SI and radians; frames are X forward,
+Y up, Z to the subject's right (ISB).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+from scaling_service.core.errors import ModelRefused
+
+Vector = tuple[float, float, float]
+GROUND = "ground"
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A piecewise polynomial of one coordinate, continued linearly outside its breaks.
+
+    Parameters
+    ----------
+    breaks : tuple of float, length n_pieces + 1
+        Increasing, in the coordinate's unit (rad or m).
+    coefficients : tuple of n_pieces tuples
+        Highest power first, in the local variable ``coordinate - breaks[i]``.
+    """
+
+    breaks: tuple[float, ...]
+    coefficients: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.breaks) != len(self.coefficients) + 1:
+            raise ValueError("a shape has one more break than pieces")
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One summand of a law: ``gain * parameter * shape(coordinate)`` or ``gain * parameter * signal``.
+
+    Absent factors are one. A coordinate without a shape is taken as it is.
+    """
+
+    gain: float
+    parameter: str | None = None
+    coordinate: str | None = None
+    shape: Shape | None = None
+    signal: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A joint's value (rad or m): the sum of its terms."""
+
+    terms: tuple[Term, ...] = ()
+
+    @classmethod
+    def constant(cls, value: float) -> Law:
+        """A value that never changes."""
+        return cls((Term(float(value)),)) if value else cls()
+
+    @classmethod
+    def of(cls, coordinate: str, gain: float = 1.0, offset: float = 0.0) -> Law:
+        """A value linear in one coordinate."""
+        return cls((Term(gain, coordinate=coordinate), *cls.constant(offset).terms))
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether neither a coordinate, a parameter nor a signal enters."""
+        return all(t.parameter is None and t.coordinate is None and t.signal is None for t in self.terms)
+
+    @property
+    def constant_part(self) -> float:
+        """The sum of the terms in which nothing but the gain enters."""
+        return sum(
+            t.gain for t in self.terms if t.parameter is None and t.coordinate is None and t.signal is None
+        )
+
+    def __add__(self, other: Law) -> Law:
+        return Law(self.terms + other.terms)
+
+    def scaled(self, factor: float) -> Law:
+        """The law with every gain multiplied."""
+        return Law(tuple(replace(t, gain=t.gain * factor) for t in self.terms))
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A rotation about, or a translation along, an axis of the frame reached so far.
+
+    Parameters
+    ----------
+    kind : 'rotation' or 'translation'
+    axis : (3,) unit vector
+    law : Law
+    scales_with : str, optional
+        For a translation: the segment whose size it follows. The axis then is expressed in that
+        segment's frame, or in a joint frame fixed in it.
+    """
+
+    kind: Literal["rotation", "translation"]
+    axis: Vector
+    law: Law
+    scales_with: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A rigid body and the chain of joints that carries it from its parent.
+
+    Parameters
+    ----------
+    name, parent : str
+        ``parent`` is another segment or ``"ground"``.
+    joint_name : str
+        The anatomical joint, as the model calls it (``knee_r``).
+    joints : tuple of Joint
+        In order from the parent's frame to this segment's frame.
+    mass : float, kg
+    com : (3,) m, in the segment's frame
+    inertia : (6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz
+    """
+
+    name: str
+    parent: str
+    joint_name: str
+    joints: tuple[Joint, ...]
+    mass: float = 0.0
+    com: Vector = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One degree of freedom, estimated in every frame unless locked.
+
+    ``lower`` and ``upper`` (rad or m) bind only where ``clamped``.
+    """
+
+    name: str
+    kind: Literal["rotation", "translation"] = "rotation"
+    default: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    clamped: bool = False
+    locked: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Coupler:
+    """A coordinate that follows another one: ``dependent = shape(independent)``.
+
+    Its effect is already in the laws; it is kept so that motion files hold the dependent too.
+    """
+
+    dependent: str
+    independent: str
+    law: Law
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A marker: three translations in its segment's frame.
+
+    Parameters
+    ----------
+    laws : three Laws, m
+        The local coordinates x, y, z.
+    weight : float
+        Its weight in inverse kinematics.
+    anatomical : bool
+        On a bony landmark (True) or a tracking marker on soft tissue (False).
+    follows_size : bool
+        Whether its local coordinates follow the segment's scale factors.
+    """
+
+    name: str
+    segment: str
+    laws: tuple[Law, Law, Law]
+    weight: float = 1.0
+    anatomical: bool = True
+    follows_size: bool = True
+
+    @classmethod
+    def at(
+        cls, name: str, segment: str, position: Vector, *, weight: float = 1.0, anatomical: bool = True
+    ) -> Marker:
+        """A marker at a fixed local position (m)."""
+        x, y, z = (Law.constant(float(v)) for v in position)
+        return cls(name, segment, (x, y, z), weight, anatomical)
+
+    @property
+    def nominal(self) -> Vector:
+        """The constant part of its local position (m)."""
+        x, y, z = (law.constant_part for law in self.laws)
+        return (x, y, z)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number shared by all frames: a scale factor, an axis tilt, a marker shift.
+
+    Parameters
+    ----------
+    value, lower, upper : float
+        In ``unit``; bounds may be infinite.
+    unit : 'm', 'rad' or '1'
+    group : str
+        ``length``, ``axis`` or ``marker``; effects of the discovery use their own.
+    target : str
+        What it belongs to: the segment, joint or marker.
+    prior_sd : float, optional
+        Standard deviation of a Gaussian prior centred on ``value``.
+    """
+
+    name: str
+    value: float
+    unit: Literal["m", "rad", "1"]
+    lower: float
+    upper: float
+    group: str
+    target: str
+    prior_sd: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BodyModel:
+    """A body model as one frozen value.
+
+    ``segments`` are ordered parents first. Edits return new models.
+    """
+
+    name: str
+    segments: tuple[Segment, ...]
+    coordinates: tuple[Coordinate, ...]
+    markers: tuple[Marker, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    couplers: tuple[Coupler, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        known = {GROUND}
+        for segment in self.segments:
+            if segment.parent not in known:
+                raise ModelRefused(
+                    f"segment '{segment.name}' hangs on '{segment.parent}', which is not before it",
+                    field=segment.joint_name,
+                    remedy="The model must be a tree: cut the loop or give the parent first",
+                )
+            if segment.name in known:
+                raise ModelRefused(
+                    f"segment '{segment.name}' is carried by two joints",
+                    field=segment.joint_name,
+                    remedy="The model must be a tree: remove one of the joints",
+                )
+            known.add(segment.name)
+        for kind, names in (
+            ("coordinate", [c.name for c in self.coordinates]),
+            ("marker", [m.name for m in self.markers]),
+            ("parameter", [p.name for p in self.parameters]),
+        ):
+            twice = {n for n in names if names.count(n) > 1}
+            if twice:
+                raise ModelRefused(
+                    f"two {kind}s are called '{min(twice)}'", field=min(twice), remedy="Rename one of them"
+                )
+        for marker in self.markers:
+            if marker.segment not in known:
+                raise ModelRefused(
+                    f"marker '{marker.name}' sits on '{marker.segment}', which is no segment of the model",
+                    field=marker.name,
+                    remedy=f"Segments are {', '.join(s.name for s in self.segments)}",
+                )
+
+    def segment(self, name: str) -> Segment:
+        """The segment of that name (KeyError if none)."""
+        return _named(self.segments, name)
+
+    def marker(self, name: str) -> Marker:
+        """The marker of that name (KeyError if none)."""
+        return _named(self.markers, name)
+
+    def coordinate(self, name: str) -> Coordinate:
+        """The coordinate of that name (KeyError if none)."""
+        return _named(self.coordinates, name)
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name (KeyError if none)."""
+        return _named(self.parameters, name)
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """All segments, parents first."""
+        return tuple(s.name for s in self.segments)
+
+    @property
+    def marker_names(self) -> tuple[str, ...]:
+        """All markers, in the model's order."""
+        return tuple(m.name for m in self.markers)
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """All coordinates, in the model's order."""
+        return tuple(c.name for c in self.coordinates)
+
+    def joints(self) -> Iterator[tuple[Segment, Joint]]:
+        """Every joint with the segment it leads to."""
+        return ((segment, joint) for segment in self.segments for joint in segment.joints)
+
+    def children(self, segment: str) -> tuple[Segment, ...]:
+        """The segments that hang directly on one."""
+        return tuple(s for s in self.segments if s.parent == segment)
+
+    def with_markers(self, markers: tuple[Marker, ...]) -> BodyModel:
+        """The same body with other markers."""
+        return replace(self, markers=markers)
+
+
+_Item = TypeVar("_Item", Segment, Marker, Coordinate, Parameter)
+
+
+def _named(items: tuple[_Item, ...], name: str) -> _Item:
+    for item in items:
+        if item.name == name:
+            return item
+    raise KeyError(name)

@@ -1,0 +1,78 @@
+"""People made from the built-in model: their size, axes and markers are known, nothing disturbs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Vector
+from scaling_service.models.builtin import builtin
+from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.models.parameters import fold, free_axis, free_marker
+from scaling_service.models.scaling import scaled
+from scaling_service.models.subject import Session, Subject
+from scaling_service.models.trial import Trial
+
+RATE_HZ = 100.0
+KNEES = ("knee_r", "knee_l")
+
+
+@dataclass(frozen=True)
+class Person:
+    """A true model and the session that a laboratory would record of it."""
+
+    truth: BodyModel
+    session: Session
+
+
+def trial(model: BodyModel, name: str, q: np.ndarray, noise_m: float, rng: np.random.Generator) -> Trial:
+    """The markers of a model over coordinates (n_frames, n_coordinates)."""
+    names = [m.name for m in model.markers if m.weight > 0]
+    tree = compile_model(model, names)
+    markers = marker_positions(tree, q, parameter_values(model))
+    markers = markers + rng.normal(0.0, noise_m, markers.shape)
+    return Trial(name, np.arange(len(q)) / RATE_HZ, tuple(names), markers, RATE_HZ)
+
+
+def movement(model: BodyModel, n_frames: int, rng: np.random.Generator) -> np.ndarray:
+    """Smooth motion of every joint through a good part of its range, (n_frames, n_coordinates)."""
+    times = np.arange(n_frames) / RATE_HZ
+    q = default_coordinates(model, n_frames)
+    for k, coordinate in enumerate(model.coordinates):
+        size, middle = (0.2, 0.0) if coordinate.name.startswith("pelvis") else (0.35, 0.1)
+        if coordinate.name.startswith("knee"):
+            size, middle = 0.8, 0.9
+        rate = rng.uniform(0.2, 0.9)
+        q[:, k] += middle + size * np.sin(2 * np.pi * (rate * times + rng.uniform()))
+    return q
+
+
+def person(
+    seed: int,
+    *,
+    factors: dict[str, Vector] | None = None,
+    tilts_deg: dict[str, Vector] | None = None,
+    shift_m: float = 0.0,
+    noise_m: float = 0.0,
+    seconds: float = 12.0,
+) -> Person:
+    """A person of the built-in leg model: scaled, with turned knee axes and shifted markers."""
+    rng = np.random.default_rng(seed)
+    generic = builtin("lower_limb_14dof")
+    truth = scaled(generic, factors or {})
+    values: dict[str, float] = {}
+    for joint, (x, y, *_) in (tilts_deg or {}).items():
+        truth = free_axis(truth, joint, 1.0, 1.0)
+        values |= {f"axis.{joint}.x": np.deg2rad(x), f"axis.{joint}.y": np.deg2rad(y)}
+    for marker in truth.markers if shift_m else ():
+        if marker.weight > 0:
+            truth = free_marker(truth, marker.name, "xyz", 0.05)
+            values |= {f"marker.{marker.name}.{a}": rng.normal(0.0, shift_m) for a in "xyz"}
+    truth = fold(truth, values)
+    standing = trial(truth, "static", default_coordinates(truth, 50), noise_m, rng)
+    frames = int(seconds * RATE_HZ)
+    moving = [trial(truth, n, movement(truth, frames, rng), noise_m, rng) for n in ("hips", "walk")]
+    session = Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
+    return Person(truth, session)

@@ -1,0 +1,221 @@
+"""Every joint and function kind against OpenSim on models made for it; what is refused is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import ModelRefused
+from scaling_service.formats.osim import read_osim
+
+LINE = {"kind": "LinearFunction", "values": [1.0, 0.0]}
+KNOTS = [
+    [-2.1, 0.02],
+    [-1.2, -0.03],
+    [-0.4, 0.05],
+    [0.3, 0.01],
+    [1.1, -0.06],
+    [1.9, 0.03],
+    [2.5, 0.0],
+    [3.1, 0.04],
+]
+FUNCTIONS = {
+    "line": {"kind": "LinearFunction", "values": [-0.7, 0.2]},
+    "constant": {"kind": "Constant", "values": [0.13]},
+    "simm": {"kind": "SimmSpline", "points": KNOTS},
+    "simm_two_points": {"kind": "SimmSpline", "points": KNOTS[:2]},
+    "straight": {"kind": "PiecewiseLinearFunction", "points": KNOTS},
+    "gcv_3": {"kind": "GCVSpline", "degree": 3, "points": KNOTS},
+    "gcv_5": {"kind": "GCVSpline", "degree": 5, "points": KNOTS},
+    "gcv_7": {"kind": "GCVSpline", "degree": 7, "points": KNOTS},
+    "polynomial": {"kind": "PolynomialFunction", "values": [0.01, -0.02, 0.03, 0.2, -0.1]},
+    "polynomial_line": {"kind": "PolynomialFunction", "values": [0.0, 0.3, -0.1]},
+    "multiplied": {
+        "kind": "MultiplierFunction",
+        "scale": 1.3,
+        "inner": {
+            "kind": "MultiplierFunction",
+            "scale": -0.5,
+            "inner": {"kind": "SimmSpline", "points": KNOTS},
+        },
+    },
+}
+
+
+def custom(name, child, driven, parent="ground", **more):
+    """A custom joint with oblique axes; ``driven`` maps axis number to (coordinate, function)."""
+    directions = {
+        0: [0.1, 0.2, 0.97],
+        1: [1.0, 0.1, 0.0],
+        2: [0.0, 2.0, 0.3],
+        3: [0.9, 0.3, -0.1],
+        4: [0.0, -1.0, 0.0],
+        5: [0.1, 0.0, 1.0],
+    }
+    axes = {
+        k: {"axis": directions[k], "coordinate": coordinate, "function": function}
+        for k, (coordinate, function) in driven.items()
+    }
+    return {"kind": "CustomJoint", "name": name, "parent": parent, "child": child, "axes": axes, **more}
+
+
+@pytest.fixture
+def compared(oracle, random_poses, slow_positions, tmp_path):
+    """Build a model, read it, and compare markers at random poses, also beyond the ranges."""
+
+    def compare(request, atol=1e-10):
+        path = tmp_path / "synthetic.osim"
+        oracle({"operation": "build", "file": str(path), **request})
+        model = read_osim(path)
+        q = random_poses(model, 40, beyond=0.3)
+        answer = oracle(
+            {
+                "operation": "positions",
+                "file": str(path),
+                "coordinates": model.coordinate_names,
+                "markers": model.marker_names,
+                "poses": q.tolist(),
+            }
+        )
+        np.testing.assert_allclose(slow_positions(model, q), answer["positions"], rtol=0, atol=atol)
+        return model
+
+    return compare
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        ("WeldJoint", 0),
+        ("PinJoint", 1),
+        ("SliderJoint", 1),
+        ("UniversalJoint", 2),
+        ("GimbalJoint", 3),
+        ("BallJoint", 3),
+        ("FreeJoint", 6),
+        ("PlanarJoint", 3),
+    ],
+)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_joints_of_fixed_kind(compared, kind, count, reverse):
+    root = {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"}
+    model = compared(
+        {"joints": [root, {"kind": kind, "name": "j", "parent": "a", "child": "b", "reversed": reverse}]}
+    )
+    assert len(model.coordinates) == 6 + count
+    assert model.segment("b").parent == "a"
+    assert model.segment("b").mass == 2.0
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_of_custom_joints(compared, name):
+    joint = custom("j", "a", {0: ("q", LINE), 1: ("q", FUNCTIONS[name]), 4: ("q", FUNCTIONS[name])})
+    # m: OpenSim's generalised splines of degree 7 carry rounding of 1e-10 themselves
+    compared({"joints": [joint]}, atol=1e-8 if name == "gcv_7" else 1e-10)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_order_of_six_axes_and_nested_frames(compared, reverse):
+    driven = {k: (f"q{k}", FUNCTIONS["line"] if k % 2 else LINE) for k in range(6)}
+    first = custom("j", "a", driven)
+    second = custom("k", "b", {k: (f"p{k}", LINE) for k in range(6)}, parent="a", reversed=reverse)
+    model = compared({"joints": [first, second], "nested": "a"})
+    assert {m.segment for m in model.markers} == {"a", "b", "tip"}
+
+
+def test_couplers_are_substituted(compared):
+    """Every pair of a coupling and a following function, each pair on a branch of its own."""
+    joints, couplers = [], []
+    for coupling in ("line", "simm", "straight", "polynomial", "multiplied", "constant"):
+        for following in ("line", "simm", "straight", "polynomial"):
+            if coupling == following == "polynomial":
+                continue  # of degree 16: refused, see below
+            name = f"{coupling}_{following}"
+            joints += [
+                custom(f"j_{name}", f"a_{name}", {0: (f"q_{name}", LINE)}),
+                custom(
+                    f"k_{name}",
+                    f"b_{name}",
+                    {1: (f"d_{name}", LINE), 3: (f"d_{name}", FUNCTIONS[following])},
+                    parent=f"a_{name}",
+                ),
+            ]
+            couplers.append(
+                {
+                    "name": f"c_{name}",
+                    "independent": f"q_{name}",
+                    "dependent": f"d_{name}",
+                    "function": FUNCTIONS[coupling],
+                }
+            )
+    model = compared({"joints": joints, "couplers": couplers}, atol=1e-9)
+    assert all(name.startswith("q_") for name in model.coordinate_names)
+    assert {(c.dependent[2:], c.independent[2:]) for c in model.couplers} == {
+        (c["name"][2:], c["name"][2:]) for c in couplers
+    }
+
+
+def test_couplers_that_follow_each_other(compared):
+    model = compared(
+        {
+            "joints": [
+                custom("j", "a", {0: ("q", LINE)}),
+                custom("k", "b", {1: ("d", LINE)}, parent="a"),
+                custom("l", "c", {2: ("e", LINE), 4: ("e", FUNCTIONS["simm"])}, parent="b"),
+            ],
+            "couplers": [
+                {"name": "second", "independent": "d", "dependent": "e", "function": FUNCTIONS["line"]},
+                {"name": "first", "independent": "q", "dependent": "d", "function": FUNCTIONS["simm"]},
+            ],
+        }
+    )
+    assert model.coordinate_names == ("q",)
+    assert {c.independent for c in model.couplers} == {"q"}
+
+
+def refused(oracle, path, request):
+    oracle({"operation": "build", "file": str(path), **request})
+    with pytest.raises(ModelRefused) as caught:
+        read_osim(path)
+    return caught.value
+
+
+def test_refusals_name_the_component(oracle, tmp_path):
+    path = tmp_path / "bad.osim"
+    pins = [
+        {"kind": "PinJoint", "name": "one", "parent": "ground", "child": "a"},
+        {"kind": "PinJoint", "name": "two", "parent": "a", "child": "b"},
+    ]
+    ellipsoid = {"kind": "EllipsoidJoint", "name": "shoulder", "parent": "ground", "child": "a"}
+    assert refused(oracle, path, {"joints": [ellipsoid]}).field == "shoulder"
+    assert refused(oracle, path, {"joints": pins, "welds": [["a", "b"]]}).field == "weld"
+    loop = {"kind": "PinJoint", "name": "loop", "parent": "ground", "child": "b", "closing": True}
+    assert refused(oracle, path, {"joints": [*pins, loop]}).field == "loop"
+    sine = custom("wave", "a", {0: ("q", {"kind": "Sine"})})
+    assert refused(oracle, path, {"joints": [sine]}).field == "wave"
+
+
+def test_a_joint_of_a_plug_in_is_refused(oracle, tmp_path):
+    path = tmp_path / "plugin.osim"
+    pin = {"kind": "PinJoint", "name": "odd", "parent": "ground", "child": "a"}
+    oracle({"operation": "build", "file": str(path), "joints": [pin]})
+    path.write_text(path.read_text().replace("PinJoint", "HomemadeJoint"))
+    with pytest.raises(ModelRefused, match="HomemadeJoint") as caught:
+        read_osim(path)
+    assert caught.value.field == "odd"
+
+
+def test_a_high_composition_is_refused(oracle, tmp_path):
+    steep = {"kind": "PolynomialFunction", "values": [0.1] * 6}
+    error = refused(
+        oracle,
+        tmp_path / "steep.osim",
+        {
+            "joints": [
+                custom("j", "a", {0: ("q", LINE)}),
+                custom("k", "b", {1: ("d", LINE), 3: ("d", steep)}, parent="a"),
+            ],
+            "couplers": [{"name": "c", "independent": "q", "dependent": "d", "function": steep}],
+        },
+    )
+    assert error.field == "k"

@@ -1,0 +1,88 @@
+"""What becomes of an absent library, a crash, a hang and a file that OpenSim cannot read."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from scaling_service.core.errors import DependencyMissing, FileUnreadable
+from scaling_service.formats.osim import process, read_osim
+
+
+@pytest.fixture
+def model_file(tmp_path):
+    path = tmp_path / "model.osim"
+    path.write_text('<OpenSimDocument Version="40000"><Model name="m"></Model></OpenSimDocument>')
+    return path
+
+
+def stand_in(monkeypatch, folder, content):
+    """Put another opensim in front of the installed one."""
+    folder.mkdir()
+    (folder / "opensim.py").write_text(content)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
+def test_without_the_library(monkeypatch, tmp_path, model_file):
+    stand_in(monkeypatch, tmp_path / "fake", "raise ImportError('libosim.so is missing')\n")
+    with pytest.raises(DependencyMissing) as caught:
+        read_osim(model_file)
+    assert "pip install scaling-service[opensim]" in caught.value.remedy
+
+
+def test_a_crash(monkeypatch, tmp_path, model_file):
+    stand_in(monkeypatch, tmp_path / "fake", "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    with pytest.raises(FileUnreadable, match="SIGSEGV") as caught:
+        read_osim(model_file)
+    assert caught.value.file == str(model_file)
+
+
+def test_an_unexpected_error(monkeypatch, tmp_path, model_file):
+    stand_in(monkeypatch, tmp_path / "fake", "raise LookupError('odd')\n")
+    with pytest.raises(FileUnreadable, match="odd"):
+        read_osim(model_file)
+
+
+def test_a_hang(monkeypatch, tmp_path, model_file):
+    stand_in(monkeypatch, tmp_path / "fake", "import time\ntime.sleep(60)\n")
+    with pytest.raises(FileUnreadable, match="within 1 s"):
+        process.ask({"operation": "read", "file": str(model_file)}, time_limit_s=1.0)
+
+
+def test_files_that_opensim_cannot_read(oracle, tmp_path):
+    for name, content in (("a.osim", "no model"), ("b.osim", "<OpenSimDocument/>"), ("c.osim", "")):
+        path = tmp_path / name
+        path.write_text(content)
+        with pytest.raises(FileUnreadable) as caught:
+            read_osim(path)
+        assert caught.value.file == str(path)
+    with pytest.raises(FileUnreadable):
+        read_osim(tmp_path / "absent.osim")
+
+
+def test_a_marker_set_that_does_not_fit(oracle, tmp_path):
+    path = tmp_path / "model.osim"
+    pin = {"kind": "PinJoint", "name": "j", "parent": "ground", "child": "a"}
+    oracle({"operation": "build", "file": str(path), "joints": [pin]})
+    markers = tmp_path / "markers.xml"
+    markers.write_text("not xml")
+    with pytest.raises(FileUnreadable) as caught:
+        read_osim(path, markers)
+    assert caught.value.file == str(markers)
+    markers.write_text(
+        '<OpenSimDocument Version="30000"><MarkerSet><objects><Marker name="lost"><body>tail</body>'
+        "<location>0 0 0</location></Marker></objects></MarkerSet></OpenSimDocument>"
+    )
+    with pytest.raises(Exception, match="lost") as caught:
+        read_osim(path, markers)
+    assert caught.value.field == "lost"
+
+
+def test_the_calling_process_never_imports_opensim(tmp_path):
+    code = "import sys, scaling_service.formats.osim; print('opensim' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
+    )
+    assert done.stdout.strip() == "False"

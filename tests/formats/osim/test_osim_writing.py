@@ -1,0 +1,342 @@
+"""Written models read back, by us and by OpenSim: the same segments and markers at random poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.formats.osim import read_osim, write_osim
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.models.compile import compile_model
+from scaling_service.models.scaling import scaled
+
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def tilted(model: BodyModel, joint_name: str, x: float, y: float) -> BodyModel:
+    """T = Ry(y) Rx(x) before a joint's first moving rotation and its inverse after the last."""
+    segments = []
+    for segment in model.segments:
+        joints = list(segment.joints)
+        if segment.joint_name == joint_name:
+            turning = [k for k, j in enumerate(joints) if j.kind == "rotation" and not j.law.is_constant]
+            after = [Joint("rotation", X, Law.constant(-x)), Joint("rotation", Y, Law.constant(-y))]
+            before = [Joint("rotation", Y, Law.constant(y)), Joint("rotation", X, Law.constant(x))]
+            joints[turning[-1] + 1 : turning[-1] + 1] = after
+            joints[turning[0] : turning[0]] = before
+        segments.append(replace(segment, joints=tuple(joints)))
+    return replace(model, segments=tuple(segments))
+
+
+def placed(model, q, names):
+    order = [names.index(name) for name in model.coordinate_names]
+    return marker_positions(compile_model(model), q[:, order], np.zeros(0))
+
+
+@pytest.fixture
+def agrees(oracle, random_poses):
+    """Compare a written file with the model, through our reading and through OpenSim alone."""
+
+    def compare(path, model, atol=1e-9):
+        written = read_osim(path)
+        assert written.marker_names == model.marker_names
+        q = random_poses(model, 30)
+        wanted = marker_positions(compile_model(model), q, np.zeros(0))
+        back = placed(written, q, list(model.coordinate_names))
+        np.testing.assert_allclose(back, wanted, rtol=0, atol=atol)
+        order = [model.coordinate_names.index(name) for name in written.coordinate_names]
+        answer = oracle(
+            {
+                "operation": "positions",
+                "file": str(path),
+                "coordinates": written.coordinate_names,
+                "markers": written.marker_names,
+                "poses": q[:, order].tolist(),
+            }
+        )
+        np.testing.assert_allclose(answer["positions"], wanted, rtol=0, atol=atol)
+        return written
+
+    return compare
+
+
+def drawn(model):
+    rng = np.random.default_rng(5)
+    return {s: tuple(float(v) for v in rng.uniform(0.85, 1.2, 3)) for s in model.segment_names}
+
+
+@pytest.mark.parametrize(
+    ("file", "marker_set", "tilts"),
+    [
+        (
+            "rajagopal_walk/Rajagopal2016.osim",
+            None,
+            {"walker_knee_r": (0.05, -0.03), "ankle_l": (-0.02, 0.1)},
+        ),
+        ("gait2354/gait2354_simbody.osim", "gait2354/gait2354_Scale_MarkerSet.xml", {"knee_l": (0.02, 0.03)}),
+        ("jia_mri/manual_model.osim", None, {"knee_r": (0.02, 0.03)}),
+        ("opencap_squat/unscaled_generic.osim", None, {"walker_knee_r": (0.02, 0.03), "hip_l": (0.01, 0.02)}),
+    ],
+)
+def test_scaled_and_tilted_with_a_source(shared_data, agrees, tmp_path, file, marker_set, tilts):
+    source = shared_data / file
+    markers = shared_data / marker_set if marker_set else None
+    generic = read_osim(source, markers)
+    factors = drawn(generic)
+    model = scaled(generic, factors, mass_kg=66.6)
+    tilts = {joint: tilt for joint, tilt in tilts.items() if joint in {s.joint_name for s in model.segments}}
+    assert tilts
+    for joint, (x, y) in tilts.items():
+        model = tilted(model, joint, x, y)
+    moved = replace(model.markers[1], laws=tuple(law + Law.constant(0.012) for law in model.markers[1].laws))
+    extra = Marker.at("extra_one", model.segment_names[-1], (0.01, 0.02, 0.03), anatomical=False)
+    model = model.with_markers((moved, *model.markers[2:], extra))
+    path = tmp_path / "person.osim"
+    write_osim(
+        path, model, source=source, factors=factors, axis_tilts=tilts, mass_kg=66.6, marker_set=markers
+    )
+    written = agrees(path, model)
+    assert sum(s.mass for s in written.segments) == pytest.approx(66.6)
+    for ours, theirs in zip(model.segments, written.segments, strict=True):
+        np.testing.assert_allclose(theirs.com, ours.com, atol=1e-15)
+        np.testing.assert_allclose(theirs.inertia, ours.inertia, rtol=1e-10, atol=1e-12)
+    assert written.coordinates == model.coordinates
+    assert {m.name: m.anatomical for m in written.markers} == {m.name: m.anatomical for m in model.markers}
+    assert path.read_text().count("PathPoint name=") == source.read_text().count("PathPoint name=")
+
+
+@pytest.mark.parametrize("kind", ["PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint"])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_tilts_of_joints_of_fixed_kind(oracle, agrees, tmp_path, kind, reverse):
+    source, path = tmp_path / "source.osim", tmp_path / "tilted.osim"
+    joints = [
+        {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"},
+        {"kind": kind, "name": "j", "parent": "a", "child": "b", "reversed": reverse},
+    ]
+    oracle({"operation": "build", "file": str(source), "joints": joints, "nested": "b"})
+    model = tilted(read_osim(source), "j", 0.11, -0.07)
+    write_osim(path, model, source=source, axis_tilts={"j": (0.11, -0.07)})
+    agrees(path, model)
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(path, model, source=source, axis_tilts={"root": (0.1, 0.1)})
+    assert caught.value.field == "root"
+
+
+LINE = {"kind": "LinearFunction", "values": [1.0, 0.0]}
+SPLINE = {"kind": "SimmSpline", "points": [[-1.0, 0.1], [0.0, 0.3], [1.0, -0.2], [2.0, 0.1]]}
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_oblique_translations_keep_our_scaling(oracle, agrees, tmp_path, reverse):
+    source, path = tmp_path / "source.osim", tmp_path / "written.osim"
+    axes = {
+        0: {"axis": [1, 0.2, 0], "coordinate": "q", "function": LINE},
+        1: {"axis": [0, 1, 0], "function": {"kind": "Constant", "values": [0.3]}},
+        2: {"axis": [0, 0.2, 1], "coordinate": "p", "function": LINE},
+        3: {"axis": [0.6, 0.8, 0], "coordinate": "q", "function": SPLINE},
+        4: {
+            "axis": [0, 2.0, 0],
+            "coordinate": "q",
+            "function": {"kind": "MultiplierFunction", "scale": 0.7, "inner": SPLINE},
+        },
+    }
+    joints = [
+        {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"},
+        {"kind": "CustomJoint", "name": "j", "parent": "a", "child": "b", "axes": axes, "reversed": reverse},
+    ]
+    oracle({"operation": "build", "file": str(source), "joints": joints})
+    factors = drawn(read_osim(source))
+    model = tilted(scaled(read_osim(source), factors), "j", 0.05, 0.02)
+    write_osim(path, model, source=source, factors=factors, axis_tilts={"j": (0.05, 0.02)})
+    agrees(path, model)
+
+
+def hand_made() -> BodyModel:
+    """The kinds of chain of a built-in model."""
+    bend = Shape((-0.5, 0.5, 2.0), ((0.1, 0.0), (0.3, 0.1)))
+    arch = Shape((-0.5, 2.0), ((0.02, -0.01, 0.3),))
+    pelvis = (
+        *(Joint("translation", a, Law.of(f"pelvis_t{n}")) for n, a in zip("xyz", (X, Y, Z), strict=True)),
+        Joint("rotation", Z, Law.of("tilt")),
+        Joint("rotation", X, Law.of("list")),
+        Joint("rotation", Y, Law.of("rotation", 1.0, 0.1)),
+    )
+    hip = (
+        Joint("translation", X, Law.constant(-0.07), "pelvis"),
+        Joint("translation", Z, Law.constant(0.08), "pelvis"),
+        Joint("rotation", (0.6, 0.0, 0.8), Law.constant(0.3)),
+        Joint("rotation", Z, Law.of("flexion")),
+        Joint("rotation", X, Law.of("adduction")),
+    )
+    knee = (
+        Joint("translation", Y, Law.constant(-0.4), "femur_r"),
+        Joint("translation", X, Law((Term(0.05, coordinate="knee", shape=bend),)), "femur_r"),
+        Joint("translation", Y, Law.constant(0.01), "femur_r"),
+        Joint("translation", Y, Law((Term(0.05, coordinate="knee", shape=arch), Term(0.01))), "femur_r"),
+        Joint("rotation", Y, Law.constant(0.05)),
+        Joint("rotation", X, Law.constant(-0.03)),
+        Joint("rotation", Z, Law.of("knee", -1.0)),
+        Joint("rotation", X, Law.constant(0.03)),
+        Joint("rotation", Y, Law.constant(-0.05)),
+        Joint("rotation", X, Law.constant(0.02)),
+        Joint("translation", Y, Law.constant(-0.02), "tibia_r"),
+    )
+    patella = (Joint("rotation", Z, Law.of("knee", 0.5)), Joint("rotation", Z, Law.of("knee", 0.1)))
+    weld = (Joint("translation", Y, Law.constant(-0.4), "tibia_r"), Joint("rotation", X, Law.constant(0.2)))
+    inertia = (0.1, 0.05, 0.12, 0.001, 0.002, -0.001)
+    segments = (
+        Segment("pelvis", "ground", "root", pelvis, 10.0, (0.0, 0.01, 0.0), inertia),
+        Segment("femur_r", "pelvis", "hip_r", hip, 8.0, (0.0, -0.2, 0.0), inertia),
+        Segment("tibia_r", "femur_r", "knee_r", knee, 3.0, (0.0, -0.2, 0.0), inertia),
+        Segment(
+            "patella_r", "femur_r", "patella_r", patella, 0.1, inertia=(0.001, 0.001, 0.001, 0.0, 0.0, 0.0)
+        ),
+        Segment("foot_r", "tibia_r", "weld_r", weld),
+    )
+    names = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "tilt", "list", "rotation", "flexion", "adduction")
+    coordinates = (
+        *(Coordinate(n, "translation" if "_t" in n else "rotation", 0.1, -1.0, 1.0) for n in names),
+        Coordinate("knee", default=0.2, lower=-0.4, upper=1.9, clamped=True),
+    )
+    markers = tuple(Marker.at(f"m_{s.name}", s.name, (0.1, 0.05, 0.02)) for s in segments)
+    return BodyModel("hand made", segments, coordinates, markers)
+
+
+def test_without_a_source(agrees, tmp_path):
+    path = tmp_path / "built.osim"
+    model = hand_made()
+    write_osim(path, model)
+    written = agrees(path, model)
+    assert written.name == "hand_made"
+    assert {c.name: c for c in written.coordinates} == {c.name: c for c in model.coordinates}
+    for ours in model.segments:
+        theirs = written.segment(ours.name)
+        assert (theirs.parent, theirs.joint_name) == (ours.parent, ours.joint_name)
+        assert (theirs.mass, theirs.com, theirs.inertia) == (ours.mass, ours.com, ours.inertia)
+
+
+@pytest.mark.parametrize(
+    "file",
+    ["rajagopal_walk/Rajagopal2016.osim", "opencap_squat/unscaled_generic.osim", "jia_mri/manual_model.osim"],
+)
+def test_imported_models_without_their_source(shared_data, agrees, tmp_path, file):
+    model = read_osim(shared_data / file)
+    write_osim(tmp_path / "again.osim", model)
+    written = agrees(tmp_path / "again.osim", model)
+    assert {c.dependent for c in written.couplers} == {c.dependent for c in model.couplers}
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        (
+            Joint("rotation", Z, Law.of("a")),
+            Joint("translation", X, Law.of("b")),
+            Joint("rotation", X, Law.of("c")),
+        ),
+        (
+            Joint("rotation", Z, Law.of("a")),
+            Joint("rotation", X, Law.of("b")),
+            Joint("rotation", Z, Law.of("c")),
+        ),
+        (Joint("rotation", Z, Law.of("a") + Law.of("b")),),
+        tuple(Joint("rotation", axis, Law.of(n)) for axis, n in zip((X, Y, Z, X), "abcd", strict=True)),
+        # a cubic without zero curvature at its ends is no SimmSpline
+        (
+            Joint(
+                "rotation",
+                Z,
+                Law(
+                    (
+                        Term(
+                            1.0,
+                            coordinate="a",
+                            shape=Shape((-1.0, 0.0, 1.0), ((1.0, 0, 0, 0), (0.2, 0, 3.0, 1.0))),
+                        ),
+                    )
+                ),
+            ),
+        ),
+    ],
+)
+def test_chains_that_do_not_fit_are_refused(oracle, tmp_path, joints):
+    coordinates = tuple(Coordinate(n, lower=-1.0, upper=1.0) for n in "abcd")
+    model = BodyModel("odd", (Segment("s", "ground", "odd_joint", joints, 1.0),), coordinates)
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(tmp_path / "odd.osim", model)
+    assert caught.value.field == "odd_joint"
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_source_cannot_hold_is_refused_and_the_old_file_stays(oracle, tmp_path):
+    source, path = tmp_path / "source.osim", tmp_path / "written.osim"
+    pin = {"kind": "PinJoint", "name": "j", "parent": "ground", "child": "a"}
+    oracle({"operation": "build", "file": str(source), "joints": [pin]})
+    path.write_text("before")
+    model = read_osim(source)
+    longer = replace(
+        model,
+        segments=tuple(
+            replace(s, joints=(*s.joints, Joint("translation", X, Law.constant(0.001))))
+            for s in model.segments
+        ),
+    )
+    with pytest.raises(ModelRefused, match="mm away") as caught:
+        write_osim(path, longer, source=source)
+    assert caught.value.field == "j"
+    freer = replace(
+        model,
+        segments=tuple(
+            replace(s, joints=(*s.joints, Joint("rotation", X, Law.of("new")))) for s in model.segments
+        ),
+        coordinates=(*model.coordinates, Coordinate("new")),
+    )
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(path, freer, source=source)
+    assert caught.value.field == "new"
+    wobbling = model.with_markers(
+        (replace(model.markers[0], laws=(Law.of(model.coordinate_names[0]), Law(), Law())),)
+    )
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(path, wobbling, source=source)
+    assert caught.value.field == model.marker_names[0]
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(path, model, source=source, factors={"nobody": (1.0, 1.0, 1.0)})
+    assert caught.value.field == "nobody"
+    assert path.read_text() == "before"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["source.osim", "written.osim"]
+
+
+def test_names_that_opensim_refuses_are_named(tmp_path):
+    model = hand_made()
+    spaced = model.with_markers((Marker.at("R ASI", "pelvis", (0.0, 0.0, 0.0)),))
+    with pytest.raises(ModelRefused) as caught:
+        write_osim(tmp_path / "a.osim", spaced)
+    assert caught.value.field == "R ASI"
+
+
+def test_inertia_may_come_from_the_model(oracle, tmp_path):
+    source, path = tmp_path / "source.osim", tmp_path / "written.osim"
+    pin = {"kind": "PinJoint", "name": "j", "parent": "ground", "child": "a"}
+    oracle({"operation": "build", "file": str(source), "joints": [pin]})
+    model = read_osim(source)
+    identified = replace(
+        model.segments[0], mass=3.21, com=(0.1, 0.2, 0.3), inertia=(0.03, 0.04, 0.05, 0.001, 0.002, 0.003)
+    )
+    write_osim(path, replace(model, segments=(identified,)), source=source, inertia_from_model=True)
+    written = read_osim(path).segments[0]
+    assert (written.mass, written.com, written.inertia) == (
+        identified.mass,
+        identified.com,
+        identified.inertia,
+    )
+
+
+def test_a_folder_that_does_not_exist(oracle, tmp_path):
+    with pytest.raises(InputError) as caught:
+        write_osim(tmp_path / "none" / "a.osim", hand_made())
+    assert caught.value.file == str(tmp_path / "none" / "a.osim")

@@ -1,0 +1,387 @@
+"""The bordered least squares: optimum, bounds, uncertainty, what cannot be known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from scaling_service.kernels.estimator import (
+    Outcome,
+    Problem,
+    Settings,
+    residuals,
+    solve,
+    solve_parameters,
+    total_cost,
+    uncertainty,
+)
+from scaling_service.kernels.losses import Cauchy, Huber
+from scaling_service.kernels.sweep import SweepSettings, solve_motion
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Parameter
+from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.models.parameters import free_axis, free_marker, free_scale
+from tests.kernels.bodies import Array, leg, leg_motion
+
+TIGHT = Settings(max_steps=300, relative_decrease=1e-15)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A problem with its truth and a start away from it."""
+
+    problem: Problem
+    model: BodyModel
+    q: Array
+    p: Array
+    q0: Array
+    p0: Array
+
+    def measured(self, rng: np.random.Generator, noise: float) -> Problem:
+        exact = marker_positions(self.problem.tree, self.q, self.p)
+        return replace(self.problem, measured=exact + rng.normal(0.0, noise, exact.shape))
+
+
+def freed(rng: np.random.Generator, *, coupled: bool = False) -> BodyModel:
+    model = leg(rng, coupled=coupled)
+    model = free_scale(free_scale(model, "pelvis", 0.2), "femur", 0.2)
+    model = free_axis(model, "knee", 0.3, 0.5)
+    return free_marker(free_marker(model, "femur1", "x", 0.05), "tibia2", "z", 0.05)
+
+
+def case(
+    seed: int, *, n: int = 8, noise: float = 0.003, model: BodyModel | None = None, spread: float = 0.03
+) -> Case:
+    rng = np.random.default_rng(seed)
+    model = freed(rng) if model is None else model
+    start = parameter_values(model)
+    truth = start + rng.uniform(-spread, spread, len(start))
+    tree, q = compile_model(model), leg_motion(rng, n)
+    exact = marker_positions(tree, q, truth)
+    problem = make(model, exact + rng.normal(0.0, noise, exact.shape))
+    return Case(problem, model, q, truth, q + rng.normal(0.0, 0.02, q.shape), start)
+
+
+def make(model: BodyModel, measured: Array) -> Problem:
+    free: tuple[Parameter, ...] = model.parameters
+    nq = len(model.coordinates)
+    return Problem(
+        compile_model(model),
+        measured,
+        np.linspace(0.8, 1.3, len(model.markers)),
+        np.arange(nq),
+        np.arange(len(free)),
+        np.array([0.05] * len(free)),
+        np.array([p.lower for p in free]),
+        np.array([p.upper for p in free]),
+        np.zeros(len(free)),
+        (np.full(nq, -np.inf), np.full(nq, np.inf)),
+    )
+
+
+def scipys_cost(this: Case, problem: Problem) -> float:
+    """The same bordered problem, all unknowns in one vector."""
+    n, nq = this.q0.shape
+    free = problem.parameters
+
+    def split(x: Array) -> tuple[Array, Array]:
+        p = this.p0.copy()
+        p[free] = x[n * nq :]
+        return x[: n * nq].reshape(n, nq), p
+
+    def rows(x: Array) -> Array:
+        q, p = split(x)
+        gap = np.nan_to_num(residuals(problem, q, p)) * np.sqrt(problem.weights)[:, None]
+        return np.concatenate([gap.ravel(), np.sqrt(problem.prior_weight) * (p - this.p0)[free]])
+
+    low = np.concatenate([np.tile(problem.coordinate_bounds[0], n), problem.lower])
+    high = np.concatenate([np.tile(problem.coordinate_bounds[1], n), problem.upper])
+    start = np.clip(np.concatenate([this.q0.ravel(), this.p0[free]]), low + 1e-9, high - 1e-9)
+    found = least_squares(rows, start, bounds=(low, high), x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    return 2.0 * float(found.cost)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_joint_optimum_is_scipys(seed: int) -> None:
+    this = case(seed)
+    found = solve(this.problem, this.q0, this.p0, TIGHT)
+    assert found.outcome is Outcome.CONVERGED
+    assert found.cost == pytest.approx(scipys_cost(this, this.problem), rel=1e-8)
+    assert found.cost == pytest.approx(total_cost(this.problem, found.q, found.p, this.p0), rel=1e-12)
+
+
+def test_with_priors_gaps_and_a_coupled_knee_too() -> None:
+    rng = np.random.default_rng(5)
+    this = case(5, model=freed(rng, coupled=True))
+    measured = this.problem.measured.copy()
+    measured[rng.random(measured.shape[:2]) < 0.1] = np.nan
+    problem = replace(this.problem, measured=measured, prior_weight=np.linspace(0.0, 0.5, 6))
+    found = solve(problem, this.q0, this.p0, TIGHT)
+    assert found.cost == pytest.approx(scipys_cost(this, problem), rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(11, 14))
+def test_bounds_are_kept_reached_and_flagged(seed: int) -> None:
+    this = case(seed)
+    lower, upper = this.problem.lower.copy(), this.problem.upper.copy()
+    upper[1] = this.p0[1] + 0.2 * (this.p[1] - this.p0[1])  # the femur may not grow (or shrink) enough
+    lower[1] = this.p0[1] - 0.2 * (this.p[1] - this.p0[1])
+    lower[1], upper[1] = sorted((lower[1], upper[1]))
+    bounds = (np.full(10, -np.inf), np.full(10, np.inf))
+    bounds[0][9] = -1.0  # and the knee bends further than that
+    problem = replace(this.problem, lower=lower, upper=upper, coordinate_bounds=bounds)
+    found = solve(problem, this.q0, this.p0, TIGHT)
+    assert (found.p >= lower).all() and (found.p <= upper).all()
+    assert (found.q[:, 9] >= -1.0).all() and (found.q[:, 9] == -1.0).any()
+    assert found.cost == pytest.approx(scipys_cost(this, problem), rel=1e-6)
+    verdict = uncertainty(problem, found, this.p0)
+    assert verdict.at_bound[1]
+    assert np.isnan(verdict.sd[1])
+    assert not verdict.at_bound[[0, 2, 3]].any()
+    assert np.isfinite(verdict.sd[~verdict.at_bound]).all()
+
+
+def test_without_noise_every_parameter_is_recovered() -> None:
+    for seed in range(4):
+        this = case(20 + seed, noise=0.0, n=20)
+        found = solve(this.problem, this.q0, this.p0, TIGHT)
+        assert not (uncertainty(this.problem, found, this.p0).undetermined > 1e-6).any()
+        np.testing.assert_allclose(found.p, this.p, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(found.q, this.q, rtol=0, atol=1e-6)
+
+
+def test_a_gauge_freedom_is_flagged_and_the_rest_is_not() -> None:
+    """Turning all tibia markers about the knee's axis is the knee's own angle."""
+    rng = np.random.default_rng(30)
+    model = free_scale(leg(rng, coupled=False), "femur", 0.2)
+    for k in range(4):
+        model = free_marker(model, f"tibia{k}", "xyz", 0.2)
+    this = case(30, model=model, n=20, spread=0.01)
+    found = solve(this.problem, this.q0, this.p0, TIGHT)
+    verdict = uncertainty(this.problem, found, this.p0)
+    names = [p.name for p in model.parameters]
+    turning = np.array([n.startswith("marker") and n[-1] in "xy" for n in names])
+    assert (verdict.undetermined[~turning] < 1e-6).all()
+    assert np.isfinite(verdict.sd[~turning]).all()
+    assert np.isnan(verdict.sd[turning]).all()
+    assert verdict.undetermined.sum() == pytest.approx(1.0, abs=1e-6), "one direction is free"
+    local = np.array([m.nominal for m in model.markers if m.segment == "tibia"])
+    shift = found.p[[names.index(f"marker.tibia{k}.{c}") for k in range(4) for c in "xyz"]].reshape(4, 3)
+    about_z = np.cross([0.0, 0.0, 1.0], local + shift)
+    expected = (about_z / np.linalg.norm(about_z)) ** 2
+    got = verdict.undetermined[names.index("marker.tibia0.x") :].reshape(4, 3)
+    np.testing.assert_allclose(got, expected, atol=1e-6)
+
+
+def test_what_moves_nothing_is_undetermined_and_stays() -> None:
+    rng = np.random.default_rng(31)
+    model = free_scale(free_scale(leg(rng), "femur", 0.2), "tibia", 0.2)
+    this = case(31, model=model)
+    tibia = [k for k, m in enumerate(model.markers) if m.segment == "tibia"]
+    measured = this.problem.measured.copy()
+    measured[:, tibia] = np.nan
+    problem = replace(this.problem, measured=measured)
+    found = solve(problem, this.q0, this.p0, TIGHT)
+    verdict = uncertainty(problem, found, this.p0)
+    assert found.p[1] == pytest.approx(this.p0[1], abs=1e-9)
+    np.testing.assert_allclose(verdict.undetermined, [0.0, 1.0], atol=1e-9)
+    assert np.isnan(verdict.sd[1]) and np.isfinite(verdict.sd[0])
+
+
+def test_stated_uncertainty_covers_the_truth() -> None:
+    """Draws are independent, parameters within one are not: the margin is that of the draws' mean."""
+    rng = np.random.default_rng(40)
+    model = free_scale(free_scale(leg(rng, coupled=False), "pelvis", 0.5), "femur", 0.5)
+    model = free_axis(model, "knee", 0.5, 0.5)
+    for segment in ("femur", "tibia"):
+        model = free_marker(free_marker(model, f"{segment}0", "xz", 0.1), f"{segment}1", "xyz", 0.1)
+    this = case(40, model=model, n=30, spread=0.02)
+    this = replace(this, problem=replace(this.problem, weights=np.ones(12)))
+    draws = 400
+    inside, noise = np.empty((draws, len(this.p))), np.empty(draws)
+    for draw in range(draws):
+        problem = this.measured(np.random.default_rng([40, draw]), 0.001)
+        found = solve(problem, this.q, this.p, Settings(relative_decrease=1e-9))
+        verdict = uncertainty(problem, found, this.p)
+        inside[draw], noise[draw] = np.abs(found.p - this.p) <= 1.96 * verdict.sd, verdict.noise
+    margin = 3.5 * inside.mean(axis=1).std() / np.sqrt(draws)
+    assert inside.size >= 500
+    assert margin < 0.015, "the draws must suffice to tell 95 % from 93.5 %"
+    assert inside.mean() == pytest.approx(0.95, abs=0.01)
+    assert (inside.mean(axis=0) > 0.90).all() and (inside.mean(axis=0) < 0.99).all()
+    assert noise.mean() == pytest.approx(0.001, rel=0.01)
+
+
+def test_the_covariance_is_that_of_the_dense_problem() -> None:
+    this = case(41)
+    found = solve(this.problem, this.q0, this.p0, TIGHT)
+    verdict = uncertainty(this.problem, found, this.p0)
+    n, nq = found.q.shape
+    free = len(found.p)
+    rows = residuals(this.problem, found.q, found.p).size
+    dense = np.zeros((rows, n * nq + free))
+    for k in range(n * nq + free):
+        ends = []
+        for sign in (1.0, -1.0):
+            q, p = found.q.copy(), found.p.copy()
+            if k < n * nq:
+                q.ravel()[k] += sign * 1e-5
+            else:
+                p[k - n * nq] += sign * 1e-5
+            gap = residuals(this.problem, q, p) * np.sqrt(this.problem.weights)[:, None]
+            ends.append(gap.ravel())
+        dense[:, k] = (ends[0] - ends[1]) / 2e-5
+    expected = np.linalg.inv(dense.T @ dense)[-free:, -free:] * verdict.noise**2
+    np.testing.assert_allclose(verdict.covariance, expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
+    np.testing.assert_allclose(verdict.sd, np.sqrt(np.diag(expected)), rtol=1e-5)
+
+
+def test_a_prior_narrows_what_it_knows() -> None:
+    this = case(42)
+    found = solve(this.problem, this.q0, this.p0, TIGHT)
+    sharp = replace(this.problem, prior_weight=np.array([1e6, 0, 0, 0, 0, 0.0]))
+    told = solve(sharp, this.q0, this.p0, TIGHT)
+    assert abs(told.p[0] - this.p0[0]) < 1e-4 < abs(found.p[0] - this.p0[0])
+    assert uncertainty(sharp, told, this.p0).sd[0] < 0.1 * uncertainty(this.problem, found, this.p0).sd[0]
+
+
+@pytest.mark.parametrize("loss", [Huber(0.01), Cauchy(0.01)], ids=lambda loss: type(loss).__name__)
+def test_robust_losses_resist_outliers(loss: Huber | Cauchy) -> None:
+    this = case(50, noise=0.001, n=30)
+    measured = this.problem.measured.copy()
+    rng = np.random.default_rng(1)
+    wild = rng.random(measured.shape[:2]) < 0.05
+    measured[wild] += rng.normal(0.0, 0.15, (int(wild.sum()), 3))
+    plain = replace(this.problem, measured=measured)
+    naive = solve(plain, this.q0, this.p0)
+    robust = solve(replace(plain, loss=loss), this.q0, this.p0)
+    assert robust.outcome is Outcome.CONVERGED
+    assert np.abs(robust.p - this.p).max() < 0.25 * np.abs(naive.p - this.p).max()
+    gradient = _numeric_gradient(replace(plain, loss=loss), robust.q, robust.p, this.p0)
+    assert np.abs(gradient).max() < 1e-4, "a stationary point of the robust cost"
+
+
+def _numeric_gradient(problem: Problem, q: Array, p: Array, p0: Array) -> Array:
+    step, result = 1e-6, np.empty(len(p))
+    for k in range(len(p)):
+        up, down = p.copy(), p.copy()
+        up[k], down[k] = up[k] + step, down[k] - step
+        result[k] = (total_cost(problem, q, up, p0) - total_cost(problem, q, down, p0)) / (2 * step)
+    return result
+
+
+def test_frames_without_markers_change_nothing() -> None:
+    this = case(60)
+    blind = np.full((3, *this.problem.measured.shape[1:]), np.nan)
+    longer = replace(this.problem, measured=np.concatenate([blind, this.problem.measured]))
+    q0 = np.concatenate([this.q0[:3], this.q0])
+    found, alone = solve(longer, q0, this.p0, TIGHT), solve(this.problem, this.q0, this.p0, TIGHT)
+    np.testing.assert_allclose(found.p, alone.p, rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(found.q[:3], q0[:3])
+    assert found.cost == pytest.approx(alone.cost, rel=1e-10)
+
+
+def test_moving_the_ground_changes_no_parameter() -> None:
+    this = case(61)
+    turn, shift = Rotation.from_euler("y", 1.0), np.array([3.0, 0.0, -2.0])
+    moved = turn.apply(this.problem.measured.reshape(-1, 3)).reshape(this.problem.measured.shape) + shift
+    q0 = this.q0.copy()
+    q0[:, :3] = turn.apply(q0[:, :3]) + shift
+    q0[:, 3] += 1.0  # the root turns about the vertical first
+    here = solve(this.problem, this.q0, this.p0, TIGHT)
+    there = solve(replace(this.problem, measured=moved), q0, this.p0, TIGHT)
+    np.testing.assert_allclose(there.p, here.p, rtol=0, atol=1e-7)
+    assert there.cost == pytest.approx(here.cost, rel=1e-9)
+
+
+def test_blocks_and_forgetting_them_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    this = case(62, n=300)
+    few = Settings(max_steps=3)
+    usual = solve(this.problem, this.q0, this.p0, few)
+    for name, value in (("_BLOCK", 10_000), ("_BLOCK", 7), ("_KEEP", 0)):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"scaling_service.kernels.estimator.{name}", value)
+            other = solve(this.problem, this.q0, this.p0, few)
+        np.testing.assert_allclose(other.p, usual.p, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(other.q, usual.q, rtol=0, atol=1e-10)
+
+
+def test_without_parameters_it_is_inverse_kinematics() -> None:
+    this = case(63)
+    none = np.zeros(0)
+    still = replace(
+        this.problem,
+        parameters=np.zeros(0, dtype=np.intp),
+        scale=none,
+        lower=none,
+        upper=none,
+        prior_weight=none,
+    )
+    found = solve(still, this.q0, this.p, TIGHT)
+    sweeps = solve_motion(
+        still.tree, still.measured, still.weights, this.q0, this.p, settings=SweepSettings(relative_decrease=1e-13)
+    )
+    assert found.cost == pytest.approx(sweeps.cost.sum(), rel=1e-9)
+    np.testing.assert_allclose(found.q, sweeps.q, rtol=0, atol=1e-5)
+
+
+def test_some_parameters_and_coordinates_may_be_held() -> None:
+    this = case(64)
+    chosen = np.array([4, 1])
+    problem = replace(
+        this.problem,
+        coordinates=np.arange(9),
+        parameters=chosen,
+        scale=this.problem.scale[chosen],
+        lower=this.problem.lower[chosen],
+        upper=this.problem.upper[chosen],
+        prior_weight=np.zeros(2),
+    )
+    found = solve(problem, this.q0, this.p0, TIGHT)
+    held = np.setdiff1d(np.arange(6), chosen)
+    np.testing.assert_array_equal(found.p[held], this.p0[held])
+    np.testing.assert_array_equal(found.q[:, 9], this.q0[:, 9])
+    assert (found.p[chosen] != this.p0[chosen]).all()
+
+
+def test_parameters_alone_are_what_scipy_finds() -> None:
+    this = case(65)
+    found = solve_parameters(this.problem, this.q0, this.p0, this.p0, TIGHT)
+
+    def rows(p: Array) -> Array:
+        gap = residuals(this.problem, this.q0, p) * np.sqrt(this.problem.weights)[:, None]
+        return gap.ravel()
+
+    peer = least_squares(rows, this.p0, bounds=(this.problem.lower, this.problem.upper), xtol=1e-15, ftol=1e-15)
+    assert found.cost == pytest.approx(2.0 * peer.cost, rel=1e-8)
+    np.testing.assert_array_equal(found.q, this.q0)
+
+
+def test_the_scale_of_the_variables_does_not_matter() -> None:
+    this = case(66)
+    usual = solve(this.problem, this.q0, this.p0, TIGHT)
+    coarse = replace(this.problem, scale=np.geomspace(1e-2, 1.0, 6))
+    other = solve(coarse, this.q0, this.p0, TIGHT)
+    np.testing.assert_allclose(other.p, usual.p, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        uncertainty(coarse, other, this.p0).covariance,
+        uncertainty(this.problem, usual, this.p0).covariance,
+        rtol=1e-3,
+        atol=1e-12,
+    )
+
+
+def test_running_out_of_steps_is_said() -> None:
+    this = case(67)
+    assert solve(this.problem, this.q0, this.p0, Settings(max_steps=1)).outcome is Outcome.MAX_STEPS
+
+
+def test_progress_reports_falling_cost() -> None:
+    this, told = case(68), []
+    solve(this.problem, this.q0, this.p0, TIGHT, progress=lambda step, cost: told.append((step, cost)))
+    assert len(told) > 1
+    assert all(a[0] < b[0] and a[1] >= b[1] for a, b in zip(told, told[1:], strict=False))

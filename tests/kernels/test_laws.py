@@ -1,0 +1,66 @@
+"""Joint values from coordinates, parameters and signals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline, PPoly
+
+from scaling_service.kernels.laws import NONE, Factor, Piecewise, TermArrays, Values
+
+
+def curve(seed: int) -> PPoly:
+    rng = np.random.default_rng(seed)
+    return CubicSpline(np.sort(rng.uniform(-2.0, 2.0, 6)), rng.normal(size=6))
+
+
+@given(seed=st.integers(0, 50), share=st.floats(0.0, 1.0))
+def test_a_piecewise_polynomial_equals_scipys_inside_its_breaks(seed: int, share: float) -> None:
+    oracle = curve(seed)
+    x = np.array([oracle.x[0] + share * (oracle.x[-1] - oracle.x[0])])
+    value, slope = Piecewise(oracle.x, oracle.c).evaluate(x)
+    scale = 1.0 + np.abs(oracle.c).max()
+    np.testing.assert_allclose(value, oracle(x), atol=1e-12 * scale)
+    np.testing.assert_allclose(slope, oracle(x, 1), atol=1e-10 * scale)
+
+
+@given(seed=st.integers(0, 50), beyond=st.floats(0.0, 10.0))
+def test_it_continues_along_its_tangent_outside(seed: int, beyond: float) -> None:
+    oracle = curve(seed)
+    for end, side in ((oracle.x[0], -1.0), (oracle.x[-1], 1.0)):
+        value, slope = Piecewise(oracle.x, oracle.c).evaluate(np.array([end + side * beyond]))
+        scale = 1.0 + np.abs(oracle.c).max()
+        tangent = float(oracle(end, 1))
+        assert slope[0] == pytest.approx(tangent, abs=1e-9 * scale)
+        assert value[0] == pytest.approx(float(oracle(end)) + tangent * side * beyond, abs=1e-8 * scale)
+
+
+def test_a_law_sums_its_terms() -> None:
+    q, signals = np.array([[0.5, -1.0]]), np.array([[3.0, 4.0]])
+    square = Piecewise(np.array([-5.0, 5.0]), np.array([[1.0], [-10.0], [25.0]]))  # (x + 5 - 5)^2
+    factors = (Factor(0), Factor(0, square), Factor(NONE, None, 0))
+    values = Values.of(factors, q, np.array([2.0, 10.0]), signals)
+    terms = (
+        TermArrays(np.array([1.5]), NONE, 0),
+        TermArrays(np.array([1.0]), 0, 1),
+        TermArrays(np.array([0.1]), 1, 2),
+        TermArrays(np.array([7.0]), 0, NONE),
+    )
+    expected = 0.25 + 1.5 * q[0] + 2.0 * q[0] ** 2 + 0.1 * 10.0 * signals[0] + 14.0
+    np.testing.assert_allclose(values.scalar(0.25, terms), expected, rtol=1e-14)
+    np.testing.assert_allclose(values.by_coordinate(terms[1]), 2.0 * 2.0 * q[0], rtol=1e-14)
+    np.testing.assert_allclose(values.by_parameter(terms[2]), signals[0], rtol=1e-14)
+
+
+def test_a_shift_takes_a_vector_of_gains() -> None:
+    values = Values.of((Factor(0),), np.array([[1.0, 2.0]]), np.array([3.0]), None)
+    terms = (TermArrays(np.array([1.0, 0.0, -1.0]), 0, 0),)
+    found = values.vector(np.array([0.1, 0.2, 0.3]), terms)
+    np.testing.assert_allclose(found, [[3.1, 6.1], [0.2, 0.2], [-2.7, -5.7]], rtol=1e-14)
+
+
+def test_missing_signals_are_an_error() -> None:
+    with pytest.raises(ValueError, match="signals"):
+        Values.of((Factor(NONE, None, 0),), np.zeros((0, 3)), np.zeros(0), None)

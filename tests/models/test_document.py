@@ -1,0 +1,147 @@
+"""The model document: exact round trip, strict reading."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.models.body import (
+    BodyModel,
+    Coordinate,
+    Coupler,
+    Joint,
+    Law,
+    Marker,
+    Parameter,
+    Segment,
+    Shape,
+    Term,
+)
+from scaling_service.models.builtin import BUILTIN_NAMES, builtin
+from scaling_service.models.document import from_document, to_document
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def through_json(document: dict[str, Any]) -> dict[str, Any]:
+    return json.loads(json.dumps(document, allow_nan=False))
+
+
+def rich_model() -> BodyModel:
+    """A model that uses every field away from its default."""
+    shape = Shape((0.0, 0.5, 2.0), ((1.0, 0.1, 0.3), (-0.2, 0.7)))
+    law = Law(
+        (Term(0.25), Term(-1.5, parameter="k", coordinate="knee", shape=shape), Term(2.0, signal="time"))
+    )
+    glide = Joint("translation", (0.6, 0.0, 0.8), law, scales_with="thigh")
+    turn = Joint("rotation", (0.0, 0.0, -1.0), Law.of("knee", 0.5, -0.1))
+    thigh = Segment("thigh", "ground", "hip", (turn,), 8.1, (0.1, -0.2, 0.3), (1.0, 2.0, 3.0, -0.1, 0.2, 0.3))
+    shank = Segment("shank", "thigh", "knee", (glide, turn))
+    return BodyModel(
+        "rich",
+        (thigh, shank),
+        (
+            Coordinate("knee", "rotation", 0.1, -2.0, 0.3, clamped=True, locked=True),
+            Coordinate("slide", "translation"),
+        ),
+        (Marker("M", "shank", (law, Law(), Law.constant(1 / 3)), 2.5, anatomical=False, follows_size=False),),
+        (Parameter("k", 1.0, "1", -math.inf, math.inf, "length", "thigh", prior_sd=0.1),),
+        (Coupler("slide", "knee", Law.of("knee", 3.0)),),
+        source="made up",
+    )
+
+
+@pytest.mark.parametrize("model", [rich_model(), *map(builtin, BUILTIN_NAMES)], ids=lambda m: m.name)
+def test_round_trip_is_exact(model: BodyModel) -> None:
+    assert from_document(through_json(to_document(model))) == model
+
+
+@given(finite, finite, st.booleans())
+def test_every_number_survives(gain: float, lower: float, unbounded: bool) -> None:
+    bound = -math.inf if unbounded else lower
+    model = BodyModel(
+        "m",
+        (Segment("s", "ground", "j", (Joint("rotation", (0.0, 0.0, 1.0), Law((Term(gain),))),)),),
+        (Coordinate("q", default=-0.0, lower=bound),),
+        parameters=(Parameter("p", gain, "m", bound, math.inf, "length", "s"),),
+    )
+    back = from_document(through_json(to_document(model)))
+    assert back == model
+    assert repr(back) == repr(model)  # tells -0.0 from 0.0
+
+
+def test_defaults_are_left_out() -> None:
+    document = to_document(BodyModel("m", (Segment("s", "ground", "j", ()),), (Coordinate("q"),)))
+    assert document["coordinates"] == [{"name": "q"}]
+    assert "markers" not in document
+
+
+def test_nan_is_not_written() -> None:
+    with pytest.raises(ValueError, match="NaN"):
+        to_document(BodyModel("m", (Segment("s", "ground", "j", (), mass=math.nan),), ()))
+
+
+def _set(document: dict[str, Any], path: list[Any], value: Any) -> dict[str, Any]:
+    place = document
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    return document
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "field"),
+    [
+        (["colour"], "red", "colour"),
+        (["segments", 1, "weight"], 1.0, "segments[1].weight"),
+        (["segments", 0, "mass"], "heavy", "segments[0].mass"),
+        (["segments", 0, "mass"], True, "segments[0].mass"),
+        (["segments", 0, "com"], [0.0, 1.0], "segments[0].com"),
+        (["segments", 1, "joints", 0, "kind"], "screw", "segments[1].joints[0].kind"),
+        (
+            ["segments", 1, "joints", 0, "law", "terms", 0, "gain"],
+            None,
+            "segments[1].joints[0].law.terms[0].gain",
+        ),
+        (["coordinates", 0, "locked"], 1, "coordinates[0].locked"),
+        (["markers"], {"M": 1}, "markers"),
+        (["schema_version"], 99, "schema_version"),
+    ],
+)
+def test_wrong_content_is_named(path: list[Any], value: Any, field: str) -> None:
+    document = _set(through_json(to_document(rich_model())), path, value)
+    with pytest.raises(InputError) as caught:
+        from_document(document, file="model.json")
+    assert caught.value.field == field
+    assert caught.value.file == "model.json"
+    assert caught.value.remedy
+
+
+def test_missing_key_is_named() -> None:
+    document = through_json(to_document(rich_model()))
+    del document["segments"][1]["parent"]
+    with pytest.raises(InputError, match="missing key") as caught:
+        from_document(document)
+    assert caught.value.field == "segments[1].parent"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (["segments", 1, "joints", 0, "law", "terms", 1, "coordinate"], "elbow", "coordinate 'elbow'"),
+        (["segments", 1, "joints", 0, "law", "terms", 1, "parameter"], "nope", "parameter 'nope'"),
+        (["segments", 1, "joints", 0, "scales_with"], "foot", "segment 'foot'"),
+        (["segments", 1, "joints", 0, "axis"], [1.0, 1.0, 0.0], "length 1"),
+        (["markers", 0, "segment"], "foot", "no segment"),
+        (["couplers", 0, "independent"], "ankle", "coordinate 'ankle'"),
+    ],
+)
+def test_names_must_exist(path: list[Any], value: Any, said: str) -> None:
+    with pytest.raises(ModelRefused, match=said):
+        from_document(_set(through_json(to_document(rich_model())), path, value))

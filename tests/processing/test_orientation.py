@@ -1,0 +1,163 @@
+"""Axes and unit: a body put into any laboratory comes back upright and facing forward."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.kernels.rigid import rotation_about
+from scaling_service.models.trial import Trial
+from scaling_service.processing.orientation import apply, decide, orient, unit_factor
+
+BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
+    "RASIS": (0.10, 0.95, 0.12), "LASIS": (0.10, 0.95, -0.12), "RPSIS": (-0.08, 0.98, 0.05),
+    "LPSIS": (-0.08, 0.98, -0.05), "RLFE": (0.0, 0.48, 0.15), "LLFE": (0.0, 0.48, -0.15),
+    "RLM": (-0.02, 0.08, 0.14), "LLM": (-0.02, 0.08, -0.14), "HEAD": (0.08, 1.70, 0.0),
+    "RTOE": (0.18, 0.04, 0.12), "LTOE": (0.18, 0.04, -0.12),
+}  # fmt: skip
+ROLES = {name: name for name in BODY if name not in ("HEAD", "RTOE", "LTOE")}
+ROTATIONS = [
+    R
+    for signs in itertools.product((1.0, -1.0), repeat=3)
+    for order in itertools.permutations(range(3))
+    if np.linalg.det(R := np.diag(signs)[:, order]) > 0
+]
+
+
+def _trial(turn=None, walk=0.0, shift=(0.0, 0.0, 0.0), scale=1.0, frames=50):
+    """The body in a laboratory: ``turn`` maps our axes to the laboratory's."""
+    body = np.array(list(BODY.values()))
+    way = np.linspace(0, walk, frames)[:, None, None] * np.array([1.0, 0, 0])
+    positions = (body + way) @ (np.eye(3) if turn is None else turn).T + np.array(shift)
+    return Trial("static", np.arange(frames) / 100, tuple(BODY), positions * scale, 100.0)
+
+
+@pytest.mark.parametrize("turn", ROTATIONS, ids=lambda R: "".join(f"{v:+.0f}" for v in R.ravel() if v))
+def test_every_right_angled_laboratory_is_undone(turn):
+    trial = _trial(turn)
+    found = decide(trial, roles=ROLES)
+    np.testing.assert_array_equal(found.R_new_old, turn.T)
+    np.testing.assert_allclose(apply(found, trial).markers, _trial().markers, atol=1e-12)
+    assert [r.what for r in found.repairs] == ["up_axis", "forward_axis"]
+
+
+@given(
+    st.sampled_from(ROTATIONS),
+    st.floats(-40, 40),
+    st.tuples(st.floats(-3, 3), st.floats(-3, 3)),
+    st.booleans(),
+)
+@settings(max_examples=40, deadline=None)
+def test_standing_anywhere_and_askew_snaps_to_the_nearest_axis(turn, askew, place, walking):
+    skewed = turn @ rotation_about([0, 1, 0], np.radians(askew))
+    shift = turn @ np.array([place[0], 0.0, place[1]])
+    found = decide(_trial(skewed, walk=2.0 * walking, shift=shift), roles=ROLES)
+    np.testing.assert_array_equal(found.R_new_old, turn.T)
+    assert f"{abs(askew):.0f} deg off it" in found.repairs[1].detail
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), ROTATIONS[5], rotation_about([1, 0, 0], np.pi / 2).round()])
+def test_without_names_the_shape_tells_up_and_walking_tells_forward(turn):
+    found = decide(_trial(turn, walk=2.0))
+    np.testing.assert_allclose(found.R_new_old, turn.T, atol=1e-12)
+    assert "displacement of 2.0 m" in found.repairs[1].detail
+
+
+def test_arms_stretched_out_do_not_hide_the_floor():
+    body = dict(BODY, RHAND=(0.0, 1.4, 0.9), LHAND=(0.0, 1.4, -0.9))
+    z_up = rotation_about([1, 0, 0], np.pi / 2).round()
+    positions = np.repeat((np.array(list(body.values())) @ z_up.T)[None], 5, axis=0)
+    found = decide(Trial("t", np.arange(5) / 100, tuple(body), positions, 100.0))
+    assert found.description.startswith("up +z")
+
+
+def test_standing_still_without_names_keeps_a_lab_axis_and_says_so():
+    found = decide(_trial())
+    np.testing.assert_array_equal(found.R_new_old, np.eye(3))
+    assert "not known" in found.repairs[1].detail
+
+
+def test_right_and_left_alone_tell_forward():
+    turn = ROTATIONS[7]
+    roles = {label: role for label, role in ROLES.items() if "PSIS" not in role}
+    np.testing.assert_array_equal(decide(_trial(turn), roles=roles).R_new_old, turn.T)
+    one_sided = {
+        label: role for label, role in ROLES.items() if role in ("RASIS", "RPSIS", "LPSIS", "RLM", "LLM")
+    }
+    np.testing.assert_array_equal(decide(_trial(turn), roles=one_sided).R_new_old, turn.T)
+
+
+def test_labels_are_found_through_their_roles():
+    trial = _trial(ROTATIONS[9]).relabelled({"RASIS": "S1:RASI"})
+    roles = {**{k: v for k, v in ROLES.items() if k != "RASIS"}, "S1:RASI": "RASIS"}
+    np.testing.assert_array_equal(decide(trial, roles=roles).R_new_old, ROTATIONS[9].T)
+
+
+def test_overrides_hold():
+    found = decide(_trial(), roles=ROLES, up="z", forward="-X")
+    np.testing.assert_array_equal(found.R_new_old, [[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
+    assert found.description == "up +z, forward -x"
+    assert "given" in found.repairs[0].detail
+    for wrong in ({"up": "w"}, {"forward": "+"}, {"up": "+y", "forward": "-y"}):
+        with pytest.raises(InputError):
+            decide(_trial(), **wrong)
+
+
+def test_forces_turn_with_the_markers_but_keep_their_unit():
+    turn = rotation_about([1, 0, 0], np.pi / 2).round()
+    found = decide(_trial(turn, scale=1000.0), roles=ROLES)
+    up_in_lab = turn @ [0, 1.0, 0]
+    np.testing.assert_array_equal(found.rotate(800 * up_in_lab), [0, 800, 0])
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_unit_that_cannot_be_true_is_corrected_for_each_recording(factor):
+    good, bad = _trial(), _trial(scale=factor)
+    found = decide(good, roles=ROLES)
+    for trial, kinds in ((good, 0), (bad, 1)):
+        result = apply(found, trial)
+        np.testing.assert_allclose(result.markers, good.markers, rtol=1e-12)
+        assert sum(r.what == "unit" for r in result.repairs) == kinds
+    assert unit_factor(bad)[0] == pytest.approx(1 / factor)
+    given = decide(bad, roles=ROLES, scale=1 / factor)
+    np.testing.assert_allclose(apply(given, bad).markers, good.markers, rtol=1e-12)
+
+
+def test_no_body_and_no_marker_are_refused():
+    with pytest.raises(TrialUnusable, match="no body in m or mm"):
+        orient(_trial(scale=30.0))
+    empty = _trial()
+    with pytest.raises(TrialUnusable, match="no marker is seen"):
+        orient(empty.with_markers(np.full_like(empty.markers, np.nan)))
+
+
+def test_gaps_and_markers_that_are_never_seen_do_not_disturb():
+    trial = _trial(ROTATIONS[3])
+    markers = trial.markers.copy()
+    markers[:, trial.index("RASIS")] = np.nan
+    markers[3:9] = np.nan
+    markers[20:, trial.index("HEAD")] = np.nan
+    holed = trial.with_markers(markers)
+    np.testing.assert_array_equal(decide(holed, roles=ROLES).R_new_old, ROTATIONS[3].T)
+    np.testing.assert_array_equal(np.isnan(orient(holed, roles=ROLES).markers), np.isnan(markers))
+
+
+def test_real_laboratories(shared_data):
+    """Y up by OpenSim's convention in the TRC files, Z up by the data's description in the C3D file."""
+    from scaling_service.formats.recording import read_recording
+
+    for name, up in (
+        ("functional/right_knee.c3d", "up +z"),
+        ("functional/right_hip.c3d", "up +z"),
+        ("gait2354/subject01_static.trc", "up +y"),
+        ("rajagopal_walk/motion_capture_walk.trc", "up +y, forward +x"),
+        ("opencap_squat/squats1.trc", "up +y"),
+        ("opencap_squat/walking1.trc", "up +y, forward +x"),
+        ("jia_mri/Static.c3d", "up +y"),
+    ):
+        assert decide(read_recording(shared_data / name)).description.startswith(up), name

@@ -21,17 +21,16 @@ from scaling_service.core.text import few
 from scaling_service.estimation.inverse_kinematics import Task, solve_task
 from scaling_service.kernels.estimator import (
     Outcome,
-    Problem,
     Solution,
     Uncertainty,
     solve,
     solve_parameters,
-    total_cost,
     uncertainty,
 )
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.losses import SQUARED, Huber
 from scaling_service.kernels.masks import ever, seen
+from scaling_service.kernels.problem import Problem, total_cost
 from scaling_service.models.body import BodyModel
 from scaling_service.models.parameters import fold
 from scaling_service.models.results import Calibration, EstimatedParameter

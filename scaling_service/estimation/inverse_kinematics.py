@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.estimation.observability import determined
 from scaling_service.estimation.start import first_guess
-from scaling_service.kernels.estimator import Problem, Settings, solve
+from scaling_service.kernels.estimator import Settings, solve
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.losses import SQUARED, Loss
 from scaling_service.kernels.masks import ever, seen
+from scaling_service.kernels.problem import Problem
 from scaling_service.kernels.sweep import DEFAULT, MotionSolution, SweepSettings, is_articulated, solve_motion
 from scaling_service.kernels.tree import Tree, forward, positions
 from scaling_service.models.body import BodyModel
@@ -39,7 +40,8 @@ _COARSE_S = (
 )
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _STUCK = 4.0  # times the median cost: a frame that may sit in a wrong minimum is tried from its neighbours
-_ROUGH = SweepSettings(relative_decrease=1e-3)
+_ROUGH = SweepSettings(relative_decrease=1e-2)
+_FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
 
 
@@ -171,7 +173,7 @@ def solve_task(
     within = replace(task, bounds=coordinate_ranges(task.model))
     natural = _untrap(within, rows, _solve(within, rows, guess, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
-    return _solve(task, slice(None), close, progress)
+    return _solve(task, slice(None), close, progress, _FINE)
 
 
 def _stride(times: Array) -> int:

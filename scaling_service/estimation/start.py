@@ -8,8 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.kernels.laws import NONE, Array
 from scaling_service.kernels.masks import seen
+from scaling_service.kernels.moves import Fixed, Turn
+from scaling_service.kernels.plan import is_plain
 from scaling_service.kernels.rigid import fit_rigid
-from scaling_service.kernels.tree import Fixed, Shift, Tree, Turn, columns, forward, positions
+from scaling_service.kernels.tree import Tree, forward, positions
 
 
 def first_guess(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
@@ -92,19 +94,14 @@ def _turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
 def _translated(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
     """The root's translations set so that its origin lies at ``position``."""
     poses = forward(tree, np.ascontiguousarray(q.T), p)
-    own = [
-        tree.factors[t.factor].coordinate
-        for move in tree.links[root].moves
-        if isinstance(move, Shift)
-        for t in move.terms
-        if t.factor != NONE
+    shifts = [
+        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]
-    gap = position - poses.origins[root].T
-    found = [(v, shift) for v, turn, shift in columns(tree, poses, root, own) if turn is None]
-    if len(found) == 3:
-        rates = np.stack([shift.T for _, shift in found], axis=2)
-        moved = np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
-        q[:, [v for v, _ in found]] += moved
+    if len(shifts) == 3:
+        rates = np.stack([poses.direction(e).T for e in shifts], axis=2)
+        gap = position - poses.origins[root].T
+        own = [tree.factors[e.term.factor].coordinate for e in shifts]
+        q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
     return q
 
 

@@ -33,15 +33,28 @@ class Piecewise:
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Value and slope at ``x`` (any shape)."""
-        inside = np.clip(x, self.breaks[0], self.breaks[-1])
-        piece = np.clip(np.searchsorted(self.breaks, inside, side="right") - 1, 0, len(self.breaks) - 2)
-        local = inside - self.breaks[piece]
-        value = np.zeros_like(local)
-        slope = np.zeros_like(local)
-        for row in self.coefficients:  # Horner, over powers
-            slope = slope * local + value
-            value = value * local + row[piece]
-        return value + slope * (x - inside), slope
+        value, slope = evaluate_together(self.breaks, self.coefficients[:, None], np.ravel(x)[None])
+        return value.reshape(np.shape(x)), slope.reshape(np.shape(x))
+
+
+def evaluate_together(breaks: Array, coefficients: Array, x: Array) -> tuple[Array, Array]:
+    """Values and slopes of piecewise polynomials that share their breaks.
+
+    Parameters
+    ----------
+    breaks : ndarray, shape (n_pieces + 1,)
+    coefficients : ndarray, shape (degree + 1, n_shapes, n_pieces)
+    x : ndarray, shape (n_shapes, n)
+    """
+    inside = np.clip(x, breaks[0], breaks[-1])
+    piece = np.searchsorted(breaks[1:-1], inside, side="right")
+    local = inside - breaks[piece]
+    taken = coefficients[:, np.arange(len(x))[:, None], piece]
+    value, slope = taken[0], np.zeros_like(local)
+    for row in taken[1:]:  # Horner, over powers
+        slope = slope * local + value
+        value = value * local + row
+    return value + slope * (x - inside), slope
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +64,40 @@ class Factor:
     coordinate: int
     shape: Piecewise | None = None
     signal: int = NONE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeGroup:
+    """Factors that are shapes with the same breaks and degree, evaluated together.
+
+    ``coefficients`` is (degree + 1, n_shapes, n_pieces).
+    """
+
+    factors: tuple[int, ...]
+    coordinates: NDArray[np.intp]
+    breaks: Array
+    coefficients: Array
+
+
+def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
+    """Sort the factors that are shapes into groups."""
+    found: dict[tuple[bytes, int], list[int]] = {}
+    for k, factor in enumerate(factors):
+        if factor.shape is not None:
+            key = (factor.shape.breaks.tobytes(), len(factor.shape.coefficients))
+            found.setdefault(key, []).append(k)
+    groups = []
+    for rows in found.values():
+        shapes = [shape for k in rows if (shape := factors[k].shape) is not None]
+        groups.append(
+            ShapeGroup(
+                tuple(rows),
+                np.array([factors[k].coordinate for k in rows], dtype=np.intp),
+                shapes[0].breaks,
+                np.stack([shape.coefficients for shape in shapes], axis=1),
+            )
+        )
+    return tuple(groups)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +121,14 @@ class Values:
     p: Array
 
     @classmethod
-    def of(cls, factors: tuple[Factor, ...], q: Array, p: Array, signals: Array | None) -> Values:
+    def of(
+        cls,
+        factors: tuple[Factor, ...],
+        q: Array,
+        p: Array,
+        signals: Array | None,
+        groups: tuple[ShapeGroup, ...] | None = None,
+    ) -> Values:
         """Evaluate all factors.
 
         Parameters
@@ -82,20 +136,22 @@ class Values:
         q : ndarray, shape (n_coordinates, n_frames)
         p : ndarray, shape (n_parameters,)
         signals : ndarray, shape (n_signals, n_frames), optional
+        groups : tuple of ShapeGroup, optional
+            As :func:`shape_groups` gives them, where they are at hand.
         """
         values: list[Array] = []
-        slopes: list[Array | None] = []
         for factor in factors:
             if factor.signal != NONE:
                 if signals is None:
                     raise ValueError("the tree uses signals and none were given")
-                value, slope = signals[factor.signal], None
-            elif factor.shape is None:
-                value, slope = q[factor.coordinate], None
+                values.append(signals[factor.signal])
             else:
-                value, slope = factor.shape.evaluate(q[factor.coordinate])
-            values.append(value)
-            slopes.append(slope)
+                values.append(q[factor.coordinate])
+        slopes: list[Array | None] = [None] * len(factors)
+        for group in shape_groups(factors) if groups is None else groups:
+            value, slope = evaluate_together(group.breaks, group.coefficients, q[group.coordinates])
+            for row, k in enumerate(group.factors):
+                values[k], slopes[k] = value[row], slope[row]
         return cls(values, slopes, p)
 
     def scalar(self, constant: float, terms: tuple[TermArrays, ...]) -> Array | float:

@@ -18,15 +18,23 @@ the steps shrink slowly along directions that the markers hardly determine.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.kernels.clusters import Cluster, centre_of, cluster_of, curvature, wrench_of
+from scaling_service.kernels.clusters import (
+    Clusters,
+    Misfit,
+    clusters_of,
+    curvature_and_wrench,
+    marker_weights,
+    misfit_of,
+)
+from scaling_service.kernels.elimination import Elimination, Pull, elimination_of, step, twists
 from scaling_service.kernels.laws import NONE, Array
-from scaling_service.kernels.masks import seen
-from scaling_service.kernels.tree import Poses, Tree, columns, forward, positions
+from scaling_service.kernels.moves import Link
+from scaling_service.kernels.tree import Poses, Tree, forward, positions
 
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
 _NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
@@ -42,17 +50,21 @@ class SweepSettings:
     ----------
     max_steps : int
     relative_decrease : float
-        Stop a frame when the step promises less than this share of its cost.
+        Stop a frame when the step promises less than this share of its cost. That step is still
+        taken; near the minimum steps converge quadratically, so it leaves far less.
     step_tolerance : float
         Or when no coordinate moves by more than this (rad or m).
     damping : float
         First Levenberg-Marquardt damping, as a share of each pivot.
+    close : bool
+        Whether the start is near enough for second derivatives from the first step on.
     """
 
     max_steps: int = 60
-    relative_decrease: float = 1e-8
-    step_tolerance: float = 1e-10
+    relative_decrease: float = 1e-5
+    step_tolerance: float = 1e-9
     damping: float = 1e-6
+    close: bool = False
 
 
 DEFAULT = SweepSettings()
@@ -73,33 +85,53 @@ class _Problem:
     """A block of frames: the statistics of every link, and what bounds and pulls the coordinates."""
 
     tree: Tree
+    plan: Elimination
     p: Array
     signals: Array | None
-    clusters: tuple[Cluster | None, ...]
+    clusters: Clusters
+    cluster_links: NDArray[np.intp]
     ground: Array
     bounds: tuple[Array, Array]
-    free: NDArray[np.bool_]
     prior: tuple[Array, Array]  # value (n_coordinates, n), weight (n_coordinates,)
     floor: Array  # (n,) added to every pivot
 
     def take(self, rows: NDArray[np.intp]) -> _Problem:
-        clusters = tuple(None if c is None else c.take(rows) for c in self.clusters)
-        signals = None if self.signals is None else self.signals[:, rows]
-        prior = (self.prior[0][:, rows], self.prior[1])
-        return _Problem(
-            self.tree,
-            self.p,
-            signals,
-            clusters,
-            self.ground[:, rows],
-            self.bounds,
-            self.free,
-            prior,
-            self.floor[rows],
+        return replace(
+            self,
+            clusters=self.clusters.take(rows),
+            signals=None if self.signals is None else self.signals[:, rows],
+            prior=(self.prior[0][:, rows], self.prior[1]),
+            ground=self.ground[:, rows],
+            floor=self.floor[rows],
         )
 
-    def poses(self, q: Array) -> Poses:
-        return forward(self.tree, q, self.p, self.signals, self.ground)
+    @property
+    def free_to_roam(self) -> bool:
+        """Whether neither bounds nor coordinate tasks are there."""
+        lower, upper = self.bounds
+        columns = self.plan.variables
+        unbounded = np.isinf(lower[columns]).all() and np.isinf(upper[columns]).all()
+        return bool(unbounded and not self.prior[1].any())
+
+    def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
+        """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
+        poses = forward(self.tree, q, self.p, self.signals, self.ground)
+        nodes = self.tree.plan.link_node[self.cluster_links]
+        misfit = misfit_of(self.clusters, poses.node_axes[nodes], poses.node_origins[nodes])
+        value, weight = self.prior
+        tasks = np.einsum("c,cn->n", weight, (q - value) ** 2) if weight.any() else 0.0
+        return poses, misfit, misfit.cost + tasks
+
+    def pull(self, q: Array) -> Pull | None:
+        """Bounds and tasks by column."""
+        if self.free_to_roam:
+            return None
+        columns = self.plan.variables
+        lower, upper = (bound[columns, None] for bound in self.bounds)
+        weight = self.prior[1][columns, None]
+        return Pull(
+            weight, weight * (self.prior[0][columns] - q[columns]), lower - q[columns], upper - q[columns]
+        )
 
 
 def is_articulated(tree: Tree) -> bool:
@@ -163,11 +195,12 @@ def solve_motion(
     pull = (q0, np.zeros(nq)) if prior is None else prior
     q, cost = np.empty((n, nq)), np.empty(n)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
+    plan = elimination_of(tree, moving)
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
         known = None if signals is None else signals[rows].T
         some = weights[rows] if weights.ndim == 2 else weights
-        block = _block(tree, p, measured[rows], some, known, limits, moving, (pull[0][rows], pull[1]))
+        block = _block(tree, plan, p, measured[rows], some, known, limits, (pull[0][rows], pull[1]))
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
         if progress is not None:
@@ -177,48 +210,31 @@ def solve_motion(
 
 def _block(
     tree: Tree,
+    plan: Elimination,
     p: Array,
     measured: Array,
     weights: Array,
     signals: Array | None,
     bounds: tuple[Array, Array],
-    free: NDArray[np.bool_],
     prior: tuple[Array, Array],
 ) -> _Problem:
-    shown = seen(measured)
-    heavy = np.where(shown, weights, 0.0).T
-    filled = np.where(shown[:, :, None], measured, 0.0)
+    heavy = marker_weights(measured, weights)
+    filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
-    placed = np.where(shown.T[:, None], np.moveaxis(filled, 0, -1) - middle, 0.0)
-    local = _local_positions(tree, p, signals)
-    clusters = tuple(
-        cluster_of(local[rows], placed[rows], heavy[rows]) if len(rows) else None for rows in tree.marker_rows
+    placed = np.moveaxis(filled, 0, -1) - middle
+    links = np.array([k for k, rows in enumerate(tree.marker_rows) if len(rows)], dtype=np.intp)
+    clusters = clusters_of(
+        [tree.marker_rows[k] for k in links], _local_positions(tree, p, signals), placed, heavy
     )
-    return _Problem(
-        tree,
-        p,
-        signals,
-        clusters,
-        -middle,
-        bounds,
-        free,
-        (np.array(prior[0].T), prior[1]),
-        _TINY * total + 1e-300,
-    )
+    value = np.ascontiguousarray(prior[0].T)
+    floor = _TINY * total + 1e-300
+    return _Problem(tree, plan, p, signals, clusters, links, -middle, bounds, (value, prior[1]), floor)
 
 
 def _local_positions(tree: Tree, p: Array, signals: Array | None) -> Array:
     """Local marker positions (n_markers, 3, n_frames or 1): with all links at ground, positions are local."""
-    still = Tree(
-        tuple(type(link)(NONE, ()) for link in tree.links),
-        tree.factors,
-        tree.n_coordinates,
-        tree.n_parameters,
-        tree.marker_link,
-        tree.marker_local,
-        tree.marker_terms,
-    )
+    still = replace(tree, links=tuple(Link(NONE, ()) for _ in tree.links))
     n = 1 if signals is None else signals.shape[1]
     return positions(still, forward(still, np.zeros((tree.n_coordinates, n)), p, signals))
 
@@ -226,37 +242,35 @@ def _local_positions(tree: Tree, p: Array, signals: Array | None) -> Array:
 def _solve_block(
     block: _Problem, q: Array, settings: SweepSettings
 ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.bool_]]:
-    """Damped Gauss-Newton on one block; frames leave it as they converge."""
-    n = q.shape[1]
-    lower, upper = block.bounds[0][:, None], block.bounds[1][:, None]
-    best = np.where(block.free[:, None], np.clip(q, lower, upper), q)
+    """Damped Newton steps on one block; frames leave it as they converge."""
+    n, columns = q.shape[1], block.plan.variables
+    lower, upper = block.bounds[0][columns, None], block.bounds[1][columns, None]
+    best = q.copy()
+    best[columns] = np.clip(q[columns], lower, upper)
     cost, damping = np.full(n, np.inf), np.full(n, settings.damping)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    near = np.zeros(n)
+    near = np.full(n, float(settings.close))
     rows, part, trial = np.arange(n), block, best.copy()
     for _ in range(settings.max_steps):
-        poses = part.poses(trial)
-        now = _cost(part, poses, trial)
+        poses, misfit, now = part.misfit(trial)
         worse: NDArray[np.bool_] = np.greater(now, cost[rows] * (1.0 + 1e-14))
         if worse.any():
             trial[:, worse] = best[:, rows[worse]]
-            poses = part.poses(trial)
-        better = ~worse
-        best[:, rows[better]] = trial[:, better]
-        cost[rows[better]] = now[better]
+            poses, misfit, now = part.misfit(trial)
+        best[:, rows], cost[rows] = trial, now
         damping[rows] = np.where(worse, np.maximum(damping[rows] * 10.0, 1e-4), damping[rows] * 0.2)
-        near[rows] = np.where(worse, 0.0, near[rows])
-        delta, promised = _step(part, poses, trial, damping[rows], near[rows])
-        near[rows] = (promised < _NEAR * cost[rows]) & better
-        delta *= np.minimum(1.0, _LONGEST / np.maximum(np.abs(delta).max(axis=0), _LONGEST))
+        near[rows] *= ~worse
+        delta, promised = _step(part, poses, misfit, trial, damping[rows], near[rows])
+        near[rows] = (promised < _NEAR * now) & ~worse
+        delta *= np.minimum(1.0, _LONGEST / np.maximum(np.abs(delta).max(axis=0, initial=0.0), _LONGEST))
+        trial[columns] = np.clip(trial[columns] + delta, lower, upper)
         steps[rows] += 1
-        done = (promised <= settings.relative_decrease * cost[rows]) | (
-            np.abs(delta).max(axis=0) <= settings.step_tolerance
-        )
-        done |= damping[rows] > 1e8
-        converged[rows[done]] = True
-        trial = np.where(part.free[:, None], np.clip(trial + delta, lower, upper), trial)
+        done = (promised <= settings.relative_decrease * now) | (damping[rows] > 1e8)
+        done |= np.abs(delta).max(axis=0, initial=0.0) <= settings.step_tolerance
         if done.any():
+            last = rows[done & ~worse]
+            best[:, last] = trial[:, done & ~worse]  # too small a step to be checked, but a better pose
+            converged[rows[done]] = True
             keep = np.flatnonzero(~done)
             if not len(keep):
                 break
@@ -264,108 +278,11 @@ def _solve_block(
     return best, cost, steps, converged
 
 
-def _cost(part: _Problem, poses: Poses, q: Array) -> Array:
-    total = np.zeros(q.shape[1])
-    for k, cluster in enumerate(part.clusters):
-        if cluster is None:
-            continue
-        gap = cluster.seen - centre_of(cluster, poses, k)
-        total += cluster.weight * np.einsum("cn,cn->n", gap, gap)
-        total += cluster.spread - 2.0 * np.einsum("jan,jan->n", poses.axes[k], cluster.cross)
-    value, weight = part.prior
-    if weight.any():
-        total += np.einsum("c,cn->n", weight, (q - value) ** 2)
-    return np.maximum(total, 0.0)
-
-
-def _step(part: _Problem, poses: Poses, q: Array, damping: Array, near: Array) -> tuple[Array, Array]:
-    """One damped step (n_coordinates, n) and the decrease of the cost it promises (n,).
-
-    ``near`` (n,) is one where the exact second derivatives are used, zero for Gauss-Newton.
-    """
-    inertia, wrench = _gather(part, poses, near)
-    load = list(wrench)
-    factors: list[list[tuple[int, Array, Array, Array, Array]]] = [[] for _ in part.tree.links]
-    value, pull = part.prior
-    lower, upper = part.bounds
-    for k in range(len(part.tree.links) - 1, -1, -1):
-        mass, force, below = inertia[k], wrench[k], load[k]
-        if mass is None or force is None or below is None:
-            continue
-        bend = 0.5 * near * below
-        moving = [v for v in part.tree.variables[k] if v < part.tree.n_coordinates and part.free[v]]
-        for variable, turn, shift in reversed(columns(part.tree, poses, k, moving) if moving else []):
-            twist = np.empty((6, q.shape[1]))
-            twist[:3] = 0.0 if turn is None else turn
-            twist[3:] = shift
-            push = np.einsum("in,ijn->jn", twist, mass) - _wrench_rate(twist, bend)
-            pivot = np.abs(np.einsum("jn,jn->n", twist, push)) + pull[variable]
-            drive = np.einsum("jn,jn->n", twist, force) + pull[variable] * (value[variable] - q[variable])
-            inverse = 1.0 / (pivot * (1.0 + damping) + part.floor)
-            held = _held(q[variable], drive, lower[variable], upper[variable])
-            if held is not None:
-                inverse = np.where(held, 0.0, inverse)
-            scaled = push * inverse
-            mass = mass - push[:, None] * scaled
-            force = force - scaled * drive
-            factors[k].append((variable, twist, scaled, inverse, drive))
-        parent = part.tree.links[k].parent
-        if parent != NONE:
-            inertia[parent] = _sum(inertia[parent], mass)
-            wrench[parent] = _sum(wrench[parent], force)
-            load[parent] = _sum(load[parent], below)
-    return _descend(part, factors, q.shape)
-
-
-def _sum(before: Array | None, more: Array) -> Array:
-    return more if before is None else before + more
-
-
-def _wrench_rate(twist: Array, wrench: Array) -> Array:
-    """How a wrench (moment, force) turns with a twist, both (6, n): the spatial cross product."""
-    result = np.empty(twist.shape)
-    turn, shift, moment, force = twist[:3], twist[3:], wrench[:3], wrench[3:]
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        result[i] = turn[j] * moment[k] - turn[k] * moment[j] + shift[j] * force[k] - shift[k] * force[j]
-        result[3 + i] = turn[j] * force[k] - turn[k] * force[j]
-    return result
-
-
-def _held(q: Array, drive: Array, lower: float, upper: float) -> NDArray[np.bool_] | None:
-    """Frames in which the coordinate sits at a bound and is pushed beyond it."""
-    if np.isinf(lower) and np.isinf(upper):
-        return None
-    return ((q <= lower) & (drive < 0.0)) | ((q >= upper) & (drive > 0.0))
-
-
-def _descend(
-    part: _Problem, factors: list[list[tuple[int, Array, Array, Array, Array]]], shape: tuple[int, ...]
+def _step(
+    part: _Problem, poses: Poses, misfit: Misfit, q: Array, damping: Array, near: Array
 ) -> tuple[Array, Array]:
-    delta, promised = np.zeros(shape), np.zeros(shape[1])
-    motion: list[Array | None] = [None] * len(factors)
-    for k, eliminated in enumerate(factors):
-        parent = part.tree.links[k].parent
-        velocity = motion[parent] if parent != NONE else None
-        for variable, twist, scaled, inverse, drive in reversed(eliminated):
-            step = inverse * drive
-            promised += step * drive
-            if velocity is not None:
-                step = step - np.einsum("jn,jn->n", scaled, velocity)
-            delta[variable] = step
-            velocity = twist * step if velocity is None else velocity + twist * step
-        motion[k] = velocity
-    return delta, promised
-
-
-def _gather(part: _Problem, poses: Poses, near: Array) -> tuple[list[Array | None], list[Array | None]]:
-    """Curvature (6, 6, n) and residual wrench (6, n) of every link's own markers about the ground origin."""
-    inertia: list[Array | None] = [None] * len(part.clusters)
-    wrench: list[Array | None] = [None] * len(part.clusters)
-    for k, cluster in enumerate(part.clusters):
-        if cluster is not None:
-            axes, centre = poses.axes[k], centre_of(cluster, poses, k)
-            turned = np.einsum("jan,jbn->abn", axes, cluster.cross)
-            force = cluster.weight * (cluster.seen - centre)
-            inertia[k] = curvature(cluster, axes, centre, turned, force, near)
-            wrench[k] = wrench_of(turned, centre, force)
-    return inertia, wrench
+    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
+    plan = part.plan
+    mass = np.zeros((len(plan.parent_row), 6, 7, q.shape[1]))
+    mass[plan.row_of_link[part.cluster_links]] = curvature_and_wrench(part.clusters, misfit, near)
+    return step(plan, mass, twists(plan, part.tree, poses), part.pull(q), damping, part.floor, near)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.kernels.laws import NONE, Array, Factor, Piecewise, TermArrays
-from scaling_service.kernels.tree import Fixed, Link, MarkerTerm, Move, Shift, Tree, Turn
+from scaling_service.kernels.moves import Fixed, Link, Move, Shift, Turn
+from scaling_service.kernels.tree import MarkerTerm, Tree
 from scaling_service.models.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
 
 

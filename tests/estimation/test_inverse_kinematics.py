@@ -121,7 +121,9 @@ def test_a_leg_that_is_never_seen_stands_at_its_default() -> None:
     model = legs()
     q = motion(model, 80)
     trial = recorded(model, q)
-    right = trial.selected([name for name in trial.labels if name in ("RPSIS", "LPSIS", "LASIS") or name[0] == "R"])
+    right = trial.selected(
+        [name for name in trial.labels if name in ("RPSIS", "LPSIS", "LASIS") or name[0] == "R"]
+    )
     found = inverse_kinematics(model, right)
     left = [k for k, name in enumerate(model.coordinate_names) if name.endswith("_l")]
     assert not set(found.estimated) & {model.coordinate_names[k] for k in left}
@@ -258,7 +260,9 @@ def test_a_frame_in_a_wrong_minimum_is_freed_by_its_neighbours() -> None:
 
 def test_three_markers_on_one_segment_place_a_free_body() -> None:
     root = legs().segments[0]
-    markers = tuple(Marker.at(f"m{k}", "pelvis", at) for k, at in enumerate([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)]))
+    markers = tuple(
+        Marker.at(f"m{k}", "pelvis", at) for k, at in enumerate([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)])
+    )
     free = BodyModel("one", (root,), legs().coordinates[:6], markers)
     q = motion(legs(), 20)[:, :6]
     np.testing.assert_allclose(inverse_kinematics(free, recorded(free, q)).q, q, rtol=0, atol=1e-6)

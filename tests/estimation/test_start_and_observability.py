@@ -28,7 +28,9 @@ def test_the_guess_puts_the_root_where_its_markers_are(seed: int) -> None:
     measured = marker_positions(tree, q, NONE)
     guess = first_guess(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
     own = tree.marker_rows[0]
-    np.testing.assert_allclose(marker_positions(tree, guess, NONE)[:, own], measured[:, own], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        marker_positions(tree, guess, NONE)[:, own], measured[:, own], rtol=0, atol=1e-9
+    )
     np.testing.assert_array_equal(guess[:, 6:], 0.0)
 
 

@@ -128,7 +128,8 @@ def with_signal(model: BodyModel, marker: str, signal: str, parameter: str) -> B
     item = model.marker(marker)
     x, y, z = item.laws
     moved = replace(
-        item, laws=(x + Law((Term(1.0, parameter, None, None, signal),)), y + Law((Term(0.01, signal=signal),)), z)
+        item,
+        laws=(x + Law((Term(1.0, parameter, None, None, signal),)), y + Law((Term(0.01, signal=signal),)), z),
     )
     added = Parameter(parameter, 0.02, "1", -1.0, 1.0, "artefact", marker)
     markers = tuple(moved if m.name == marker else m for m in model.markers)

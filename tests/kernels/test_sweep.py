@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from scaling_service.kernels.sweep import SweepSettings, is_articulated, solve_motion
-from scaling_service.kernels.tree import marker_positions
+from scaling_service.kernels.tree import forward, jacobian, marker_positions, positions
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.models.compile import compile_model, parameter_values
 from tests.kernels.bodies import Array, leg, leg_motion, random_tree, slow_jacobian, with_signal
@@ -77,13 +77,20 @@ def assert_as_scipy(this: Case, free: Array | None = None) -> None:
 
         inside = np.clip(this.start[frame], low + 1e-6, high - 1e-6)[moving]
         peer = least_squares(
-            rows, inside, bounds=(low[moving], high[moving]), xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=2000
+            rows,
+            inside,
+            bounds=(low[moving], high[moving]),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=2000,
         )
         own = rows(found.q[frame][moving])
         assert found.cost[frame] == pytest.approx(own @ own, rel=1e-9, abs=1e-15)
         assert own @ own == pytest.approx(2.0 * peer.cost, rel=1e-8)
         if not np.isinf(low).all():
-            assert (found.q[frame] >= low).all() and (found.q[frame] <= high).all()
+            assert (found.q[frame] >= low).all()
+            assert (found.q[frame] <= high).all()
     assert found.converged.all()
 
 
@@ -161,7 +168,9 @@ def test_an_undamped_step_is_the_dense_gauss_newton_step(seed: int, n_segments: 
         if np.linalg.cond(normal) > 1e6:
             return  # rounding then exceeds what is asked for
         step = np.linalg.solve(normal + TINY * weights.sum() * np.eye(n), rates.T @ (heavy * gap))
-        np.testing.assert_allclose(found.q[k] - start[k], step, rtol=0.0, atol=1e-9 * np.abs(step).max() + 1e-14)
+        np.testing.assert_allclose(
+            found.q[k] - start[k], step, rtol=0.0, atol=1e-9 * np.abs(step).max() + 1e-14
+        )
 
 
 def test_undamped_step_of_a_spline_coupled_knee_with_priors_is_dense_too() -> None:
@@ -177,6 +186,49 @@ def test_undamped_step_of_a_spline_coupled_knee_with_priors_is_dense_too() -> No
         normal = rates.T @ (heavy[:, None] * rates) + np.diag(pull + TINY * this.weights.sum())
         step = np.linalg.solve(normal, rates.T @ (heavy * gap) + pull * (this.truth[k] - this.start[k]))
         np.testing.assert_allclose(found.q[k] - this.start[k], step, rtol=0, atol=1e-9 * np.abs(step).max())
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, n_segments=st.integers(1, 5))
+def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
+    """The exact Hessian by differences of the Jacobian; residuals are large, so that it differs."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(rng, n_segments, markers_each=4)
+    n = len(model.coordinates)
+    q, tree, none = rng.uniform(-1.0, 1.0, (1, n)), compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
+    weights = rng.uniform(0.5, 2.0, len(model.markers))
+
+    def rates(at: Array) -> Array:
+        poses = forward(tree, np.ascontiguousarray(at.T), none)
+        return jacobian(tree, poses, positions(tree, poses), np.arange(n))[..., 0].reshape(n, -1).T
+
+    heavy, jac = np.repeat(weights, 3), rates(q)
+    gap = (measured - marker_positions(tree, q, none)).ravel()
+    steps = 1e-5 * np.eye(n)
+    bend = np.array([(rates(q + h) - rates(q - h)).T @ (heavy * gap) / 2e-5 for h in steps])
+    hessian = jac.T @ (heavy[:, None] * jac) - bend
+    if np.linalg.eigvalsh(hessian)[0] < 1e-3:
+        return  # the sweep takes pivots at their size there
+    expected = np.linalg.solve(hessian + TINY * weights.sum() * np.eye(n), jac.T @ (heavy * gap))
+    found = solve_motion(tree, measured, weights, q, none, settings=replace(ONE_STEP, close=True))
+    if np.abs(expected).max() > 0.5:
+        return  # beyond the longest step allowed
+    np.testing.assert_allclose((found.q - q)[0], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_newton_steps_are_fewer_where_residuals_stay(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    model, q = leg(rng), leg_motion(rng, 50)
+    tree, none = compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
+    how = SweepSettings(relative_decrease=1e-12, max_steps=300)
+    newton = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
+    monkeypatch.setattr("scaling_service.kernels.sweep._NEAR", 0.0)
+    plain = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
+    assert np.median(newton.steps) <= 9 < np.median(plain.steps)
+    np.testing.assert_allclose(newton.cost, plain.cost, rtol=1e-7)
 
 
 def test_a_batch_of_four_equals_four_single_calls() -> None:

@@ -35,7 +35,7 @@ def fast_jacobian(tree: Tree, q: Array, p: Array, signals: Array | None = None) 
 
 
 def freed_leg(rng: np.random.Generator) -> BodyModel:
-    """A leg with spline-coupled knee, scale factors, a tilted axis and free markers, away from their start."""
+    """A leg with spline-coupled knee, scale factors, a tilted axis and free markers, off their start."""
     model = leg(rng)
     for segment in ("pelvis", "femur", "tibia"):
         model = free_scale(model, segment, 0.2)
@@ -63,7 +63,9 @@ def test_jacobians_of_random_trees_equal_the_complex_step(seed: int, n_segments:
     model = random_tree(rng, n_segments)
     q = rng.uniform(-2.0, 2.0, (2, len(model.coordinates)))
     slow = slow_jacobian(model, q, np.zeros(0), all_names(model))
-    np.testing.assert_allclose(fast_jacobian(compile_model(model), q, np.zeros(0)), slow, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        fast_jacobian(compile_model(model), q, np.zeros(0)), slow, rtol=0.0, atol=1e-12
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -96,8 +98,12 @@ def test_a_batch_of_four_equals_four_single_calls() -> None:
     tree, q = compile_model(model), leg_motion(rng, 4)
     together, derivatives = marker_positions(tree, q, p), fast_jacobian(tree, q, p)
     for k in range(4):
-        np.testing.assert_allclose(marker_positions(tree, q[k : k + 1], p)[0], together[k], rtol=0, atol=1e-15)
-        np.testing.assert_allclose(fast_jacobian(tree, q[k : k + 1], p)[0], derivatives[k], rtol=0, atol=1e-15)
+        np.testing.assert_allclose(
+            marker_positions(tree, q[k : k + 1], p)[0], together[k], rtol=0, atol=1e-15
+        )
+        np.testing.assert_allclose(
+            fast_jacobian(tree, q[k : k + 1], p)[0], derivatives[k], rtol=0, atol=1e-15
+        )
 
 
 def test_only_the_variables_asked_for_are_derived_in_the_order_asked_for() -> None:
@@ -153,7 +159,11 @@ def _in_pinocchio(pin, model: BodyModel):  # type: ignore[no-untyped-def]  # pin
                 shift = axis * value if joint.kind == "translation" else np.zeros(3)
                 placement = placement * pin.SE3(turn, shift)
                 continue
-            kind = pin.JointModelRevoluteUnaligned if joint.kind == "rotation" else pin.JointModelPrismaticUnaligned
+            kind = (
+                pin.JointModelRevoluteUnaligned
+                if joint.kind == "rotation"
+                else pin.JointModelPrismaticUnaligned
+            )
             name = joint.law.terms[0].coordinate
             joint_id = peer.addJoint(joint_id, kind(axis), placement, name)
             placement = pin.SE3.Identity()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.tree import Fixed, Shift, Turn, marker_positions
+from scaling_service.kernels.moves import Fixed, Shift, Turn
+from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.models.compile import (
     compile_model,
@@ -70,7 +72,7 @@ def test_merging_constant_moves_moves_nothing(seed: int) -> None:
     )
     for link in tree.links:
         kinds = [type(move) for move in link.moves]
-        assert all((a, b) not in ((Fixed, Fixed), (Shift, Shift)) for a, b in zip(kinds, kinds[1:], strict=False))
+        assert all((a, b) not in ((Fixed, Fixed), (Shift, Shift)) for a, b in pairwise(kinds))
 
 
 def test_turns_about_coordinate_axes_need_no_constant_rotation() -> None:
@@ -83,7 +85,10 @@ def test_turns_about_coordinate_axes_need_no_constant_rotation() -> None:
 def test_a_turn_about_a_negative_axis_turns_the_other_way() -> None:
     joint = Joint("rotation", (0.0, 0.0, -1.0), Law.of("a", 2.0, 0.1))
     model = BodyModel(
-        "one", (Segment("s", "ground", "j", (joint,)),), (Coordinate("a"),), (Marker.at("m", "s", (1.0, 0, 0)),)
+        "one",
+        (Segment("s", "ground", "j", (joint,)),),
+        (Coordinate("a"),),
+        (Marker.at("m", "s", (1.0, 0, 0)),),
     )
     found = marker_positions(compile_model(model), np.array([[0.3]]), np.zeros(0))[0, 0]
     np.testing.assert_allclose(found, [np.cos(0.7), -np.sin(0.7), 0.0], atol=1e-15)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import ModelRefused
 from scaling_service.formats.osim.shapes import EXACT, NotPolynomial, one_shape, values
 from scaling_service.kernels.rigid import rotation_about
-from scaling_service.models.body import BodyModel, Joint, Law, Segment, Shape
+from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Segment, Shape
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
@@ -218,13 +218,13 @@ def planned_bodies(model: BodyModel) -> list[Json]:
 
 
 def planned_coordinates(model: BodyModel) -> list[Json]:
-    """Coordinates that drive something; ranges that are not finite are left to OpenSim."""
+    """Coordinates that drive something, with finite ranges, for OpenSim has no open ones."""
     used = {t.coordinate for _, joint in model.joints() for t in joint.law.terms}
     return [
         {
             "name": c.name,
-            "lower": c.lower if np.isfinite([c.lower, c.upper]).all() else None,
-            "upper": c.upper if np.isfinite([c.lower, c.upper]).all() else None,
+            "lower": c.lower if np.isfinite(c.lower) else -_open_end(c),
+            "upper": c.upper if np.isfinite(c.upper) else _open_end(c),
             "default": c.default,
             "clamped": c.clamped,
             "locked": c.locked,
@@ -232,6 +232,11 @@ def planned_coordinates(model: BodyModel) -> list[Json]:
         for c in model.coordinates
         if c.name in used
     ]
+
+
+def _open_end(coordinate: Coordinate) -> float:
+    """What stands for infinity (rad or m): OpenSim's own default where the range does not bind."""
+    return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
 
 
 def planned_markers(model: BodyModel) -> list[Json]:

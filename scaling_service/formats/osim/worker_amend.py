@@ -210,9 +210,8 @@ def set_coordinates(model: Any, coordinates: Sequence[Mapping[str, Any]]) -> Non
         coordinate = present.get(item["name"])
         if coordinate.get_prescribed():
             continue
-        if item["lower"] is not None and item["upper"] is not None:
-            coordinate.set_range(0, item["lower"])
-            coordinate.set_range(1, item["upper"])
+        coordinate.set_range(0, item["lower"])
+        coordinate.set_range(1, item["upper"])
         coordinate.setDefaultValue(item["default"])
         coordinate.setDefaultClamped(item["clamped"])
         coordinate.setDefaultLocked(item["locked"])

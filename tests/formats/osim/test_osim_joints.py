@@ -219,3 +219,59 @@ def test_a_high_composition_is_refused(oracle, tmp_path):
         },
     )
     assert error.field == "k"
+
+
+OLD_MODEL = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="20302"><Model name="old"><BodySet><objects>
+<Body name="ground"><mass>0</mass><mass_center>0 0 0</mass_center></Body>
+<Body name="shank"><mass>3.0</mass><mass_center>0 -0.2 0</mass_center>
+  <inertia_xx>0.04</inertia_xx><inertia_yy>0.005</inertia_yy><inertia_zz>0.041</inertia_zz>
+  <inertia_xy>0</inertia_xy><inertia_xz>0</inertia_xz><inertia_yz>0</inertia_yz>
+  <Joint><CustomJoint name="knee"><parent_body>ground</parent_body>
+    <location_in_parent>0.1 0.2 0.3</location_in_parent>
+    <orientation_in_parent>0.1 0.2 0.3</orientation_in_parent>
+    <location>0.01 0.02 0.03</location><orientation>-0.1 0 0.2</orientation>
+    <CoordinateSet><objects>
+      <Coordinate name="knee_angle"><default_value>0.1</default_value>
+      <range>-2 0.2</range><clamped>true</clamped><locked>false</locked></Coordinate>
+    </objects></CoordinateSet>
+    <SpatialTransform>
+      <TransformAxis name="rotation1"><coordinates>knee_angle</coordinates><axis>0 0 1</axis>
+        <function><LinearFunction><coefficients>1 0</coefficients></LinearFunction></function></TransformAxis>
+      <TransformAxis name="rotation2"><coordinates/><axis>0 1 0</axis>
+        <function><Constant><value>0</value></Constant></function></TransformAxis>
+      <TransformAxis name="rotation3"><coordinates/><axis>1 0 0</axis>
+        <function><Constant><value>0</value></Constant></function></TransformAxis>
+      <TransformAxis name="translation1"><coordinates>knee_angle</coordinates><axis>1 0 0</axis>
+        <function><NaturalCubicSpline>
+          <x>-2 -1 0 0.2</x><y>0.03 0.01 -0.01 0.02</y></NaturalCubicSpline></function>
+      </TransformAxis>
+      <TransformAxis name="translation2"><coordinates/><axis>0 1 0</axis>
+        <function><Constant><value>0.05</value></Constant></function></TransformAxis>
+      <TransformAxis name="translation3"><coordinates/><axis>0 0 1</axis>
+        <function><Constant><value>0</value></Constant></function></TransformAxis>
+    </SpatialTransform></CustomJoint></Joint></Body>
+</objects></BodySet>
+<MarkerSet><objects><Marker name="ankle"><body>shank</body><location>0 -0.4 0.05</location>
+<fixed>true</fixed></Marker></objects></MarkerSet></Model></OpenSimDocument>"""
+
+
+def test_files_of_version_2(oracle, random_poses, slow_positions, tmp_path):
+    path = tmp_path / "old.osim"
+    path.write_text(OLD_MODEL)
+    model = read_osim(path)
+    (coordinate,) = model.coordinates
+    assert (coordinate.name, coordinate.lower, coordinate.clamped) == ("knee_angle", -2.0, True)
+    assert model.markers[0].anatomical
+    assert model.segments[0].inertia[:3] == (0.04, 0.005, 0.041)
+    q = random_poses(model, 20, beyond=0.3)
+    request = {
+        "operation": "positions",
+        "file": str(path),
+        "coordinates": model.coordinate_names,
+        "markers": model.marker_names,
+        "poses": q.tolist(),
+    }
+    np.testing.assert_allclose(slow_positions(model, q), oracle(request)["positions"], rtol=0, atol=1e-12)
+    # the spline's value enters, in the parent's turned joint frame
+    assert any(t.shape is not None for j in model.segments[0].joints for t in j.law.terms)

@@ -11,6 +11,7 @@ from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.formats.osim import read_osim, write_osim
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.models.builtin import BUILTIN_NAMES, builtin
 from scaling_service.models.compile import compile_model
 from scaling_service.models.scaling import scaled
 
@@ -340,3 +341,16 @@ def test_a_folder_that_does_not_exist(oracle, tmp_path):
     with pytest.raises(InputError) as caught:
         write_osim(tmp_path / "none" / "a.osim", hand_made())
     assert caught.value.file == str(tmp_path / "none" / "a.osim")
+
+
+@pytest.mark.parametrize("name", BUILTIN_NAMES)
+def test_built_in_models(agrees, tmp_path, name):
+    path = tmp_path / "builtin.osim"
+    model = builtin(name)
+    write_osim(path, model)
+    written = agrees(path, model)
+    for ours in model.coordinates:
+        theirs = written.coordinate(ours.name)
+        finite = replace(ours, lower=max(ours.lower, -10.0), upper=min(ours.upper, 10.0))
+        assert theirs == finite  # OpenSim has no open ranges; unclamped ones do not bind
+    assert [s.mass for s in written.segments] == [s.mass for s in model.segments]

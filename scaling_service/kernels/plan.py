@@ -1,0 +1,216 @@
+"""The order in which a tree is computed: nodes by depth, so that left and right go together.
+
+A *node* is at most one shift followed by at most one turn; a link is a run of nodes. Nodes of equal
+depth do not depend on each other, so they are computed in one operation. Node 0 is the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.kernels.laws import NONE, Array, Factor, TermArrays, Values
+from scaling_service.kernels.moves import Link, Shift, Turn
+
+Index = NDArray[np.intp]
+_TO_AXIS = (
+    np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    np.eye(3),
+)
+"""Rotations whose z axis is axis 0, 1 or 2."""
+_ABOUT_Z = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+_ACROSS_Z = np.diag([1.0, 1.0, 0.0])
+_ALONG_Z = np.diag([0.0, 0.0, 1.0])
+
+
+@dataclass(slots=True)
+class _Node:
+    """A node while it is put together."""
+
+    link: int
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    shift_terms: tuple[TermArrays, ...] = ()
+    before: Array = field(default_factory=lambda: np.eye(3))
+    after: Array = field(default_factory=lambda: np.eye(3))
+    turn: float | None = None
+    turn_terms: tuple[TermArrays, ...] = ()
+
+    @property
+    def takes_shift(self) -> bool:
+        """Whether nothing has been turned yet."""
+        return self.turn is None and np.array_equal(self.before, np.eye(3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """Laws of many nodes at once: ``constant + matrix @ q`` and the terms that are not linear in q.
+
+    ``constant`` (rows,), ``matrix`` (rows, n_coordinates); ``others`` holds (first row, term).
+    """
+
+    constant: Array
+    matrix: Array
+    others: tuple[tuple[int, TermArrays], ...]
+
+    def values(self, q: Array, values: Values) -> Array:
+        """Values of all rows, (rows, n_frames)."""
+        result: Array = self.matrix @ q
+        result += self.constant[:, None]
+        for row, term in self.others:
+            scale = values.p[term.parameter] if term.parameter != NONE else 1.0
+            factor = values.factors[term.factor] if term.factor != NONE else 1.0
+            for k, gain in enumerate(term.gain):
+                if gain:
+                    result[row + k] += gain * scale * factor
+        return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """One term of one node's law: what it moves, and how.
+
+    For a turn ``direction`` is its axis in the parent node's frame (times the gain) and
+    ``is_turn`` is true; for a shift it is the term's gain there.
+    """
+
+    node: int
+    link: int
+    term: TermArrays
+    direction: Array
+    is_turn: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Nodes sorted by depth, as arrays; row 0 is the ground.
+
+    Parameters
+    ----------
+    parent : ndarray of int, shape (n_nodes,)
+    levels : tuple of slice
+        Nodes of equal depth, the shallowest first, ground left out.
+    link_node : ndarray of int, shape (n_links,)
+        The node that is each link's frame.
+    fixed, sine, cosine : ndarray, shape (n_nodes, 3, 3, 1)
+        A node's rotation is ``fixed + sine * sin(angle) + cosine * cos(angle)``.
+    angles, shifts : Linear
+        One row per node, and three rows per node.
+    entries : tuple of Entry
+        Every varying term, in the order of the links' moves.
+    """
+
+    parent: Index
+    levels: tuple[slice, ...]
+    link_node: Index
+    fixed: Array
+    sine: Array
+    cosine: Array
+    angles: Linear
+    shifts: Linear
+    entries: tuple[Entry, ...]
+
+
+def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int) -> Plan:
+    """Arrange the moves of all links for computation."""
+    nodes: list[_Node] = [_Node(NONE)]
+    parents, last = [NONE], [0] * len(links)
+    for k, link in enumerate(links):
+        before = 0 if link.parent == NONE else last[link.parent]
+        for node in _nodes(k, link):
+            parents.append(before)
+            nodes.append(node)
+            before = len(nodes) - 1
+        last[k] = before
+    depth = [0]
+    for parent in parents[1:]:
+        depth.append(depth[parent] + 1)
+    order = np.argsort(depth, kind="stable")
+    place = np.argsort(order)
+    ordered = [nodes[k] for k in order]
+    edges = np.flatnonzero(np.diff(np.array(depth)[order])) + 1
+    bounds = [*edges.tolist(), len(nodes)]
+    levels = tuple(slice(a, b) for a, b in pairwise(bounds))
+    parent_rows = np.array([place[parents[k]] if parents[k] != NONE else 0 for k in order], dtype=np.intp)
+    rotations = [_rotation(node) for node in ordered]
+    fixed, sine, cosine = (np.stack(part)[:, :, :, None] for part in zip(*rotations, strict=True))
+    return Plan(
+        parent_rows,
+        levels,
+        place[np.array(last, dtype=np.intp)],
+        fixed,
+        sine,
+        cosine,
+        _linear(
+            [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
+        ),
+        _linear([tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates),
+        tuple(entry for k in np.argsort(order) for entry in _entries(int(k), ordered[k])),
+    )
+
+
+def _nodes(number: int, link: Link) -> list[_Node]:
+    nodes = [_Node(number)]
+    for move in link.moves:
+        node = nodes[-1]
+        if isinstance(move, Shift):
+            if not node.takes_shift:
+                node = _Node(number)
+                nodes.append(node)
+            node.shift = node.shift + move.constant
+            node.shift_terms += move.terms
+        elif isinstance(move, Turn):
+            if node.turn is not None:
+                node = _Node(number)
+                nodes.append(node)
+            node.before = node.before @ _TO_AXIS[move.axis]
+            node.after = _TO_AXIS[move.axis].T
+            node.turn, node.turn_terms = move.constant, move.terms
+        elif node.turn is None:
+            node.before = node.before @ move.rotation
+        else:
+            node.after = node.after @ move.rotation
+    return nodes
+
+
+def _rotation(node: _Node) -> tuple[Array, Array, Array]:
+    """The constant, sine and cosine parts of a node's rotation, (3, 3) each."""
+    if node.turn is None:
+        return node.before, np.zeros((3, 3)), np.zeros((3, 3))
+    fixed, sine, cosine = (node.before @ part @ node.after for part in (_ALONG_Z, _ABOUT_Z, _ACROSS_Z))
+    return fixed, sine, cosine
+
+
+def _linear(
+    constants: Sequence[tuple[float, ...]],
+    terms: Sequence[tuple[TermArrays, ...]],
+    factors: Sequence[Factor],
+    n_coordinates: int,
+) -> Linear:
+    width = len(constants[0])
+    matrix = np.zeros((len(constants) * width, n_coordinates))
+    others = []
+    for k, own in enumerate(terms):
+        for term in own:
+            if is_plain(term, factors):
+                matrix[k * width : (k + 1) * width, factors[term.factor].coordinate] += term.gain
+            else:
+                others.append((k * width, term))
+    return Linear(np.array(constants, dtype=float).ravel(), matrix, tuple(others))
+
+
+def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
+    """Whether a term is a constant times one coordinate, nothing else."""
+    if term.parameter != NONE or term.factor == NONE:
+        return False
+    return factors[term.factor].shape is None and factors[term.factor].signal == NONE
+
+
+def _entries(row: int, node: _Node) -> list[Entry]:
+    axis = node.before[:, 2]
+    shifts = [Entry(row, node.link, t, t.gain, False) for t in node.shift_terms]
+    return shifts + [Entry(row, node.link, t, axis * t.gain[0], True) for t in node.turn_terms]

@@ -48,15 +48,17 @@ class Freedom:
         if self.lengths:
             for segment in model.segments:
                 if segment.name in carrying:
-                    model = free_scale(model, segment.name, settings.length_bound)
+                    model = free_scale(model, segment.name, settings.length_bound, settings.length_sd)
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
         for joint in knee_joints(model):
-            model = free_axis(model, joint, *bounds)
+            model = free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
         for marker in model.markers:
             if marker.name in seen and marker.weight > 0.0:
                 axes = "xyz" if self.all_markers else selected_coordinates(marker.name)
                 if axes:
-                    model = free_marker(model, marker.name, axes, settings.marker_bound_m)
+                    model = free_marker(
+                        model, marker.name, axes, settings.marker_bound_m, settings.marker_sd_m
+                    )
         return model
 
 

@@ -9,7 +9,8 @@ from typing import Protocol
 
 from scaling_service.calibration.freedom import Freedom
 from scaling_service.calibration.linear import linear
-from scaling_service.calibration.optimised import Progress, optimise
+from scaling_service.calibration.fitting import Progress
+from scaling_service.calibration.optimised import optimise
 from scaling_service.calibration.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.models.results import Calibration

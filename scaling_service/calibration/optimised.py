@@ -9,35 +9,25 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
+from scaling_service.calibration.fitting import STRATEGIES, Fit, Progress
 from scaling_service.calibration.freedom import Freedom, knee_joints
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
-from scaling_service.estimation.inverse_kinematics import Task, solve_task
-from scaling_service.kernels.estimator import (
-    Outcome,
-    Solution,
-    Uncertainty,
-    solve,
-    solve_parameters,
-    uncertainty,
-)
+from scaling_service.kernels.estimator import Outcome, Solution, Uncertainty, uncertainty
 from scaling_service.kernels.laws import Array
-from scaling_service.kernels.losses import SQUARED, Huber
 from scaling_service.kernels.masks import ever, seen
-from scaling_service.kernels.problem import Problem, total_cost
 from scaling_service.models.body import BodyModel
 from scaling_service.models.parameters import fold
 from scaling_service.models.results import Calibration, EstimatedParameter
 from scaling_service.models.trial import Trial
 
-Progress = Callable[[int, float], None]
 _DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing
+_HALF = 0.5  # of the prior's variance: below it the recording has said more than the prior
 _UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
 
 
@@ -94,9 +84,9 @@ def optimise(
     frames = calibration_frames(trials, names, settings.n_frames)
     shown = frozenset(n for n, once in zip(names, ever(seen(frames.markers)), strict=True) if once)
     freed = freedom.apply(start.model, shown, settings)
-    fit = _Fit.of(start.model, freed, frames, settings)
-    solution = STRATEGIES[settings.strategy](fit, settings, progress)
-    doubt = uncertainty(fit.problem, solution, fit.p0)
+    fitted = STRATEGIES[settings.strategy](Fit.of(start.model, freed, frames, settings), settings, progress)
+    fit, solution = fitted.fit, fitted.solution
+    doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
     estimated = _parameters(freed, solution.p, doubt)
     values = {p.name: p.value for p in estimated}
     return Calibration(
@@ -106,75 +96,20 @@ def optimise(
         _factors(start, values),
         _tilts(start, values),
         estimated,
-        solution.cost,
+        fit.error(solution),
         solution.steps,
         time.perf_counter() - clock,
         (*start.warnings, *_warnings(method, estimated, solution, doubt)),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """The bordered problem of one calibration, and where it starts."""
-
-    task: Task
-    problem: Problem
-    q0: Array
-    p0: Array
-
-    @classmethod
-    def of(cls, model: BodyModel, freed: BodyModel, frames: Trial, settings: CalibrationSettings) -> _Fit:
-        q0 = solve_task(Task.of(model, frames), frames.times).q
-        loss = SQUARED if settings.robust_m is None else Huber(settings.robust_m)
-        task = Task.of(freed, frames)
-        lower = np.array([p.lower for p in freed.parameters])
-        upper = np.array([p.upper for p in freed.parameters])
-        problem = Problem(
-            task.tree,
-            task.measured,
-            task.weights,
-            np.flatnonzero(task.free),
-            np.arange(len(freed.parameters)),
-            0.5 * (upper - lower),
-            lower,
-            upper,
-            np.zeros(len(freed.parameters)),
-            task.bounds,
-            loss=loss,
-        )
-        return cls(task, problem, q0, task.p)
-
-
-def _together(fit: _Fit, _: CalibrationSettings, progress: Progress | None) -> Solution:
-    """Motion and parameters in one bordered problem."""
-    return solve(fit.problem, fit.q0, fit.p0, progress=progress)
-
-
-def _alternating(fit: _Fit, settings: CalibrationSettings, progress: Progress | None) -> Solution:
-    """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
-    q, p = fit.q0, fit.p0
-    cost = total_cost(fit.problem, q, p, fit.p0)
-    for loop in range(1, settings.max_loops + 1):
-        found = solve_parameters(fit.problem, q, fit.p0, p)
-        p = found.p
-        q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
-        before, cost = cost, total_cost(fit.problem, q, p, fit.p0)
-        if progress is not None:
-            progress(loop, cost)
-        if abs(before - cost) < settings.loop_tolerance * before:
-            return Solution(q, p, cost, loop, Outcome.CONVERGED)
-    return Solution(q, p, cost, settings.max_loops, Outcome.MAX_STEPS)
-
-
-STRATEGIES = {"joint": _together, "alternating": _alternating}
-
-
 def _parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:
     found = []
     for k, parameter in enumerate(freed.parameters):
         at_bound = bool(doubt.at_bound[k])
-        narrow = at_bound or doubt.sd[k] < (parameter.upper - parameter.lower) / _UNIFORM
-        known = bool(narrow and doubt.undetermined[k] <= _DETERMINED)
+        spread = parameter.prior_sd or (parameter.upper - parameter.lower) / _UNIFORM
+        telling = at_bound or doubt.sd[k] ** 2 < _HALF * spread**2
+        known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
         found.append(
             EstimatedParameter(
                 parameter.name,
@@ -221,6 +156,6 @@ def _warnings(
     if doubt.free_directions:
         found.append(
             f"{method}: {doubt.free_directions} combinations of parameters are not determined by these "
-            f"recordings; they were left near their start, and these alone mean little: {few(loose)}"
+            f"recordings; the first guess decides them, so these mean little alone: {few(loose)}"
         )
     return tuple(found)

@@ -22,6 +22,13 @@ class CalibrationSettings:
         Bounds on the turns of a knee axis.
     marker_bound_m : float
         Bound on each shift of a marker's local coordinate.
+    length_sd, axis_sd_deg, marker_sd_m : float
+        Standard deviations of the prior around the first guess, for the ``joint`` strategy. Sizes:
+        5 % is what remains of a segment's length once stature is known (Puchaud 2019, table 2);
+        axes moved by less than 5 deg there; marker shifts of MB_am were 12.3 (9.8) mm, which is
+        9 mm along each axis. The paper's loop has no prior, but stops early.
+    prior : bool
+        Whether the prior is used.
     loop_tolerance : float
         The alternating loop stops when the cumulative kinematic error changes by less than this share.
     max_loops : int
@@ -39,6 +46,10 @@ class CalibrationSettings:
     axis_bound_x_deg: float = 20.0
     axis_bound_y_deg: float = 30.0
     marker_bound_m: float = 0.05
+    length_sd: float = 0.05
+    axis_sd_deg: float = 5.0
+    marker_sd_m: float = 0.010
+    prior: bool = True
     loop_tolerance: float = 0.01
     max_loops: int = 200
     robust_m: float | None = None

@@ -18,7 +18,7 @@ from scipy import linalg
 
 from scaling_service.kernels.border import linearise, trial_step
 from scaling_service.kernels.laws import Array
-from scaling_service.kernels.masks import seen
+from scaling_service.kernels.noise import residual_noise
 from scaling_service.kernels.problem import Problem, total_cost
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
@@ -62,11 +62,10 @@ class Solution:
 class Uncertainty:
     """What the recording says about the free parameters, each (n_free,).
 
-    ``sd`` is NaN for directions that nothing determines. ``undetermined`` is the share of each
-    parameter's direction that lies where the recording has no curvature. ``noise`` (m) is the
-    standard deviation of one marker coordinate that the residuals imply. ``covariance`` is
-    (n_free, n_free), zero for parameters at a bound. ``free_directions`` counts the combinations
-    of parameters that nothing determines.
+    ``sd`` is NaN for what neither the recording nor a prior determines, and at bounds.
+    ``undetermined`` is the share of each parameter's direction that lies where the recording alone
+    has no curvature; ``free_directions`` counts such directions. ``noise`` (m) is the standard
+    deviation of one marker coordinate. ``covariance`` is (n_free, n_free), zero at bounds.
     """
 
     sd: Array
@@ -83,6 +82,7 @@ def solve(
     p0: Array,
     settings: Settings = DEFAULT,
     progress: Callable[[int, float], None] | None = None,
+    start: Array | None = None,
 ) -> Solution:
     """Estimate motion and parameters together (Levenberg-Marquardt on the arrowhead system).
 
@@ -90,11 +90,12 @@ def solve(
     ----------
     q0 : ndarray, shape (n_frames, n_coordinates), rad or m
     p0 : ndarray, shape (n_parameters,)
-        Start, and centre of the priors.
+        Centre of the priors, and the parameters' first guess unless ``start`` is given.
     progress : callable, optional
         Called with the step's number and the cost.
+    start : ndarray, shape (n_parameters,), optional
     """
-    return _descend(problem, q0, p0, p0, settings, progress)
+    return _descend(problem, q0, p0, p0 if start is None else start, settings, progress)
 
 
 def solve_parameters(
@@ -143,39 +144,43 @@ def _easing(ratio: float) -> float:
     return max(0.1, 1.0 - (2.0 * min(ratio, 1.5) - 1.0) ** 3)
 
 
-def uncertainty(problem: Problem, solution: Solution, p0: Array) -> Uncertainty:
+def uncertainty(
+    problem: Problem, solution: Solution, p0: Array, variance: float | None = None
+) -> Uncertainty:
     """Standard deviations of the free parameters, from the curvature at the solution.
 
-    The noise is estimated from the residuals, with the degrees of freedom that the fit left. A
-    parameter at its bound is treated as known.
+    A parameter at its bound is treated as known. Priors count as far as their weights say.
+
+    Parameters
+    ----------
+    p0 : ndarray, shape (n_parameters,)
+        Centre of the priors.
+    variance : float, optional, m2
+        Of one marker coordinate in one independent frame; from the residuals if not given.
     """
     border = linearise(problem, solution.q, solution.p, p0, 0.0)
     value = solution.p[problem.parameters]
     margin = 1e-6 * problem.scale
     at_bound = (value <= problem.lower + margin) | (value >= problem.upper - margin)
-    inside = ~at_bound
-    curvature = border.curvature[np.ix_(inside, inside)]
-    eigenvalues, vectors = linalg.eigh(curvature) if inside.any() else (np.zeros(0), np.zeros((0, 0)))
-    known = eigenvalues > _NULL * max(float(np.diag(border.curvature).max(initial=0.0)), 1e-300)
-    numbers = 3 * int(seen(problem.measured).sum())
-    left = numbers - problem.n_frames * len(problem.coordinates) - int(known.sum())
-    noise = float(np.sqrt(solution.cost / left)) if left > 0 else float("nan")
-    inverse = (vectors[:, known] / eigenvalues[known]) @ vectors[:, known].T
-    undetermined = np.zeros(len(value))
-    undetermined[inside] = (vectors[:, ~known] ** 2).sum(axis=1)
-    covariance = np.zeros((len(value), len(value)))
-    covariance[np.ix_(inside, inside)] = noise**2 * inverse
+    inside = np.ix_(~at_bound, ~at_bound)
+    prior = np.diag(problem.prior_weight * problem.scale**2)
+    _, loose = _inverse((border.curvature - prior)[inside])
+    inverse, open_still = _inverse(border.curvature[inside])
+    noise = residual_noise(problem, solution.q, solution.p).variance if variance is None else variance
+    covariance, undetermined, lost = np.zeros(prior.shape), np.zeros(len(value)), np.zeros(len(value))
+    covariance[inside] = noise * inverse
     covariance *= np.outer(problem.scale, problem.scale)
+    undetermined[~at_bound] = (loose**2).sum(axis=1)
+    lost[~at_bound] = (open_still**2).sum(axis=1)
     sd = np.sqrt(np.diag(covariance).clip(0.0))
-    sd[undetermined > _SHARE] = np.nan
-    sd[at_bound] = np.nan
-    return Uncertainty(sd, at_bound, undetermined, noise, covariance, int((~known).sum()))
+    sd[(lost > _SHARE) | at_bound] = np.nan
+    return Uncertainty(sd, at_bound, undetermined, float(np.sqrt(noise)), covariance, loose.shape[1])
 
 
-def _without_coordinates(problem: Problem) -> Problem:
-    return Problem(
-        **{
-            **{name: getattr(problem, name) for name in problem.__dataclass_fields__},
-            "coordinates": np.zeros(0, dtype=np.intp),
-        }
-    )
+def _inverse(curvature: Array) -> tuple[Array, Array]:
+    """Pseudo-inverse of a curvature, and the directions (columns) in which there is none."""
+    if not len(curvature):
+        return curvature, curvature
+    values, vectors = linalg.eigh(0.5 * (curvature + curvature.T))
+    known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
+    return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]

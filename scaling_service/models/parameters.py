@@ -15,7 +15,9 @@ _X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _LETTERS = "xyz"
 
 
-def free_scale(model: BodyModel, segment: str, relative_bound: float) -> BodyModel:
+def free_scale(
+    model: BodyModel, segment: str, relative_bound: float, prior_sd: float | None = None
+) -> BodyModel:
     """Free one factor for a segment's size: joint centres and markers in it move away alike.
 
     The parameter ``scale.<segment>`` starts at one and stays within ``1 +- relative_bound``.
@@ -38,7 +40,7 @@ def free_scale(model: BodyModel, segment: str, relative_bound: float) -> BodyMod
         return replace(item, laws=(x, y, z))
 
     bounds = (1.0 - relative_bound, 1.0 + relative_bound)
-    added = Parameter(name, 1.0, "1", *bounds, group="length", target=segment)
+    added = Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
     return _with(_mapped(model, joint, marker), added)
 
 
@@ -52,7 +54,9 @@ def _multiplied(term: Term, parameter: str) -> Term:
     return replace(term, parameter=parameter)
 
 
-def free_axis(model: BodyModel, joint_name: str, bound_x: float, bound_y: float) -> BodyModel:
+def free_axis(
+    model: BodyModel, joint_name: str, bound_x: float, bound_y: float, prior_sd: float | None = None
+) -> BodyModel:
     """Free the direction of a joint's axis: turns about x, then y, of the parent (Puchaud 2019, 2.2.4).
 
     A shared rotation goes before the joint's moving rotations and back after them, so the neutral
@@ -65,7 +69,7 @@ def free_axis(model: BodyModel, joint_name: str, bound_x: float, bound_y: float)
         return replace(item, joints=_tilted(item.joints, *names)) if item.joint_name == joint_name else item
 
     added = tuple(
-        Parameter(name, 0.0, "rad", -bound, bound, group="axis", target=joint_name)
+        Parameter(name, 0.0, "rad", -bound, bound, group="axis", target=joint_name, prior_sd=prior_sd)
         for name, bound in zip(names, (bound_x, bound_y), strict=True)
     )
     return _with(replace(model, segments=tuple(map(segment, model.segments))), *added)
@@ -85,7 +89,9 @@ def _tilted(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
     return (*joints[:first], *there, *joints[first:last], *back, *joints[last:])
 
 
-def free_marker(model: BodyModel, name: str, axes: str, bound: float) -> BodyModel:
+def free_marker(
+    model: BodyModel, name: str, axes: str, bound: float, prior_sd: float | None = None
+) -> BodyModel:
     """Free local coordinates of a marker (``axes`` such as ``"xz"``) within ``+- bound`` (m).
 
     Parameters are ``marker.<name>.x`` and so on.
@@ -102,7 +108,7 @@ def free_marker(model: BodyModel, name: str, axes: str, bound: float) -> BodyMod
         return replace(item, laws=(x, y, z))
 
     added = tuple(
-        Parameter(parameter, 0.0, "m", -bound, bound, group="marker", target=name)
+        Parameter(parameter, 0.0, "m", -bound, bound, group="marker", target=name, prior_sd=prior_sd)
         for parameter in chosen.values()
     )
     return _with(_mapped(model, lambda joint: joint, marker), *added)

@@ -1,0 +1,82 @@
+"""The program: its commands, and what becomes of errors."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from scaling_service.cli.scaling import compare, demo, scale
+from scaling_service.core.errors import InputError
+from scaling_service.jobs.documents import code_version
+
+EXIT_INPUT = 2
+"""What was given cannot be used: arguments, a subject file or anything that it names."""
+
+EXIT_INTERRUPTED = 130
+"""Stopped from the keyboard, as shells count it."""
+
+app = typer.Typer(
+    name="scaling-service",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _command in (demo, scale, compare):
+    app.command()(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"scaling-service {code_version()}")  # noqa: T201 - this is what was asked for
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Scale a generic body model to a person from motion-capture recordings, and see how far to trust it.
+
+    A [bold]subject file[/bold] (YAML or JSON) names the model and the recordings. Start with
+    [cyan]scaling-service demo --out demo[/cyan], which needs none.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Those of the process unless given.
+
+    Returns
+    -------
+    int
+        0, or 2 if something that was given cannot be used, or 130 if interrupted. Anything else that
+        goes wrong is a defect of the program and leaves as an exception.
+    """
+    try:
+        result = app(list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+    except InputError as error:
+        return _complain(str(error))
+    except typer.TyperException as error:
+        return _complain(f"{error.format_message()} See --help.") if error.format_message() else EXIT_INPUT
+    except (KeyboardInterrupt, typer.Abort):
+        result = EXIT_INTERRUPTED
+    if result == EXIT_INTERRUPTED:
+        _complain("interrupted; nothing was written")
+    return result if isinstance(result, int) else 0
+
+
+def _complain(message: str) -> int:
+    sys.stderr.write(f"scaling-service: {message}\n")
+    return EXIT_INPUT

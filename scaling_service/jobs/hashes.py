@@ -1,0 +1,45 @@
+"""Fingerprints of everything a result came from."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from scaling_service.jobs.loading import recordings
+from scaling_service.models.subject import Subject
+
+
+def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
+    """SHA-256 of the subject file and of every file that it names.
+
+    Returns
+    -------
+    dict
+        File to hexadecimal digest. Files at or below the subject file's folder are named relative to
+        it, so that the same data elsewhere give the same document.
+    """
+    folder = None if subject_file is None else subject_file.resolve().parent
+    found: dict[str, str] = {}
+    for path in _inputs(subject, subject_file):
+        resolved = path.resolve()
+        inside = folder is not None and resolved.is_relative_to(folder)
+        name = resolved.relative_to(folder).as_posix() if inside and folder is not None else str(resolved)
+        found[name] = _digest(resolved)
+    return found
+
+
+def _inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
+    if subject_file is not None:
+        yield subject_file
+    if subject.model.lower().endswith(".osim"):
+        yield Path(subject.model)
+    yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
+    yield from recordings(subject)
+    yield from subject.forces.values()
+    yield from subject.bones.values()
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

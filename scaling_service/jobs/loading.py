@@ -1,0 +1,218 @@
+"""Everything of one subject into memory: the model, and the recordings ready to compute with."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from scaling_service.anatomy.markers import canonical, match_labels, strip_prefix
+from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.formats.osim import read_osim, read_scale_setup
+from scaling_service.formats.recording import read_recording
+from scaling_service.jobs.settings import Settings
+from scaling_service.models.body import BodyModel
+from scaling_service.models.builtin import builtin
+from scaling_service.models.subject import ScaleSetup, Session, Subject
+from scaling_service.models.trial import Repair, Trial
+from scaling_service.processing.orientation import Orientation, decide
+from scaling_service.processing.pipeline import process
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loaded:
+    """A session, and how its labels and axes were understood.
+
+    Parameters
+    ----------
+    session : Session
+    markers_used : mapping
+        Model marker to the labels that were taken for it, one unless trials differ.
+    axes : str
+        Which laboratory axes were taken for up and forward.
+    """
+
+    session: Session
+    markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    axes: str = ""
+
+
+def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
+    """Read the model and the recordings of a subject.
+
+    Labels become the model's marker names, positions m with X forward, Y up and Z right, gaps are
+    filled as the settings allow; everything that was changed is in each trial's ``repairs``.
+
+    Raises
+    ------
+    InputError
+        Whatever a file or a label is not fit for; it names the file and the remedy.
+    """
+    model = read_model(subject.model, subject.marker_set)
+    _check_segments(subject, model)
+    paths = recordings(subject)
+    raw = {path: _read(path) for path in paths}
+    _check_explicit(subject, list(raw.values()))
+    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
+    named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
+    axes = _axes(named, settings)
+    clusters = _clusters(model, subject)
+    ready: dict[Path, Trial] = {}
+    for path, (trial, _) in named.items():
+        with blamed_on(path, [path]):
+            ready[path] = process(trial, axes, clusters, settings.processing)
+    session = Session(
+        subject,
+        model,
+        None if subject.static is None else ready[subject.static],
+        tuple(ready[path] for path in subject.calibration),
+        tuple(ready[path] for path in subject.evaluation),
+        _scale_setup(subject, model),
+        tuple(_unseen(model, subject, list(ready.values()))),
+    )
+    return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description)
+
+
+def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
+    """A built-in model by name, or an OpenSim model by path.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        Anything that ends in ``.osim`` is a path.
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+
+    Raises
+    ------
+    InputError
+        There is no such model, or it cannot be read or represented.
+    """
+    if str(name_or_path).lower().endswith(".osim"):
+        return read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+    return builtin(str(name_or_path))
+
+
+def recordings(subject: Subject) -> tuple[Path, ...]:
+    """The files of all trials, each once: static, calibration, evaluation."""
+    static = () if subject.static is None else (subject.static,)
+    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
+
+
+@contextmanager
+def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+    """Let errors raised inside name a file.
+
+    Parameters
+    ----------
+    file : Path, optional
+        Named where an error names none.
+    trials : iterable of Path
+        Named where an error names the bare stem of one.
+    """
+    try:
+        yield
+    except InputError as error:
+        by_stem = {path.stem: path for path in trials}
+        found = file if error.file is None else by_stem.get(error.file)
+        if found is not None:
+            error.file = str(found)
+        raise
+
+
+def _read(path: Path) -> Trial:
+    with blamed_on(path, [path]):
+        return read_recording(path)
+
+
+def _scale_setup(subject: Subject, model: BodyModel) -> ScaleSetup | None:
+    """The set-up; its marker placer leaves the markers alone that the model says are fixed."""
+    if subject.scale_setup is None:
+        return None
+    setup = read_scale_setup(subject.scale_setup)
+    if setup.placement is None:
+        return setup
+    fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
+    return replace(setup, placement=replace(setup.placement, fixed=fixed))
+
+
+def _check_segments(subject: Subject, model: BodyModel) -> None:
+    for label, segment in subject.extra_markers.items():
+        if segment not in model.segment_names:
+            close = difflib.get_close_matches(segment, model.segment_names, n=1)
+            guess = f"Did you mean '{close[0]}'? " if close else ""
+            raise SubjectInvalid(
+                f"model '{model.name}' has no segment '{segment}'",
+                field=f"extra_markers.{label}",
+                remedy=f"{guess}Its segments are {', '.join(model.segment_names)}",
+            )
+
+
+def _check_explicit(subject: Subject, trials: Sequence[Trial]) -> None:
+    """A label that the subject file names must be in at least one recording (not in each: medial ones)."""
+    present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
+    for marker, label in subject.marker_map.items():
+        if not _has(present, label):
+            close = difflib.get_close_matches(label, [strip_prefix(p) for p in present], n=1)
+            guess = f"Did you mean '{close[0]}'? " if close else ""
+            raise SubjectInvalid(
+                f"label '{label}' is in no recording",
+                field=f"markers.{marker}",
+                remedy=f"{guess}Their labels are {', '.join(present)}",
+            )
+
+
+def _has(labels: Sequence[str], label: str) -> bool:
+    return label in labels or label in map(strip_prefix, labels)
+
+
+def _named(
+    trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
+) -> tuple[Trial, Mapping[str, str]]:
+    """A trial with the model's names in place of its labels, and which label was taken for which marker."""
+    explicit = {m: label for m, label in subject.marker_map.items() if _has(trial.labels, label)}
+    with blamed_on(path):
+        found = match_labels(trial.labels, wanted, explicit)
+    # A label that happens to carry a marker's name, while the user mapped that marker to another one.
+    shadowed = [label for label in found.unused_labels if label in found.mapped]
+    kept = trial.selected([label for label in trial.labels if label not in shadowed])
+    notes = [Repair("label", path.name, note) for note in found.notes]
+    notes += [
+        Repair("label", label, f"'{label}' was left out: the marker is another label") for label in shadowed
+    ]
+    renamed = kept.relabelled(found.renames)
+    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
+
+
+def _axes(named: Mapping[Path, tuple[Trial, Mapping[str, str]]], settings: Settings) -> Orientation:
+    """One decision for the session, on its first recording: the static one where there is one."""
+    path, (trial, _) = next(iter(named.items()))
+    roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+    with blamed_on(path, [path]):
+        return decide(trial, roles=roles, up=settings.up, forward=settings.forward)
+
+
+def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
+    """Segment to the labels on it, from which gaps of the others can be filled."""
+    found: dict[str, list[str]] = {segment: [] for segment in model.segment_names}
+    sides = {m.name: m.segment for m in model.markers if m.weight > 0.0} | dict(subject.extra_markers)
+    for label, segment in sides.items():
+        found[segment].append(label)
+    return {segment: tuple(labels) for segment, labels in found.items() if labels}
+
+
+def _unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
+    labels = {label for trial in trials for label in trial.labels}
+    missing = [m.name for m in model.markers if m.weight > 0.0 and m.name not in labels]
+    if missing:
+        yield f"no recording shows {', '.join(missing)} of the model: they are not used"
+    for label in subject.extra_markers:
+        if label not in labels:
+            yield f"extra marker '{label}' is in no recording: it is left out"
+
+
+def _used(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
+    return {name: labels for name, labels in every.items() if labels}

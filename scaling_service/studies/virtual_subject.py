@@ -1,0 +1,326 @@
+"""A person made of numbers: known bones, known motion, and recordings of it with the usual faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.streams import stream
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Law, Marker, Vector
+from scaling_service.models.builtin import builtin, generic_person
+from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.models.parameters import fold, free_axis
+from scaling_service.models.scaling import scaled
+from scaling_service.models.subject import Session, Subject
+from scaling_service.models.trial import Trial
+from scaling_service.processing.orientation import Orientation
+from scaling_service.processing.pipeline import ProcessingSettings, process
+from scaling_service.studies import virtual_motion as motion
+from scaling_service.studies.virtual_artefact import Artefact, draw_artefact, residual, with_artefact
+
+GENERIC = "lower_limb_14dof"
+
+STATURE_M = (1.762, 0.076)
+"""Mean and SD of the cohort of Puchaud 2019 (section 2.1)."""
+MALE_SHARE = 22.0 / 26.0
+"""Puchaud 2019, section 2.1."""
+SEX_GAP_M = 0.127
+"""Men over women: 1.756 - 1.629 m (ANSUR II 2012)."""
+BMI = (21.6, 2.14)
+"""kg/m2, mean and SD: Puchaud 2019, section 2.1."""
+
+FEMUR, SHANK, INTER_HIP = (0.2454, 0.012), (0.2356, 0.011), (0.0985, 0.008)
+"""Mean as a share of stature (EOS, Puchaud 2019, table 2) and SD about it in m (facts section 10, from the
+table's SDs)."""
+FEMUR_SHANK_CORRELATION = 0.8
+"""Proposed (facts section 10)."""
+SIDE_SD_M = 0.00325
+"""Of one bone's length about the mean of both sides: legs differ by 5.2 mm on average (Knutson 2005,
+Chiropr Osteopat 13:11, from radiographs), so by 6.5 mm SD, half of the variance in each bone."""
+
+KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
+    "r": ((1.94, 1.83), (-2.02, 2.10)),
+    "l": ((-0.81, 1.84), (0.81, 2.16)),
+}
+"""Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
+
+PALPATION_MM: Mapping[str, Vector] = {
+    "ASIS": (7.0, 7.0, 7.0),
+    "PSIS": (6.0, 8.0, 6.0),
+    "LFE": (5.0, 5.0, 4.0),
+    "MFE": (5.0, 5.0, 4.0),
+    "FH": (4.0, 5.0, 4.0),
+    "LM": (3.0, 3.0, 3.0),
+    "MM": (3.0, 3.0, 3.0),
+}
+"""SD of a marker's place about its landmark, x, y, z. Proposed (facts section 8) from the overall errors
+of Della Croce et al. 1999, 2005 (6-21 mm within, 13-25 mm between examiners)."""
+
+CAMERA_MM: Mapping[str, float] = {"static": 0.2, "dynamic": 0.5}
+"""SD of each coordinate in each frame, standing and moving (facts section 8)."""
+GAPS_PER_S, GAP_S = 0.02, 0.10
+"""Chosen: two or three hidden markers in ten seconds, a tenth of a second on average, so that some are longer
+than the 0.15 s that a spline may bridge."""
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualSettings:
+    """What is recorded, and how large its faults are (one: as in the literature, zero: none).
+
+    Parameters
+    ----------
+    placement, artefact, noise, gaps : float
+        Multiply the placement errors, skin movement, camera noise and the number of gaps.
+    functional_s, static_s : float
+        Length of each functional movement and of the standing trial.
+    strides : float
+        In each gait trial.
+    """
+
+    placement: float = 1.0
+    artefact: float = 1.0
+    noise: float = 1.0
+    gaps: float = 1.0
+    rate_hz: float = 100.0
+    functional_s: float = 10.0
+    static_s: float = 2.0
+    gait_trials: int = 2
+    strides: float = 2.5
+
+    def __post_init__(self) -> None:
+        shares = (self.placement, self.artefact, self.noise, self.gaps, self.gait_trials)
+        lengths = (self.rate_hz, self.functional_s, self.static_s, self.strides)
+        if min(shares) < 0.0 or min(lengths) <= 0.0:
+            raise ValueError("sizes of faults are not negative, lengths and rates are positive")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualSubject:
+    """A person of whom everything is known.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The truth: true sizes, knee axes and marker places (skin at rest).
+    generic : BodyModel
+        What scaling starts from.
+    factors : mapping
+        Segment to its true size against the generic model.
+    tilts : mapping
+        Knee to the true turns of its axis about x and y of the thigh, rad.
+    marker_offsets : mapping
+        Marker to its misplacement on the segment, m.
+    artefact : Artefact
+        How the skin moves.
+    motions : mapping
+        Trial to the true coordinates, (n_frames, n_coordinates) in the model's order, rad or m.
+    trials : mapping
+        Trial to its recording: ``static``, ``hip_r``, ``hip_l``, ``knee_r``, ``knee_l``, ``gait_1`` and on.
+    """
+
+    seed: int
+    settings: VirtualSettings
+    sex: Literal["F", "M"]
+    height_m: float
+    mass_kg: float
+    model: BodyModel
+    generic: BodyModel
+    factors: Mapping[str, float]
+    tilts: Mapping[str, tuple[float, float]]
+    marker_offsets: Mapping[str, Vector]
+    artefact: Artefact
+    motions: Mapping[str, Array]
+    trials: Mapping[str, Trial]
+
+
+def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) -> VirtualSubject:
+    """A person drawn from the literature's spread, and recorded.
+
+    Parameters
+    ----------
+    seed : int
+        Not negative. Equal seeds are the same person, whatever the settings.
+
+    Notes
+    -----
+    Every quantity has its own random stream, named after it: leaving one fault out changes no other.
+
+    Examples
+    --------
+    >>> person = virtual_subject(1)
+    >>> person.trials["hip_r"].markers.shape
+    (1000, 14, 3)
+    """
+    generic = builtin(GENERIC)
+    sex, height, mass = _person(seed)
+    factors = _factors(seed, generic, height)
+    tilts = {f"knee_{side}": _tilt(seed, side) for side in KNEE_AXIS_DEG}
+    offsets = _placement(seed, generic, settings.placement)
+    model = _truth(seed, generic, factors, tilts, offsets, mass)
+    style = motion.draw_style(stream(seed, "style"), sex)
+    motions = _motions(seed, model, style, height, settings)
+    skin = draw_artefact(seed, model, style.stance, settings.artefact)
+    trials = {name: _recorded(seed, name, model, skin, q, settings) for name, q in motions.items()}
+    return VirtualSubject(
+        seed, settings, sex, height, mass, model, generic, factors, tilts, offsets, skin, motions, trials
+    )
+
+
+def demo_session(seed: int, settings: VirtualSettings = VirtualSettings()) -> tuple[Session, VirtualSubject]:
+    """A virtual subject as a session, recordings processed: functional movements fit, gait is held out."""
+    person = virtual_subject(seed, settings)
+    trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}
+    subject = Subject(
+        id=f"virtual_{seed}", model=GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg
+    )
+    session = Session(
+        subject=subject,
+        model=person.generic,
+        static=trials["static"],
+        calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
+        evaluation=tuple(t for name, t in trials.items() if name.startswith("gait")),
+    )
+    return session, person
+
+
+def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
+    """A virtual recording after the usual smoothing and filling; its axes are right already."""
+    clusters = {
+        segment: tuple(m.name for m in model.markers if m.segment == segment and m.weight > 0.0)
+        for segment in model.segment_names
+    }
+    return process(trial, Orientation(np.eye(3), 1.0, "up +y, forward +x"), clusters, settings)
+
+
+def _person(seed: int) -> tuple[Literal["F", "M"], float, float]:
+    """Sex, stature (m) and mass (kg); both sexes together have the cohort's mean and SD of stature."""
+    rng = stream(seed, "person")
+    sex: Literal["F", "M"] = "M" if rng.random() < MALE_SHARE else "F"
+    mean, sd = STATURE_M
+    mean += SEX_GAP_M * ((1.0 - MALE_SHARE) if sex == "M" else -MALE_SHARE)
+    within = np.sqrt(sd**2 - MALE_SHARE * (1.0 - MALE_SHARE) * SEX_GAP_M**2)
+    height = float(rng.normal(mean, within))
+    return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
+
+
+def _factors(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
+    rng = stream(seed, "lengths")
+    common = rng.normal()
+    across = np.sqrt(1.0 - FEMUR_SHANK_CORRELATION**2) * rng.normal()
+    femur = FEMUR[0] * height + FEMUR[1] * common
+    shank = SHANK[0] * height + SHANK[1] * (FEMUR_SHANK_CORRELATION * common + across)
+    inter_hip = INTER_HIP[0] * height + INTER_HIP[1] * rng.normal()
+    factors = {"pelvis": float(inter_hip / (2.0 * _offset(generic, "femur_r")[2]))}
+    for side in ("r", "l"):
+        for bone, length, reach in (
+            ("femur", femur, _offset(generic, f"tibia_{side}")),
+            ("tibia", shank, np.array(generic.marker(f"{side.upper()}AJC").nominal)),
+        ):
+            own = length + SIDE_SD_M * stream(seed, "lengths", bone, side).normal()
+            factors[f"{bone}_{side}"] = float(own / np.linalg.norm(reach))
+    return factors
+
+
+def _offset(model: BodyModel, segment: str) -> Array:
+    """Where a segment's joint sits in its parent, m."""
+    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
+    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
+    return total
+
+
+def _tilt(seed: int, side: str) -> tuple[float, float]:
+    rng = stream(seed, "knee_axis", side)
+    x, y = (float(np.radians(rng.normal(*spread))) for spread in KNEE_AXIS_DEG[side])
+    return (x, y)
+
+
+def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
+    offsets = {}
+    for marker in generic.markers:
+        if marker.weight > 0.0:
+            spread = 1e-3 * size * np.array(PALPATION_MM[marker.name[1:]])
+            x, y, z = (float(v) for v in spread * stream(seed, "placement", marker.name).normal(size=3))
+            offsets[marker.name] = (x, y, z)
+    return offsets
+
+
+def _truth(
+    seed: int,
+    generic: BodyModel,
+    factors: Mapping[str, float],
+    tilts: Mapping[str, tuple[float, float]],
+    offsets: Mapping[str, Vector],
+    mass: float,
+) -> BodyModel:
+    depicted = sum(s.mass for s in generic.segments) / generic_person(GENERIC).mass_kg
+    model = scaled(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
+    for joint in tilts:
+        model = free_axis(model, joint, np.inf, np.inf)
+    values = {
+        f"axis.{joint}.{letter}": v
+        for joint, turns in tilts.items()
+        for letter, v in zip("xy", turns, strict=True)
+    }
+    markers = tuple(_moved(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
+    return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
+
+
+def _moved(marker: Marker, by: Vector) -> Marker:
+    x, y, z = (law + Law.constant(shift) for law, shift in zip(marker.laws, by, strict=True))
+    return replace(marker, laws=(x, y, z))
+
+
+def _motions(
+    seed: int, model: BodyModel, style: motion.Style, height: float, settings: VirtualSettings
+) -> dict[str, Array]:
+    def clock(duration: float) -> Array:
+        return _times(duration, settings.rate_hz)
+
+    found = {
+        "static": motion.standing(model, style, clock(settings.static_s), stream(seed, "static"), height)
+    }
+    for name, movement in (("hip", motion.hip_movement), ("knee", motion.knee_movement)):
+        for side in motion.OTHER:
+            rng = stream(seed, "motion", name, side)
+            found[f"{name}_{side}"] = movement(model, style, side, clock(settings.functional_s), rng, height)
+    for k in range(1, settings.gait_trials + 1):
+        times = clock(settings.strides * style.stride_s)
+        found[f"gait_{k}"] = motion.walking(model, style, times, stream(seed, "motion", "gait", k), height)
+    return found
+
+
+def _times(duration: float, rate_hz: float) -> Array:
+    return np.arange(max(2, round(duration * rate_hz))) / rate_hz
+
+
+def _recorded(
+    seed: int, name: str, model: BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
+) -> Trial:
+    labels = tuple(m.name for m in model.markers if m.weight > 0.0)
+    times = np.arange(len(q)) / settings.rate_hz
+    moving = with_artefact(model, skin)
+    markers = marker_positions(compile_model(moving, labels), q, parameter_values(moving))
+    still = name == "static"
+    spread = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
+    markers = markers + spread * stream(seed, "camera", name).normal(size=markers.shape)
+    if not still:
+        for k, label in enumerate(labels):
+            markers[:, k] += residual(skin, stream(seed, "artefact", name, label), times)
+            markers[_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
+    return Trial(name, times, labels, markers, settings.rate_hz)
+
+
+def _hidden(rng: np.random.Generator, times: Array, size: float) -> NDArray[np.bool_]:
+    """Whether a marker is hidden in each frame, never in the first or last."""
+    hidden = np.zeros(len(times), dtype=bool)
+    for _ in range(rng.poisson(size * GAPS_PER_S * times[-1])):
+        start = rng.uniform(0.0, times[-1])
+        hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
+    hidden[[0, -1]] = False
+    return hidden

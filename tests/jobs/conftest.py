@@ -1,0 +1,24 @@
+"""A laboratory's folder and what is made of it, once for all tests here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from scaling_service.jobs.settings import Settings
+from scaling_service.jobs.tasks import Results, compare
+from scaling_service.processing.pipeline import ProcessingSettings
+from tests.jobs.laboratory import laboratory
+
+UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))
+
+
+@pytest.fixture(scope="session")
+def subject_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return laboratory(tmp_path_factory.mktemp("laboratory"))
+
+
+@pytest.fixture(scope="session")
+def results(subject_file: Path) -> Results:
+    return compare(subject_file, settings=UNSMOOTHED)

@@ -1,0 +1,134 @@
+"""Recordings in a laboratory's own axes, unit and names become the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.formats.trc import write_trc
+from scaling_service.jobs.loading import blamed_on, load, read_model
+from scaling_service.jobs.settings import Settings
+from scaling_service.jobs.subjects import load_subject
+from tests.jobs.conftest import UNSMOOTHED
+from tests.jobs.laboratory import known_person, laboratory, write_recording
+
+
+def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
+    loaded = load(load_subject(subject_file), UNSMOOTHED)
+    person = known_person().session
+    assert loaded.axes == "up +z, forward -y"
+    for ours, true in zip(
+        (loaded.session.static, *loaded.session.dynamic), (person.static, *person.dynamic), strict=True
+    ):
+        assert ours is not None
+        assert true is not None
+        assert set(ours.labels) == set(true.labels)
+        # TRC keeps 10 nm
+        np.testing.assert_allclose(ours.selected(true.labels).markers, true.markers, rtol=0, atol=2e-8)
+
+
+def test_what_was_taken_for_what_is_told(subject_file: Path) -> None:
+    loaded = load(load_subject(subject_file))
+    assert loaded.markers_used["RLFE"] == ("S01:RKNE",)
+    assert loaded.markers_used["RFH"] == ("RFH",)
+    session = loaded.session
+    assert session.static is not None
+    kinds = {repair.what for repair in session.static.repairs}
+    assert {"up_axis", "forward_axis", "label"} <= kinds
+
+
+def test_given_axes_win(subject_file: Path) -> None:
+    settings = Settings(up="+y", forward="x", processing=UNSMOOTHED.processing)
+    loaded = load(load_subject(subject_file), settings)
+    assert loaded.axes == "up +y, forward +x"
+
+
+def test_labels_may_differ_from_trial_to_trial(tmp_path: Path) -> None:
+    file = laboratory(tmp_path)
+    walk = known_person().session.evaluation[0].relabelled({"RLFE": "RKNEE"})
+    write_trc(tmp_path / "walk.trc", walk)
+    assert load(load_subject(file)).markers_used["RLFE"] == ("S01:RKNE", "RKNEE")
+
+
+def test_the_subject_files_map_wins_over_a_markers_own_name(tmp_path: Path) -> None:
+    person = known_person()
+    file = laboratory(tmp_path, person, markers={"RFH": "RFHX"})
+    for name, trial in (("standing", person.session.static), ("hips", person.session.calibration[0])):
+        assert trial is not None
+        write_recording(tmp_path / f"{name}.trc", trial.relabelled({"RFH": "RFHX", "RMM": "RFH"}))
+    session = load(load_subject(file), UNSMOOTHED).session
+    assert session.static is not None
+    assert person.session.static is not None
+    found, true = session.static.position("RFH"), person.session.static.position("RFH")
+    np.testing.assert_allclose(found, true, rtol=0, atol=2e-8)
+    assert session.static.labels.count("RFH") == 1
+    assert any("left out" in repair.detail for repair in session.static.repairs)
+
+
+def test_a_mapped_label_may_be_in_the_static_trial_only(tmp_path: Path) -> None:
+    person = known_person()
+    file = laboratory(tmp_path, person, markers={"RMFE": "INNER"})
+    assert person.session.static is not None
+    write_recording(tmp_path / "standing.trc", person.session.static.relabelled({"RMFE": "INNER"}))
+    for name, trial in (("hips", person.session.calibration[0]), ("walk", person.session.evaluation[0])):
+        write_recording(tmp_path / f"{name}.trc", trial.selected([n for n in trial.labels if n != "RMFE"]))
+    assert load(load_subject(file)).markers_used["RMFE"] == ("INNER",)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "remedy"),
+    [
+        ({"markers": {"RFH": "RHFBX"}}, "markers.RFH", "Their labels are"),
+        ({"markers": {"RXYZ": "RFH"}}, "markers.RXYZ", "It has"),
+        ({"extra_markers": {"RTHI": "femur"}}, "extra_markers.RTHI", "Did you mean 'femur_"),
+    ],
+)
+def test_wrong_names_are_named(tmp_path: Path, changes: dict[str, object], field: str, remedy: str) -> None:
+    file = laboratory(tmp_path, **changes)
+    with pytest.raises(InputError) as caught, blamed_on(file):
+        load(load_subject(file))
+    assert caught.value.file is not None
+    assert caught.value.field == field
+    assert remedy in (caught.value.remedy or "")
+
+
+def test_markers_that_no_recording_shows_are_told(tmp_path: Path) -> None:
+    person = known_person()
+    file = laboratory(tmp_path, person, extra_markers={"RTHI": "femur_r"})
+    for name in ("standing", "hips", "walk"):
+        trial = {"standing": person.session.static, "hips": person.session.calibration[0]}.get(
+            name, person.session.evaluation[0]
+        )
+        assert trial is not None
+        write_recording(tmp_path / f"{name}.trc", trial.selected([n for n in trial.labels if n != "LFH"]))
+    warnings = load(load_subject(file)).session.warnings
+    assert any("LFH" in text and "not used" in text for text in warnings)
+    assert any("RTHI" in text and "left out" in text for text in warnings)
+
+
+def test_a_damaged_recording_is_named(tmp_path: Path) -> None:
+    file = laboratory(tmp_path)
+    (tmp_path / "hips.trc").write_text("nothing", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load(load_subject(file))
+    assert caught.value.file == str((tmp_path / "hips.trc").resolve())
+    assert caught.value.remedy
+
+
+def test_trials_named_by_their_stem_become_paths(tmp_path: Path) -> None:
+    path = tmp_path / "walk.trc"
+    for named, shown in (("walk", str(path)), (None, "subject.yaml"), ("other.c3d", "other.c3d")):
+        with pytest.raises(InputError) as caught, blamed_on(Path("subject.yaml"), [path]):
+            raise SubjectInvalid("wrong", file=named)
+        assert caught.value.file == shown
+
+
+def test_models_by_name_or_path(tmp_path: Path) -> None:
+    assert read_model("squat_4dof").name == "squat_4dof"
+    with pytest.raises(InputError, match="no built-in model"):
+        read_model("nobody")
+    with pytest.raises(InputError):
+        read_model(tmp_path / "absent.osim")

@@ -1,0 +1,53 @@
+"""Motion files, with coordinates that follow others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.formats.sto import read_sto
+from scaling_service.jobs.motions import law_values, write_motion
+from scaling_service.models.body import BodyModel, Coordinate, Coupler, Joint, Law, Segment, Shape, Term
+from scaling_service.models.results import Motion
+
+GLIDE = Law((Term(0.02, coordinate="knee", shape=Shape((0.0, 1.0, 2.0), ((1.0, 0.0), (2.0, 1.0)))),))
+FOLLOW = Law.of("knee", 0.5, 0.1)
+MODEL = BodyModel(
+    "leg",
+    (
+        Segment("thigh", "ground", "hip", ()),
+        Segment(
+            "shank",
+            "thigh",
+            "knee",
+            (
+                Joint("translation", (1.0, 0.0, 0.0), GLIDE),
+                Joint("rotation", (0.0, 0.0, 1.0), Law.of("knee")),
+            ),
+        ),
+    ),
+    (Coordinate("knee"), Coordinate("lift", kind="translation")),
+    couplers=(Coupler("knee_glide", "knee", GLIDE), Coupler("patella", "knee", FOLLOW)),
+)
+
+
+def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> None:
+    q = np.array([[0.5, 0.3], [1.5, 0.4], [np.nan, 0.5]])
+    times = np.arange(3) / 100.0
+    motion = Motion("squat", times, ("knee", "lift"), q, (), np.zeros((3, 0, 3)), ("knee",))
+    write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
+    table = read_sto(tmp_path / "squat_ik.mot")
+    assert table.columns == ("time", "knee", "lift", "knee_glide", "patella")
+    assert table.in_degrees is True
+    np.testing.assert_allclose(table.column("knee"), np.degrees(q[:, 0]), rtol=1e-11)
+    np.testing.assert_allclose(table.column("lift"), q[:, 1], rtol=1e-11)
+    np.testing.assert_allclose(table.column("knee_glide")[:2], [0.02 * 0.5, 0.02 * 2.0], rtol=1e-11)
+    np.testing.assert_allclose(table.column("patella")[:2], np.degrees([0.35, 0.85]), rtol=1e-11)
+    assert np.isnan(table.data[2, [1, 3, 4]]).all()
+
+
+def test_a_law_that_needs_more_than_one_coordinate_is_refused() -> None:
+    with pytest.raises(ValueError, match="follows another one only"):
+        law_values(Law((Term(1.0, parameter="scale.femur_r"),)), np.zeros(2))

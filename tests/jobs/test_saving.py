@@ -1,0 +1,150 @@
+"""What is written: complete, readable again, or nothing at all."""
+
+from __future__ import annotations
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
+from scaling_service.evaluation.segments import geometry
+from scaling_service.formats.osim import read_osim
+from scaling_service.formats.sto import motion_values, read_sto
+from scaling_service.jobs import saving
+from scaling_service.jobs.saving import check_folder, save
+from scaling_service.jobs.tasks import Results
+from scaling_service.models.document import from_document
+from scaling_service.models.results import Calibration
+from scaling_service.schemas.results import ComparisonDocument, ScalingDocument
+
+needs_opensim = pytest.mark.skipif(
+    find_spec("opensim") is None, reason="the opensim library is not installed"
+)
+
+
+@pytest.fixture
+def no_osim(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the slow writing of .osim files where they do not matter."""
+    monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
+
+
+def everything(folder: Path) -> set[str]:
+    return {p.relative_to(folder).as_posix() for p in folder.rglob("*")}
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_every_method_has_its_files(results: Results, tmp_path: Path) -> None:
+    save(results, tmp_path / "new" / "out")
+    for method in results.scalings:
+        names = {p.name for p in (tmp_path / "new" / "out" / method).iterdir()}
+        assert names == {"model.osim", "model.json", "hips_ik.mot", "walk_ik.mot", "scaling.json"}
+    assert not [p for p in tmp_path.rglob("*") if p.name.startswith(".")]
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_documents_are_read_again_and_agree(results: Results, tmp_path: Path) -> None:
+    returned = save(results, tmp_path)
+    comparison = ComparisonDocument(**json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8")))
+    assert comparison == returned
+    alone = ScalingDocument(**json.loads((tmp_path / "MB_am" / "scaling.json").read_text(encoding="utf-8")))
+    inside = comparison.methods["MB_am"]
+    assert alone.kinematic_error_mm == inside.kinematic_error_mm
+    assert alone.parameters == inside.parameters
+    assert alone.input_hashes == comparison.input_hashes
+    assert set(alone.input_hashes) == {"S01.yaml", "standing.trc", "hips.trc", "walk.trc"}
+    error = results.scalings["MB_am"].errors["walk"]
+    written = alone.kinematic_error_mm["walk"]
+    assert written.mean == pytest.approx(1e3 * error.mean, abs=1e-4)
+    assert (written.role, alone.kinematic_error_mm["hips"].role) == ("evaluation", "calibration")
+    assert alone.settings["calibration"]["n_frames"] == 100
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_models_and_motions_are_read_again(results: Results, tmp_path: Path) -> None:
+    save(results, tmp_path)
+    scaling = results.scalings["MB_lam"]
+    content = json.loads((tmp_path / "MB_lam" / "model.json").read_text(encoding="utf-8"))
+    assert from_document(content) == scaling.calibration.model
+    motion = scaling.motions["walk"]
+    kinds = {c.name: c.kind for c in scaling.calibration.model.coordinates}
+    names, values = motion_values(read_sto(tmp_path / "MB_lam" / "walk_ik.mot"), kinds)
+    assert names == motion.coordinates
+    np.testing.assert_allclose(values, motion.q, rtol=1e-11, atol=1e-12)  # 12 digits are written
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_scale_alone_writes_no_comparison(results: Results, tmp_path: Path) -> None:
+    save(results, tmp_path, comparison=False)
+    assert not (tmp_path / "comparison.json").exists()
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_a_folder_in_use_keeps_what_is_not_ours(results: Results, tmp_path: Path) -> None:
+    (tmp_path / "MB").mkdir()
+    (tmp_path / "MB" / "notes.txt").write_text("mine", encoding="utf-8")
+    (tmp_path / "MB" / "old_ik.mot").write_text("of an earlier model", encoding="utf-8")
+    (tmp_path / "MB" / "scaling.json").write_text("of an earlier run", encoding="utf-8")
+    save(results, tmp_path)
+    assert (tmp_path / "MB" / "notes.txt").read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "MB" / "old_ik.mot").exists()
+    assert json.loads((tmp_path / "MB" / "scaling.json").read_text(encoding="utf-8"))["method"] == "MB"
+
+
+def test_a_failure_leaves_nothing(results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, model: object, **_: object) -> None:
+        if path.parent.name == "MB_am":
+            raise ModelRefused("it cannot be written", field="knee_r", remedy="Do without")
+        path.write_text("<model/>", encoding="utf-8")
+
+    monkeypatch.setattr(saving, "write_osim", refuse)
+    with pytest.raises(ModelRefused):
+        save(results, tmp_path / "out")
+    assert everything(tmp_path) == set()
+
+
+def test_without_opensim_the_rest_is_written_and_said(
+    results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent(path: Path, model: object, **_: object) -> None:
+        raise DependencyMissing("no opensim", remedy="Install it with `pip install scaling-service[opensim]`")
+
+    monkeypatch.setattr(saving, "write_osim", absent)
+    document = save(results, tmp_path)
+    for method in document.methods.values():
+        assert any("model.osim was not written" in w and "[opensim]" in w for w in method.warnings)
+        assert "model.osim" not in method.files
+    assert (tmp_path / "MB_am" / "model.json").is_file()
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_a_file_in_the_way_is_named(results: Results, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("a file", encoding="utf-8")
+    for place in (tmp_path / "out", tmp_path / "out" / "below"):
+        with pytest.raises(InputError) as caught:
+            check_folder(place)
+        assert caught.value.file == str(place)
+        with pytest.raises(InputError):
+            save(results, place)
+    assert everything(tmp_path) == {"out"}
+
+
+def test_a_new_folder_may_be_made(tmp_path: Path) -> None:
+    check_folder(tmp_path / "a" / "b")
+    assert everything(tmp_path) == set()
+
+
+@needs_opensim
+def test_the_opensim_model_has_the_same_geometry(results: Results, tmp_path: Path) -> None:
+    one = Results(results.loaded, results.settings, {"MB_am": results.scalings["MB_am"]})
+    save(one, tmp_path)
+    ours = results.scalings["MB_am"].calibration
+    theirs = read_osim(tmp_path / "MB_am" / "model.osim")
+    expected, found = geometry(ours).lengths, geometry(Calibration("MB_am", theirs, theirs, {})).lengths
+    # The shank ends at a landmark of weight 0, and OpenSim's markers have no weight.
+    for name in ("inter_hip", "femur_r", "femur_l"):
+        assert found[name] == pytest.approx(expected[name], abs=1e-6)  # m
+    for segment in ours.model.segments:
+        assert theirs.segment(segment.name).mass == pytest.approx(segment.mass, rel=1e-9)

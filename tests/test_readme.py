@@ -1,0 +1,69 @@
+"""The README's examples run as they stand, in one folder, from top to bottom."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from scaling_service.cli import main
+from tests.jobs.laboratory import laboratory
+
+README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+COMMANDS = [
+    line
+    for language, text in BLOCKS
+    if language == "bash"
+    for line in text.replace("\\\n", " ").splitlines()
+    if line.startswith("scaling-service ")
+]
+PROGRAMS = [text for language, text in BLOCKS if language == "python"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the README's reader would be: beside a subject file and its recordings."""
+    place = tmp_path_factory.mktemp("readme")
+    for name, text in re.findall(r"^```yaml\n# (\S+)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL):
+        (place / name).write_text(text, encoding="utf-8")
+    subject = (place / "S01.yaml").read_text(encoding="utf-8")
+    laboratory(place)  # writes a subject file of its own under the same name
+    (place / "S01.yaml").write_text(subject, encoding="utf-8")
+    return place
+
+
+def test_the_output_shown_is_what_comes_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--out", str(tmp_path / "demo")]) == 0
+    printed = _rows(capsys.readouterr().out)
+    shown = _rows(next(text for language, text in BLOCKS if language == "text"))
+    advice = "run `scaling-service demo --out demo` and paste its output into the README"
+    assert list(shown) == list(printed), advice
+    # The first column, MB, is computed in closed form; the fits' last digit may differ between machines.
+    for label, value in shown.items():
+        assert value == pytest.approx(printed[label], abs=0.11), advice  # one unit of the last digit shown
+
+
+def _rows(text: str) -> dict[str, float]:
+    """Label and first number of every row of the table."""
+    found = re.findall(r"^ {2}(\S.{2,}?) {2,}(-?\d+\.\d)", text, re.MULTILINE)
+    return {label: float(value) for label, value in found}
+
+
+def test_there_are_examples() -> None:
+    assert len(COMMANDS) >= 3
+    assert PROGRAMS
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    assert main(shlex.split(command, comments=True)[1:]) == 0
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_programs(program: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    exec(compile(program, "README.md", "exec"), {"__name__": "readme"})

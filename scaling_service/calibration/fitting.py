@@ -4,25 +4,28 @@ Many combinations of axes and marker coordinates change nothing that markers cou
 markers may turn about its long axis while hip rotation turns back. Others change so little that
 skin movement decides them. The paper's loop leaves them near their start because it stops early;
 solved to the end, they drift to their bounds. Here a prior around the first guess holds them: its
-weight against the markers is their noise, taken from the residuals, over the prior's variance.
+weight against the markers is their noise, taken from the residuals and lengthened by how often the
+same is seen again, over the prior's variance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from scaling_service.calibration.frames import CalibrationFrames
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.estimation.inverse_kinematics import Task, solve_task
 from scaling_service.kernels.estimator import Outcome, Solution, solve, solve_parameters
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.losses import SQUARED, Huber
-from scaling_service.kernels.noise import residual_noise
+from scaling_service.kernels.noise import repetition, residual_variance
 from scaling_service.kernels.problem import Problem, total_cost
 from scaling_service.models.body import BodyModel
-from scaling_service.models.trial import Trial
 
 Progress = Callable[[int, float], None]
 _ROUNDS = 12  # chosen: the weight of the prior settles in three or four
@@ -38,13 +41,16 @@ class Fit:
     q0: Array
     p0: Array
     prior_sd: Array
+    blocks: NDArray[np.intp]
 
     @classmethod
-    def of(cls, model: BodyModel, freed: BodyModel, frames: Trial, settings: CalibrationSettings) -> Fit:
+    def of(
+        cls, model: BodyModel, freed: BodyModel, frames: CalibrationFrames, settings: CalibrationSettings
+    ) -> Fit:
         """Pose the problem: ``freed`` is the start's ``model`` with parameters."""
-        q0 = solve_task(Task.of(model, frames), frames.times).q
+        q0 = solve_task(Task.of(model, frames.trial), frames.trial.times).q
         loss = SQUARED if settings.robust_m is None else Huber(settings.robust_m)
-        task = Task.of(freed, frames)
+        task = Task.of(freed, frames.trial)
         lower = np.array([p.lower for p in freed.parameters])
         upper = np.array([p.upper for p in freed.parameters])
         wide = [np.inf if p.prior_sd is None or not settings.prior else p.prior_sd for p in freed.parameters]
@@ -61,11 +67,16 @@ class Fit:
             task.bounds,
             loss=loss,
         )
-        return cls(task, problem, q0, task.p, np.array(wide))
+        return cls(task, problem, q0, task.p, np.array(wide), frames.blocks)
 
     def with_prior(self, variance: float) -> Fit:
         """The same fit with the prior weighed against this noise (m2)."""
         return replace(self, problem=replace(self.problem, prior_weight=variance / self.prior_sd**2))
+
+    def noise(self, q: Array, p: Array) -> float:
+        """Variance of a marker coordinate in one frame as if frames were independent (m2)."""
+        variance = residual_variance(self.problem, q, p)
+        return variance * repetition(self.problem, q, p, self.blocks, variance)
 
     def error(self, solution: Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
@@ -85,15 +96,20 @@ def together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fit
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
     solution = Solution(fit.q0, fit.p0, np.inf, 0, Outcome.MAX_STEPS)
-    variance = residual_noise(fit.problem, fit.q0, fit.p0).effective
+    variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
-        solution = solve(weighed.problem, solution.q, fit.p0, progress=progress, start=solution.p)
+        report = None if progress is None else partial(_later, progress, steps)
+        solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
-        before, variance = variance, residual_noise(weighed.problem, solution.q, solution.p).effective
+        before, variance = variance, weighed.noise(solution.q, solution.p)
         if abs(variance - before) <= _SETTLED * before or not np.isfinite(fit.prior_sd).any():
             break
     return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
+
+
+def _later(progress: Progress, steps: int, step: int, cost: float) -> None:
+    progress(steps + step, cost)
 
 
 def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
@@ -109,7 +125,7 @@ def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) 
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:
             outcome = Outcome.CONVERGED
-    return Fitted(fit, Solution(q, p, cost, loop, outcome), residual_noise(fit.problem, q, p).effective)
+    return Fitted(fit, Solution(q, p, cost, loop, outcome), fit.noise(q, p))
 
 
 STRATEGIES = {"joint": together, "alternating": in_turn}

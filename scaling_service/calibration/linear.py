@@ -46,13 +46,14 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     notes: list[str] = []
     if session.static is None:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
-    if session.scale_setup is not None:
-        factors = setup_factors(session.model, standing, session.scale_setup)
+    setup = session.scale_setup
+    if setup is not None:
+        factors = setup_factors(session.model, standing, setup)
     else:
         factors, more = anatomical_factors(session.model, session.static, session.calibration, settings)
         notes.extend(more)
-    setup = session.scale_setup
-    model = scaled(session.model, factors)
+    keep = setup is None or setup.preserve_mass_distribution
+    model = scaled(session.model, factors, preserve_mass_distribution=keep)
     if setup is not None and setup.placement is not None:
         model = place_markers(model, standing, setup.placement)
     elif setup is None:

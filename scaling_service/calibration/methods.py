@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
+from scaling_service.calibration.fitting import Progress
 from scaling_service.calibration.freedom import Freedom
 from scaling_service.calibration.linear import linear
-from scaling_service.calibration.fitting import Progress
 from scaling_service.calibration.optimised import optimise
 from scaling_service.calibration.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid

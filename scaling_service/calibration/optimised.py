@@ -11,12 +11,10 @@ import math
 import time
 from collections.abc import Sequence
 
-import numpy as np
-
 from scaling_service.calibration.fitting import STRATEGIES, Fit, Progress
+from scaling_service.calibration.frames import calibration_frames
 from scaling_service.calibration.freedom import Freedom, knee_joints
 from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.kernels.estimator import Outcome, Solution, Uncertainty, uncertainty
 from scaling_service.kernels.laws import Array
@@ -29,32 +27,6 @@ from scaling_service.models.trial import Trial
 _DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing
 _HALF = 0.5  # of the prior's variance: below it the recording has said more than the prior
 _UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
-
-
-def calibration_frames(trials: Sequence[Trial], markers: Sequence[str], count: int) -> Trial:
-    """Frames equally spaced in time over all calibration trials, as one recording.
-
-    Frames that show none of the markers are passed over.
-
-    Raises
-    ------
-    TrialUnusable
-        There is no frame to calibrate on.
-    """
-    columns = [t.selected(markers) for t in trials]
-    measured = np.concatenate([t.markers for t in columns]) if columns else np.zeros((0, len(markers), 3))
-    usable = np.flatnonzero(seen(measured).any(axis=1))
-    if not len(usable):
-        raise TrialUnusable(
-            "no calibration trial shows a marker of the model",
-            field="trials.calibration",
-            remedy="Give at least one functional movement under `trials: calibration:`",
-        )
-    chosen = usable[np.unique(np.linspace(0, len(usable) - 1, min(count, len(usable))).round().astype(int))]
-    clock = np.arange(
-        len(chosen), dtype=float
-    )  # the frames come from several trials: order is all they share
-    return Trial("calibration", clock, tuple(markers), measured[chosen], 1.0)
 
 
 def optimise(
@@ -82,7 +54,7 @@ def optimise(
     clock = time.perf_counter()
     names = [m.name for m in start.model.markers if m.weight > 0.0]
     frames = calibration_frames(trials, names, settings.n_frames)
-    shown = frozenset(n for n, once in zip(names, ever(seen(frames.markers)), strict=True) if once)
+    shown = frozenset(n for n, once in zip(names, ever(seen(frames.trial.markers)), strict=True) if once)
     freed = freedom.apply(start.model, shown, settings)
     fitted = STRATEGIES[settings.strategy](Fit.of(start.model, freed, frames, settings), settings, progress)
     fit, solution = fitted.fit, fitted.solution

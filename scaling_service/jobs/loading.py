@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from scaling_service.anatomy.markers import canonical, match_labels, strip_prefix
+from scaling_service.anatomy.markers import canonical, looks_computed, match_labels, strip_prefix
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.formats.osim import read_osim, read_scale_setup
 from scaling_service.formats.recording import read_recording
@@ -19,6 +20,8 @@ from scaling_service.models.subject import ScaleSetup, Session, Subject
 from scaling_service.models.trial import Repair, Trial
 from scaling_service.processing.orientation import Orientation, decide
 from scaling_service.processing.pipeline import process
+
+_COMPUTED = "its name is that of a point computed from markers; map it under `markers:` to use it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +60,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     _check_explicit(subject, list(raw.values()))
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
-    axes = _axes(named, settings)
+    axes = _axes(named, subject.static, settings)
     clusters = _clusters(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -177,21 +180,35 @@ def _named(
         found = match_labels(trial.labels, wanted, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
-    kept = trial.selected([label for label in trial.labels if label not in shadowed])
+    computed = [label for m, label in found.mapped.items() if looks_computed(label) and m not in explicit]
+    kept = trial.selected([label for label in trial.labels if label not in (*shadowed, *computed)])
     notes = [Repair("label", path.name, note) for note in found.notes]
+    notes += [Repair("label", label, f"'{label}' was left out: {_COMPUTED}") for label in computed]
     notes += [
         Repair("label", label, f"'{label}' was left out: the marker is another label") for label in shadowed
     ]
     renamed = kept.relabelled(found.renames)
-    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
+    used = {marker: label for marker, label in found.mapped.items() if label not in computed}
+    return replace(renamed, repairs=(*renamed.repairs, *notes)), used
 
 
-def _axes(named: Mapping[Path, tuple[Trial, Mapping[str, str]]], settings: Settings) -> Orientation:
-    """One decision for the session, on its first recording: the static one where there is one."""
-    path, (trial, _) = next(iter(named.items()))
-    roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
-    with blamed_on(path, [path]):
-        return decide(trial, roles=roles, up=settings.up, forward=settings.forward)
+def _axes(
+    named: Mapping[Path, tuple[Trial, Mapping[str, str]]], static: Path | None, settings: Settings
+) -> Orientation:
+    """One decision for the session: up from its first recording, forward from how most movements face.
+
+    A person may stand for the static trial in another direction than they walk; what matters for
+    forces and the direction of progression is the movement.
+    """
+    decided: dict[Path, Orientation] = {}
+    for path, (trial, _) in named.items():
+        roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+        up = next(iter(decided.values())).up if decided else settings.up
+        with blamed_on(path, [path]):
+            decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
+    moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
+    most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
+    return next(axes for axes in moving if axes.forward == most)
 
 
 def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:

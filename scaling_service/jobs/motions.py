@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -16,6 +15,9 @@ from scaling_service.models.results import Array, Motion
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
+    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file
+    is in degrees.
+
     Parameters
     ----------
     path : Path
@@ -26,7 +28,7 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
-    kinds += [_kind(coupler, model) for coupler in model.couplers]
+    kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
     q = np.column_stack([motion.q, *(_followed(coupler, motion) for coupler in model.couplers)])
     write_sto(path, motion_table(motion.trial, motion.times, names, kinds, q))
 
@@ -53,12 +55,3 @@ def law_values(law: Law, x: Array) -> Array:
         else:
             total += term.gain * (x if term.shape is None else values(term.shape, x))
     return total
-
-
-def _kind(coupler: Coupler, model: BodyModel) -> Literal["rotation", "translation"]:
-    """A dependent coordinate that is a joint's translation is in m, any other an angle.
-
-    The coordinate itself is not kept by the model, but the joint it drives has its law.
-    """
-    shifts = any(j.kind == "translation" and j.law == coupler.law for _, j in model.joints())
-    return "translation" if shifts else "rotation"

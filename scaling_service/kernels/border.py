@@ -29,7 +29,7 @@ class _Block:
     cross: Array  # (n, nq, np)
     slope: Array  # (n, nq)
     shared_curvature: Array  # (np, np), summed over the frames
-    shared_slope: Array  # (np,)
+    frame_slopes: Array  # (n, np)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +62,28 @@ def linearise(problem: Problem, q: Array, p: Array, p0: Array, damping: float) -
         block = _block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, damping)
         border.curvature += block.shared_curvature - _times(block.cross, eliminated.follow)
-        border.slope += block.shared_slope - np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
+        border.slope += block.frame_slopes.sum(axis=0)
+        border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
         border.gain += eliminated.gain
         if keep:
             border.kept.append(eliminated)
     return border
+
+
+def frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
+    """Slope of the parameters frame by frame, the coordinates eliminated, without the priors' pull.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_free)
+        In normalised units.
+    """
+    slopes = np.empty((problem.n_frames, len(problem.parameters)))
+    for rows in problem.blocks():
+        block = _block(problem, q, p, rows)
+        eliminated = _eliminate(problem, block, q, rows, 0.0)
+        slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
+    return slopes
 
 
 def _times(left: Array, right: Array) -> Array:
@@ -119,7 +136,7 @@ def _normal(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
         np.matmul(own, shared.transpose(0, 2, 1)),
         np.matmul(own, gap[:, :, None])[:, :, 0],
         flat @ flat.T,
-        flat @ gap.ravel(),
+        np.matmul(shared, gap[:, :, None])[:, :, 0],
     )
 
 

@@ -18,7 +18,7 @@ from scipy import linalg
 
 from scaling_service.kernels.border import linearise, trial_step
 from scaling_service.kernels.laws import Array
-from scaling_service.kernels.noise import residual_noise
+from scaling_service.kernels.noise import residual_variance
 from scaling_service.kernels.problem import Problem, total_cost
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
@@ -166,7 +166,7 @@ def uncertainty(
     prior = np.diag(problem.prior_weight * problem.scale**2)
     _, loose = _inverse((border.curvature - prior)[inside])
     inverse, open_still = _inverse(border.curvature[inside])
-    noise = residual_noise(problem, solution.q, solution.p).variance if variance is None else variance
+    noise = residual_variance(problem, solution.q, solution.p) if variance is None else variance
     covariance, undetermined, lost = np.zeros(prior.shape), np.zeros(len(value)), np.zeros(len(value))
     covariance[inside] = noise * inverse
     covariance *= np.outer(problem.scale, problem.scale)

@@ -1,71 +1,60 @@
-"""What the residuals of a fit say about its noise: how large, and for how many frames it lasts."""
+"""What the residuals of a fit say about its noise: how large, and how often it is the same again."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from numpy.typing import NDArray
 
+from scaling_service.kernels.border import frame_slopes, linearise
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.masks import seen
 from scaling_service.kernels.problem import Problem, residuals
 
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
-_FADED = 0.05  # chosen: autocorrelation below which the rest of its sum is noise
+_NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
 
 
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Noise of one marker coordinate.
-
-    Parameters
-    ----------
-    variance : float, m2
-        Of one frame.
-    lasts : float
-        Frames that carry the information of one, at least 1 (the integrated autocorrelation time;
-        Sokal 1997): soft tissue moves slowly, so neighbouring frames repeat each other.
-    """
-
-    variance: float
-    lasts: float
-
-    @property
-    def effective(self) -> float:
-        """The variance that each frame would have if frames were independent, m2."""
-        return self.variance * self.lasts
-
-
-def residual_noise(problem: Problem, q: Array, p: Array) -> Noise:
-    """Noise from the residuals at a solution, with the degrees of freedom that the fit left.
+def residual_variance(problem: Problem, q: Array, p: Array) -> float:
+    """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
 
     Parameters
     ----------
     q : ndarray, shape (n_frames, n_coordinates)
     p : ndarray, shape (n_parameters,)
-
-    Notes
-    -----
-    Frames are taken in their order; weights scale the residuals.
     """
     shown = seen(problem.measured)
     gaps = residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
-    gaps = np.where(shown[:, :, None], gaps, 0.0).reshape(problem.n_frames, -1)
-    total = float((gaps**2).sum())
+    total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
     spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
     left = max(3 * int(shown.sum()) - spent, 1)
-    variance = max(total / left, _RESOLUTION_M**2)
-    return Noise(variance, _lasting(gaps, total))
+    return max(total / left, _RESOLUTION_M**2)
 
 
-def _lasting(gaps: Array, total: float) -> float:
-    """Integrated autocorrelation time of rows in order, in rows."""
-    lasting = 1.0
-    if total <= 0.0:
-        return lasting
-    for lag in range(1, len(gaps) // 2):
-        share = float((gaps[:-lag] * gaps[lag:]).sum()) / total
-        if share < _FADED:
-            break
-        lasting += 2.0 * share
-    return lasting
+def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float) -> float:
+    """How many frames say the same thing about the parameters, at least one.
+
+    Soft tissue moves with the movement, so it pulls a parameter the same way in every frame of a
+    trial. If frames were independent, the slopes of whole blocks (trials, or stretches of one) would
+    differ as the curvature says; how much more they differ is the design effect of the blocks
+    (the clustered form of Huber's sandwich; Liang & Zeger 1986).
+
+    Parameters
+    ----------
+    blocks : ndarray of int, shape (n_frames,)
+        Which block each frame belongs to.
+    variance : float, m2
+        Of one frame, as :func:`residual_variance` gives it.
+    """
+    names, sizes = np.unique(blocks, return_counts=True)
+    if len(names) < 2 or not len(problem.parameters):
+        return 1.0
+    border = linearise(problem, q, p, p, 0.0)
+    curvature = border.curvature - np.diag(problem.prior_weight * problem.scale**2)
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
+    slopes = frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
+    sums = np.array([slopes[blocks == name].sum(axis=0) for name in names])
+    sums -= np.outer(sizes / len(blocks), sums.sum(axis=0))
+    free = 1.0 - float(((sizes / len(blocks)) ** 2).sum())
+    effect = float((sums**2).sum()) / (free * variance * max(int(known.sum()), 1))
+    return max(effect, 1.0)

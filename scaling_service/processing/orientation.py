@@ -74,6 +74,16 @@ class Orientation:
     description: str
     repairs: tuple[Repair, ...] = ()
 
+    @property
+    def up(self) -> str:
+        """The laboratory axis that points up, such as ``"+z"``."""
+        return _name(self.R_new_old[1])
+
+    @property
+    def forward(self) -> str:
+        """The laboratory axis that points forward."""
+        return _name(self.R_new_old[0])
+
     def rotate(self, vectors: ArrayLike) -> Array:
         """Vectors (forces, moments, points) in our axes; no change of unit.
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.calibration.frames import calibration_frames
 from scaling_service.calibration.freedom import selected_coordinates
 from scaling_service.calibration.methods import METHODS, calibrate
-from scaling_service.calibration.optimised import calibration_frames
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.estimation.inverse_kinematics import inverse_kinematics
@@ -89,7 +89,7 @@ def test_the_cost_is_the_cumulative_kinematic_error_of_its_own_model() -> None:
     found = calibrate(known.session, "MB_am")
     names = [m.name for m in found.model.markers if m.weight > 0]
     frames = calibration_frames(known.session.calibration, names, 100)
-    motion = inverse_kinematics(found.model, frames)
+    motion = inverse_kinematics(found.model, frames.trial)
     assert float((motion.residuals**2).sum()) == pytest.approx(found.cost, rel=1e-6)
 
 
@@ -98,7 +98,8 @@ def test_frames_are_equally_spaced_over_all_trials() -> None:
     frames = calibration_frames((session.calibration[0], session.evaluation[0]), ("RASIS",), 100)
     both = np.concatenate([t.position("RASIS") for t in (session.calibration[0], session.evaluation[0])])
     rows = np.linspace(0, 399, 100).round().astype(int)
-    assert np.array_equal(frames.markers[:, 0], both[rows])
+    assert np.array_equal(frames.trial.markers[:, 0], both[rows])
+    assert np.array_equal(frames.blocks, rows // 100)  # each of two trials in two parts
 
 
 def test_markers_never_seen_in_the_movement_are_not_freed() -> None:

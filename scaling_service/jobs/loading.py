@@ -11,6 +11,7 @@ from pathlib import Path
 
 from scaling_service.anatomy.markers import canonical, looks_computed, match_labels, strip_prefix
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.text import few
 from scaling_service.formats.osim import read_osim, read_scale_setup
 from scaling_service.formats.recording import read_recording
 from scaling_service.jobs.settings import Settings
@@ -20,8 +21,6 @@ from scaling_service.models.subject import ScaleSetup, Session, Subject
 from scaling_service.models.trial import Repair, Trial
 from scaling_service.processing.orientation import Orientation, decide
 from scaling_service.processing.pipeline import process
-
-_COMPUTED = "its name is that of a point computed from markers; map it under `markers:` to use it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +52,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     InputError
         Whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    model = read_model(subject.model, subject.marker_set)
+    model = _without_computed(read_model(subject.model, subject.marker_set), subject)
     _check_segments(subject, model)
     paths = recordings(subject)
     raw = {path: _read(path) for path in paths}
@@ -130,6 +129,19 @@ def _read(path: Path) -> Trial:
         return read_recording(path)
 
 
+def _without_computed(model: BodyModel, subject: Subject) -> BodyModel:
+    """The model with points that other software computes from markers (joint centres) not to be followed.
+
+    They may still be measured by a scale set-up, and are markers again where the subject file maps them.
+    """
+    return model.with_markers(
+        tuple(
+            replace(m, weight=0.0) if looks_computed(m.name) and m.name not in subject.marker_map else m
+            for m in model.markers
+        )
+    )
+
+
 def _scale_setup(subject: Subject, model: BodyModel) -> ScaleSetup | None:
     """The set-up; its marker placer leaves the markers alone that the model says are fixed."""
     if subject.scale_setup is None:
@@ -180,16 +192,13 @@ def _named(
         found = match_labels(trial.labels, wanted, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
-    computed = [label for m, label in found.mapped.items() if looks_computed(label) and m not in explicit]
-    kept = trial.selected([label for label in trial.labels if label not in (*shadowed, *computed)])
+    kept = trial.selected([label for label in trial.labels if label not in shadowed])
     notes = [Repair("label", path.name, note) for note in found.notes]
-    notes += [Repair("label", label, f"'{label}' was left out: {_COMPUTED}") for label in computed]
     notes += [
         Repair("label", label, f"'{label}' was left out: the marker is another label") for label in shadowed
     ]
     renamed = kept.relabelled(found.renames)
-    used = {marker: label for marker, label in found.mapped.items() if label not in computed}
-    return replace(renamed, repairs=(*renamed.repairs, *notes)), used
+    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
 
 
 def _axes(
@@ -208,7 +217,9 @@ def _axes(
             decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
     most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
-    return next(axes for axes in moving if axes.forward == most)
+    chosen = next(axes for axes in moving if axes.forward == most)
+    why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
+    return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 
 
 def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
@@ -223,6 +234,12 @@ def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
 def _unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
     labels = {label for trial in trials for label in trial.labels}
     missing = [m.name for m in model.markers if m.weight > 0.0 and m.name not in labels]
+    computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in labels]
+    if computed:
+        yield (
+            f"{few(computed)} are points that software computed from markers: they are not followed; "
+            f"map them under `markers:` to use them"
+        )
     if missing:
         yield f"no recording shows {', '.join(missing)} of the model: they are not used"
     for label in subject.extra_markers:

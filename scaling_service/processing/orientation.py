@@ -12,14 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.errors import InputError
 from scaling_service.models.trial import Array, Repair, Trial
-
-PLAUSIBLE_EXTENT_M = (0.2, 5.0)
-"""Largest extent of a body's markers (chosen: a child's shank, and arms stretched overhead, with reserve)."""
-
-UNIT_MIXUPS = (1e-3, 1e3)
-"""m that are mm, and mm that are m: the mix-ups that occur; their plausible ranges do not overlap."""
+from scaling_service.processing.units import extremes, given_unit, unit_factor
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
@@ -196,75 +191,9 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     if orientation.scale is None:
         factor, unit_repairs = unit_factor(trial)
     else:
-        factor, unit_repairs = orientation.scale, _given_unit(orientation.scale, trial)
+        factor, unit_repairs = orientation.scale, given_unit(orientation.scale, trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
-
-
-def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
-    """The factor that makes the size of the body plausible, 1 where the stated unit can be true.
-
-    Parameters
-    ----------
-    trial : Trial
-
-    Returns
-    -------
-    factor : float
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    TrialUnusable
-        If no marker is seen at all, or neither the stated unit nor mm taken for m or m for mm gives a body.
-    """
-    low, high = _bounds(trial.markers)
-    largest = (high - low).max(axis=1)
-    if not np.isfinite(largest).any():
-        raise TrialUnusable(
-            f"no marker is seen in any frame of trial '{trial.name}'",
-            file=trial.name,
-            remedy="Check the recording",
-        )
-    extent = float(np.median(largest[np.isfinite(largest)]))
-    least, most = PLAUSIBLE_EXTENT_M
-    if least <= extent <= most:
-        return 1.0, ()
-    for factor in UNIT_MIXUPS:
-        if least <= extent * factor <= most:
-            stated, true = ("m", "mm") if factor < 1 else ("mm", "m")
-            detail = (
-                f"the body would measure {extent:.3g} m; positions said to be in {stated} are in {true}, "
-                f"so they were multiplied by {factor:g}"
-            )
-            return factor, (Repair("unit", trial.name, detail, trial.n_frames),)
-    if extent == 0 or len(trial.labels) < 2:
-        return 1.0, ()
-    raise TrialUnusable(
-        f"the markers of trial '{trial.name}' extend over {extent:.3g} m, which is no body in m or mm",
-        file=trial.name,
-        field="Units",
-        remedy="Correct the unit in the recording, or give the factor",
-    )
-
-
-def _given_unit(scale: float, trial: Trial) -> tuple[Repair, ...]:
-    if scale == 1.0:
-        return ()
-    return (
-        Repair(
-            "unit", trial.name, f"positions were multiplied by the given factor {scale:g}", trial.n_frames
-        ),
-    )
-
-
-def _bounds(positions: Array) -> tuple[Array, Array]:
-    """Smallest and largest coordinate among the markers of each frame, (n_frames, 3); NaN if none is seen."""
-    seen = np.isfinite(positions)
-    low = np.where(seen, positions, np.inf).min(axis=1, initial=np.inf)
-    high = np.where(seen, positions, -np.inf).max(axis=1, initial=-np.inf)
-    none = ~seen.any(axis=1)
-    return np.where(none, np.nan, low), np.where(none, np.nan, high)
 
 
 def _positions_by_role(
@@ -306,7 +235,7 @@ def _find_up(positions: Array, where: Mapping[str, Array], forward: Array | None
 
 
 def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Array, str]:
-    low, high = _bounds(positions)
+    low, high = extremes(positions)
     seen = np.isfinite(low).all(axis=1)
     low, high = low[seen], high[seen]
     extent = np.where(allowed, np.median(high - low, axis=0), -1.0)

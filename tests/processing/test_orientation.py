@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.kernels.rigid import rotation_about
 from scaling_service.models.trial import Trial
-from scaling_service.processing.orientation import apply, decide, orient, unit_factor
+from scaling_service.processing.orientation import apply, decide, orient
+from scaling_service.processing.units import unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
     "RASIS": (0.10, 0.95, 0.12), "LASIS": (0.10, 0.95, -0.12), "RPSIS": (-0.08, 0.98, 0.05),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.estimation.observability import determined
 from scaling_service.estimation.start import first_guess
+from scaling_service.estimation.traps import freed
 from scaling_service.kernels.estimator import Settings, solve
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.losses import SQUARED, Loss
@@ -39,7 +40,6 @@ _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
 )
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_STUCK = 4.0  # times the median cost: a frame that may sit in a wrong minimum is tried from its neighbours
 _ROUGH = SweepSettings(relative_decrease=1e-2)
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
@@ -171,7 +171,8 @@ def solve_task(
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = first_guess(task.tree, task.measured[rows], neutral, task.p, task.free)
     within = replace(task, bounds=coordinate_ranges(task.model))
-    natural = _untrap(within, rows, _solve(within, rows, guess, settings=_ROUGH))
+    rough = _solve(within, rows, guess, settings=_ROUGH)
+    natural = freed(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
     return _solve(task, slice(None), close, progress, _FINE)
 
@@ -230,22 +231,6 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
     steps = np.full(len(measured), found.steps)
     return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
-
-
-def _untrap(task: Task, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
-    """Frames with an outstanding cost are solved again from their neighbours' poses."""
-    q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
-    for shift in (1, -1) if len(rows) > 2 else ():
-        stuck = np.flatnonzero(cost > _STUCK * np.median(cost) + 1e-12)
-        source = stuck - shift
-        stuck = stuck[(source >= 0) & (source < len(rows))]
-        if not len(stuck):
-            break
-        again = _solve(task, rows[stuck], q[stuck - shift])
-        better = again.cost < cost[stuck]
-        q[stuck[better]], cost[stuck[better]] = again.q[better], again.cost[better]
-        steps[stuck] += again.steps
-    return MotionSolution(q, cost, steps, found.converged)
 
 
 def _interpolated(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:

@@ -1,7 +1,8 @@
 """The arrowhead system of a kinematic problem: a block per frame, one border of shared parameters.
 
 The blocks are eliminated by a Schur complement, which leaves a small dense problem in the
-parameters. Damping is a share of each curvature (Levenberg-Marquardt).
+parameters. Damping is a share of each curvature (Levenberg-Marquardt); every frame has its own, and
+the parameters have theirs, so that one unruly frame does not slow the others.
 """
 
 from __future__ import annotations
@@ -19,6 +20,14 @@ from scaling_service.kernels.tree import forward, jacobian, positions
 _KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
 _BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free combination of parameters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Damping:
+    """Shares of each curvature: of every frame's coordinates (n_frames,), and of the parameters."""
+
+    frames: Array
+    parameters: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,15 +61,29 @@ class Border:
     kept: list[Eliminated] = field(default_factory=list)
 
 
-def linearise(problem: Problem, q: Array, p: Array, p0: Array, damping: float) -> Border:
-    """Eliminate the coordinates of all frames around a motion (n_frames, n_coordinates) and parameters."""
+def linearise(
+    problem: Problem, q: Array, p: Array, p0: Array, damping: Array, pins: Array | None = None
+) -> Border:
+    """Eliminate the coordinates of all frames around a motion and parameters.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_frames, n_coordinates)
+    p, p0 : ndarray, shape (n_parameters,)
+        Where the parameters are, and the centre of the priors.
+    damping : ndarray, shape (n_frames,)
+        Share of the coordinates' curvature in each frame.
+    pins : ndarray, shape (n_frames, n_free_coordinates), optional
+        Steps that are given; NaN where a coordinate is free. Coordinates that the residuals push
+        beyond a bound at which they are do not move in any case.
+    """
     count = len(problem.parameters)
     change = (p - p0)[problem.parameters] * problem.scale
     border = Border(np.diag(problem.prior_weight * problem.scale**2), -problem.prior_weight * change)
     keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
     for rows in problem.blocks():
         block = _block(problem, q, p, rows)
-        eliminated = _eliminate(problem, block, q, rows, damping)
+        eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
         border.curvature += block.shared_curvature - _times(block.cross, eliminated.follow)
         border.slope += block.frame_slopes.sum(axis=0)
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
@@ -81,7 +104,7 @@ def frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
     slopes = np.empty((problem.n_frames, len(problem.parameters)))
     for rows in problem.blocks():
         block = _block(problem, q, p, rows)
-        eliminated = _eliminate(problem, block, q, rows, 0.0)
+        eliminated = _eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
         slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
     return slopes
 
@@ -94,19 +117,46 @@ def _times(left: Array, right: Array) -> Array:
 
 
 def trial_step(
-    problem: Problem, border: Border, q: Array, p: Array, damping: float
+    problem: Problem, q: Array, p: Array, p0: Array, damping: Damping
 ) -> tuple[Array, Array, float]:
-    """The damped, bounded step: new coordinates, new parameters and the decrease that it promises."""
-    step, curvature = _bounded_step(problem, border, p, damping)
+    """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
+
+    Coordinates that it would carry past a bound are moved just to it, and the step is made again
+    knowing so; otherwise all the others would have moved as if they had gone on.
+    """
+    border = linearise(problem, q, p, p0, damping.frames)
+    trial_q, trial_p, promised = _step(problem, border, q, p, damping, None)
+    pins = _crossing(problem, q, trial_q)
+    if pins is not None:
+        border = linearise(problem, q, p, p0, damping.frames, pins)
+        trial_q, trial_p, promised = _step(problem, border, q, p, damping, pins)
+    return (*problem.clipped(trial_q, trial_p), promised)
+
+
+def _step(
+    problem: Problem, border: Border, q: Array, p: Array, damping: Damping, pins: Array | None
+) -> tuple[Array, Array, float]:
+    step, curvature = _bounded_step(problem, border, p, damping.parameters)
     trial_p, trial_q = p.copy(), q.copy()
     trial_p[problem.parameters] += step * problem.scale
     made_again = (
-        _eliminate(problem, _block(problem, q, p, rows), q, rows, damping) for rows in problem.blocks()
+        _eliminate(problem, _block(problem, q, p, rows), q, rows, damping.frames[rows], pins)
+        for rows in problem.blocks()
     )
     for block in border.kept or made_again:
         trial_q[block.rows, problem.coordinates] += block.free_step - block.follow @ step
     promised = border.gain + float(2.0 * border.slope @ step - step @ curvature @ step)
-    return (*problem.clipped(trial_q, trial_p), promised)
+    return trial_q, trial_p, promised
+
+
+def _crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
+    """The way to the bound for coordinates that a step carries past it, NaN for the others."""
+    free = problem.coordinates
+    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
+    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
+    if not beyond.any():
+        return None
+    return np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
 
 
 def _block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
@@ -140,20 +190,29 @@ def _normal(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
     )
 
 
-def _eliminate(problem: Problem, block: _Block, q: Array, rows: slice, damping: float) -> Eliminated:
-    """Solve a block for its coordinates; those held at a bound do not move."""
+def _eliminate(
+    problem: Problem, block: _Block, q: Array, rows: slice, damping: Array, pins: Array | None = None
+) -> Eliminated:
+    """Solve a block for its coordinates, those pinned or held at a bound excepted."""
     if not len(problem.coordinates):
         return Eliminated(rows, block.slope, block.cross, 0.0)
-    held = _held(problem, q[rows], block.slope)
-    slope = np.where(held, 0.0, block.slope)
-    cross = np.where(held[:, :, None], 0.0, block.cross)
-    curvature = np.where(held[:, :, None] | held[:, None, :], 0.0, block.curvature)
+    given = np.where(_held(problem, q[rows], block.slope), 0.0, np.nan)
+    if pins is not None:
+        given = np.where(np.isnan(pins[rows]), given, pins[rows])
+    fixed = ~np.isnan(given)
+    moved = np.where(fixed, given, 0.0)
+    pulled = np.einsum("nij,nj->ni", block.curvature, moved)
+    gain = float((moved * (2.0 * block.slope - pulled)).sum())
+    slope = np.where(fixed, moved, block.slope - pulled)
+    cross = np.where(fixed[:, :, None], 0.0, block.cross)
+    curvature = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, block.curvature)
     diagonal = np.einsum("nii->ni", curvature)
     ridge = _BLOCK_RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True) + 1e-300
-    diagonal += np.where(held, 1.0, damping * diagonal + ridge)
+    diagonal += np.where(fixed, 1.0, damping[:, None] * diagonal + ridge)
     solved = np.linalg.solve(curvature, np.concatenate([slope[:, :, None], cross], axis=2))
     free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
-    return Eliminated(rows, free_step, follow, float((slope * free_step).sum()))
+    gain += float(np.where(fixed, 0.0, slope * free_step).sum())
+    return Eliminated(rows, free_step, follow, gain)
 
 
 def _held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
@@ -165,17 +224,14 @@ def _held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
 
 
 def _bounded_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:
-    """The parameters' step in normalised units, within their bounds, and the curvature it was made with.
-
-    Directions of negative curvature are taken at its size, so that the step goes down.
-    """
+    """The parameters' step in normalised units, within their bounds, and the curvature it was made with."""
     if not len(problem.parameters):
         return np.zeros(0), border.curvature
     curvature = 0.5 * (border.curvature + border.curvature.T)
-    diagonal = np.abs(np.diag(curvature))
+    diagonal = np.diag(curvature).clip(0.0)
     top = max(float(diagonal.max()), 1e-300)
     values, vectors = linalg.eigh(curvature + np.diag(damping * diagonal + _RIDGE * top))
-    values = np.maximum(np.abs(values), 0.5 * _RIDGE * top)
+    values = np.maximum(values, 0.5 * _RIDGE * top)
     upward = vectors.T @ border.slope
     step: Array = vectors @ (upward / values)
     used = (vectors * values) @ vectors.T

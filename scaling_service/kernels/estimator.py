@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from scaling_service.kernels.border import linearise, trial_step
+from scaling_service.kernels.border import Damping, linearise, trial_step
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.noise import residual_variance
-from scaling_service.kernels.problem import Problem, total_cost
+from scaling_service.kernels.problem import Problem, frame_costs, prior_cost, total_cost
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 _STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
 _LEAST = 1e-12
+_EASE, _TIGHTEN = 0.2, 8.0  # chosen: a frame's own damping after a step that helped it, or did not
 _NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
 _SHARE = 1e-4  # of a parameter's direction where nothing is determined, beyond which it is not either
 
@@ -40,7 +41,7 @@ class Settings:
     """When to stop: the step promises less than this share of the cost, or so many steps are done."""
 
     max_steps: int = 100
-    relative_decrease: float = 1e-7
+    relative_decrease: float = 1e-8
     damping: float = 1e-4
 
 
@@ -121,22 +122,37 @@ def _descend(
     progress: Callable[[int, float], None] | None,
 ) -> Solution:
     q, p = problem.clipped(q0.copy(), start.copy())
-    cost, damping, raise_by = total_cost(problem, q, p, p0), settings.damping, 2.0
+    cost, raise_by = total_cost(problem, q, p, p0), 2.0
+    damping = Damping(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
-        border = linearise(problem, q, p, p0, damping)
-        trial_q, trial_p, promised = trial_step(problem, border, q, p, damping)
-        if promised <= settings.relative_decrease * cost + _ROUNDING or damping > _STUCK:
+        trial_q, trial_p, promised = trial_step(problem, q, p, p0, damping)
+        if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
             return Solution(q, p, cost, steps, Outcome.CONVERGED)
-        trial_cost = total_cost(problem, trial_q, trial_p, p0)
+        trial_q, trial_cost, improved = _each_frame_its_better(problem, q, trial_q, trial_p, p0)
+        own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
-            damping = max(damping * _easing((cost - trial_cost) / promised), _LEAST)
+            shared = damping.parameters * _easing((cost - trial_cost) / promised)
             q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
             if progress is not None:
                 progress(steps, cost)
         else:
-            damping = max(damping, 1e-8) * raise_by
+            shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
+        damping = Damping(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
     return Solution(q, p, cost, settings.max_steps, Outcome.MAX_STEPS)
+
+
+def _each_frame_its_better(
+    problem: Problem, q: Array, trial_q: Array, trial_p: Array, p0: Array
+) -> tuple[Array, float, NDArray[np.bool_]]:
+    """In every frame the trial's coordinates or the old ones, whichever suit the trial's parameters.
+
+    Frames share only the parameters, so the choice is free; also the cost, and where the trial won.
+    """
+    moved, stayed = (frame_costs(problem, each, trial_p) for each in (trial_q, q))
+    improved: NDArray[np.bool_] = np.less_equal(moved, stayed)
+    cost = float(np.minimum(moved, stayed).sum()) + prior_cost(problem, trial_p, p0)
+    return np.where(improved[:, None], trial_q, q), cost, improved
 
 
 def _easing(ratio: float) -> float:
@@ -158,7 +174,7 @@ def uncertainty(
     variance : float, optional, m2
         Of one marker coordinate in one independent frame; from the residuals if not given.
     """
-    border = linearise(problem, solution.q, solution.p, p0, 0.0)
+    border = linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
     value = solution.p[problem.parameters]
     margin = 1e-6 * problem.scale
     at_bound = (value <= problem.lower + margin) | (value >= problem.upper - margin)

@@ -48,7 +48,7 @@ def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], v
     names, sizes = np.unique(blocks, return_counts=True)
     if len(names) < 2 or not len(problem.parameters):
         return 1.0
-    border = linearise(problem, q, p, p, 0.0)
+    border = linearise(problem, q, p, p, np.zeros(problem.n_frames))
     curvature = border.curvature - np.diag(problem.prior_weight * problem.scale**2)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)

@@ -81,12 +81,23 @@ def residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -
     return problem.measured[rows] - np.moveaxis(positions(problem.tree, poses), -1, 0)
 
 
+def frame_costs(problem: Problem, q: Array, p: Array) -> Array:
+    """The weighted (robust) sum of squared distances of each frame, (n_frames,), m2."""
+    costs = np.empty(problem.n_frames)
+    for rows in problem.blocks():
+        gaps = residuals(problem, q, p, rows)
+        squared = np.einsum("nmc,nmc->nm", gaps, gaps)
+        shown = np.isfinite(squared)
+        costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
+    return costs
+
+
+def prior_cost(problem: Problem, p: Array, p0: Array) -> float:
+    """The priors' share of the cost (m2)."""
+    change = (p - p0)[problem.parameters]
+    return float(problem.prior_weight @ change**2)
+
+
 def total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
     """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
-    change = (p - p0)[problem.parameters]
-    total = float(problem.prior_weight @ change**2)
-    for rows in problem.blocks():
-        squared = np.einsum("nmc,nmc->nm", *[residuals(problem, q, p, rows)] * 2)
-        shown = np.isfinite(squared)
-        total += float((problem.loss.cost(np.where(shown, squared, 0.0)) * shown * problem.weights).sum())
-    return total
+    return prior_cost(problem, p, p0) + float(frame_costs(problem, q, p).sum())

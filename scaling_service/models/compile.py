@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from scaling_service.kernels.laws import NONE, Array, Factor, Piecewise, TermArrays
 from scaling_service.kernels.moves import Fixed, Link, Move, Shift, Turn
+from scaling_service.kernels.rigid import rotation_about
 from scaling_service.kernels.tree import MarkerTerm, Tree
 from scaling_service.models.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
 
@@ -153,13 +154,6 @@ def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis]), 2, 1.0
-
-
-def rotation_about(axis: Array, angle: float) -> Array:
-    """Rotation matrix (3, 3) about a unit axis (Rodrigues)."""
-    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    rotation: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
-    return rotation
 
 
 def parameter_values(model: BodyModel) -> Array:

@@ -389,3 +389,20 @@ def test_progress_reports_falling_cost() -> None:
     solve(this.problem, this.q0, this.p0, TIGHT, progress=lambda step, cost: told.append((step, cost)))
     assert len(told) > 1
     assert all(a[0] < b[0] and a[1] >= b[1] for a, b in pairwise(told))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_that_bind_in_many_frames_do_not_stop_it(seed: int) -> None:
+    this = case(seed, n=60, noise=0.005)
+    knee = int(this.problem.coordinates[-1])
+    limit = float(np.quantile(this.q[:, knee], 0.6))
+    lower, upper = (bound.copy() for bound in this.problem.coordinate_bounds)
+    upper[knee] = limit
+    bounded = replace(this.problem, coordinate_bounds=(lower, upper))
+    found = solve(bounded, this.q0, this.p0)
+    tight = solve(bounded, found.q, this.p0, TIGHT, start=found.p)
+    assert found.outcome is Outcome.CONVERGED
+    assert found.steps < 60
+    assert found.cost == pytest.approx(tight.cost, rel=1e-5)
+    assert (found.q[:, knee] <= limit + 1e-12).all()
+    assert (found.q[:, knee] >= limit - 1e-12).mean() > 0.2

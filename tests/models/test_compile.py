@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.kernels.moves import Fixed, Shift, Turn
+from scaling_service.kernels.rigid import rotation_about
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.models.compile import (
@@ -20,7 +21,6 @@ from scaling_service.models.compile import (
     default_coordinates,
     free_coordinates,
     parameter_values,
-    rotation_about,
     signal_rows,
 )
 from scaling_service.models.neutral import neutral_frames

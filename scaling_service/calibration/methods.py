@@ -9,6 +9,7 @@ from typing import Protocol
 
 from scaling_service.calibration.fitting import Progress
 from scaling_service.calibration.freedom import Freedom
+from scaling_service.calibration.images import image_based
 from scaling_service.calibration.linear import linear
 from scaling_service.calibration.optimised import optimise
 from scaling_service.calibration.settings import PAPER, CalibrationSettings
@@ -23,6 +24,10 @@ class Method(Protocol):
     @property
     def needs(self) -> str | None:
         """The method that gives the first guess, if any."""
+
+    @property
+    def needs_images(self) -> bool:
+        """Whether it can only be done where bones were imaged."""
 
     @property
     def title(self) -> str:
@@ -44,6 +49,7 @@ class MarkerBased:
 
     title: str = "segment sizes from marker distances"
     needs: str | None = None
+    needs_images: bool = False
 
     def calibrate(
         self,
@@ -64,6 +70,7 @@ class Optimised:
     title: str
     needs: str
     freedom: Freedom
+    needs_images: bool = False
 
     def calibrate(
         self,
@@ -76,6 +83,33 @@ class Optimised:
         if start is None:
             raise ValueError(f"{self.name} starts from {self.needs}")
         return optimise(self.name, start, session.calibration, self.freedom, settings, progress)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageBased:
+    """Joint centres, knee axes and markers from images, the rest from markers."""
+
+    title: str = "joint centres, knee axes and markers from images"
+    needs: str | None = "MB"
+    needs_images: bool = True
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,  # noqa: ARG002 (the table's one signature; nothing is fitted)
+        progress: Progress | None,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Replace what was imaged in the start's model."""
+        if start is None:
+            raise ValueError("EB starts from MB")
+        if session.images is None:
+            raise SubjectInvalid(
+                "there are no bones to scale from",
+                field="bones",
+                remedy="Give `bones:` in the subject file, or choose a marker-based method",
+            )
+        return image_based(start, session.images, session.static)
 
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -92,6 +126,14 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             "knee axes and all marker coordinates fitted to movement",
             "MB",
             Freedom(lengths=False, all_markers=True),
+        ),
+        "EB": ImageBased(),
+        "EB_am": Optimised(
+            "EB_am",
+            "knee axes and all marker coordinates of the image-based model fitted to movement",
+            "EB",
+            Freedom(lengths=False, all_markers=True),
+            needs_images=True,
         ),
     }
 )

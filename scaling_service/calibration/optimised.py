@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Sequence
 
+from scaling_service.calibration.axes import after
 from scaling_service.calibration.fitting import STRATEGIES, Fit, Progress
 from scaling_service.calibration.frames import calibration_frames
 from scaling_service.calibration.freedom import Freedom, knee_joints
@@ -107,10 +108,11 @@ def _factors(start: Calibration, values: dict[str, float]) -> dict[str, tuple[fl
 
 
 def _tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
-    return {
+    fitted = {
         joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
         for joint in knee_joints(start.model)
     }
+    return {joint: after(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()}
 
 
 def _warnings(

@@ -81,6 +81,17 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     return moved(model, found), tuple(found)
 
 
+def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyModel:
+    """The markers of some segments moved to where a standing trial shows them.
+
+    The model is posed by all its markers.
+    """
+    few = trial.frames(_some_frames(trial))
+    q = solve_task(Task.of(model, few), few.times).q
+    own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
+    return moved(model, _local_means(model, few, q, own))
+
+
 def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
     """OpenSim's marker placer: fit the averaged static pose, then move every marker that is not fixed.
 

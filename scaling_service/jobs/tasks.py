@@ -7,17 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from scaling_service.calibration.methods import METHODS, calibrate
+from scaling_service.calibration.methods import METHODS, Optimised, calibrate
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.estimation.inverse_kinematics import inverse_kinematics
 from scaling_service.evaluation.kinematic_error import KinematicError, kinematic_error
 from scaling_service.evaluation.segments import Geometry, geometry
+from scaling_service.jobs.checks import require_landmarks
 from scaling_service.jobs.loading import Loaded, blamed_on, load, recordings
 from scaling_service.jobs.mass import with_mass
+from scaling_service.jobs.plausible import doubts
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.subjects import load_subject
 from scaling_service.models.results import Calibration, Motion
 from scaling_service.models.subject import Session, Subject
+from scaling_service.processing.orientation import check_axes
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
@@ -133,6 +136,7 @@ def compare(
     report = progress or _silent
     file = None if isinstance(subject, Subject) else Path(subject)
     _check_methods(methods or ())
+    check_axes(settings.up, settings.forward)
     known = load_subject(file) if file is not None else subject
     assert isinstance(known, Subject)
     with blamed_on(file):
@@ -165,6 +169,8 @@ def run(
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with blamed_on(None, recordings(session.subject)):
+        if session.scale_setup is None and session.images is None:
+            require_landmarks(session)
         for k, method in enumerate(chosen):
             part = _Part(
                 report, _LOADING + (1.0 - _LOADING) * k / len(chosen), (1.0 - _LOADING) / len(chosen)
@@ -181,9 +187,17 @@ def run(
         loaded,
         settings,
         scalings,
-        (*session.warnings, *warnings),
+        (*session.warnings, *warnings, *_doubts(scalings, session)),
         time.perf_counter() - clock,
         subject_file,
+    )
+
+
+def _doubts(scalings: Mapping[str, Scaling], session: Session) -> tuple[str, ...]:
+    return doubts(
+        {method: scaling.errors for method, scaling in scalings.items()},
+        {method: scaling.geometry.lengths for method, scaling in scalings.items()},
+        session.subject.height_m,
     )
 
 
@@ -196,12 +210,13 @@ def _check_methods(methods: Sequence[str]) -> None:
 
 
 def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The methods that the recordings allow, and a word on the others."""
+    """The methods that bones and recordings allow, and a word on those that trials are missing for."""
+    imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
-        return tuple(METHODS), ()
-    left_out = [name for name, method in METHODS.items() if method.needs is not None]
+        return tuple(imaged), ()
+    left_out = [name for name, method in imaged.items() if isinstance(method, Optimised)]
     note = f"there is no calibration trial, so {', '.join(left_out)} were left out"
-    return tuple(name for name in METHODS if name not in left_out), (note,)
+    return tuple(name for name in imaged if name not in left_out), (note,)
 
 
 def _first_guesses(method: str) -> list[str]:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from scaling_service.models.body import BodyModel
+from scaling_service.models.images import ImageEvidence
 from scaling_service.models.trial import Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -109,6 +110,7 @@ class Session:
     evaluation: tuple[Trial, ...]
     scale_setup: ScaleSetup | None = None
     warnings: tuple[str, ...] = ()
+    images: ImageEvidence | None = None
 
     @property
     def dynamic(self) -> tuple[Trial, ...]:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from scaling_service.calibration.axes import axis_of
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Vector
 from scaling_service.models.builtin import builtin
 from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.models.images import ImageEvidence
+from scaling_service.models.neutral import neutral_frames, neutral_markers
 from scaling_service.models.parameters import fold, free_axis, free_marker
 from scaling_service.models.scaling import scaled
 from scaling_service.models.subject import Session, Subject
@@ -76,3 +80,48 @@ def person(
     moving = [trial(truth, n, movement(truth, frames, rng), noise_m, rng) for n in ("hips", "walk")]
     session = Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
     return Person(truth, session)
+
+
+LYING = {"knee_angle_r": 0.12, "knee_angle_l": 0.05, "hip_rotation_r": 0.2, "hip_adduction_l": -0.1}
+
+
+def imaged(
+    who: Person,
+    tilts_deg: dict[str, Vector],
+    sides: str = "rl",
+    *,
+    markers: bool = True,
+    epicondyles: bool = True,
+) -> ImageEvidence:
+    """What an image would show of the person lying, in a frame of its own."""
+    turn, shift = Rotation.from_rotvec([0.4, -1.3, 2.0]).as_matrix(), np.array([0.3, -0.2, 1.1])
+
+    def there(point: np.ndarray) -> tuple[float, float, float]:
+        x, y, z = turn @ point + shift
+        return (float(x), float(y), float(z))
+
+    frames = neutral_frames(who.truth, LYING)
+    placed = neutral_markers(who.truth, LYING)
+    centres, axes, landmarks = {}, {}, {}
+    for side in sides:
+        centres[f"hip_{side}"] = there(frames[f"femur_{side}"][1])
+        centres[f"knee_{side}"] = there(frames[f"tibia_{side}"][1])
+        centres[f"ankle_{side}"] = there(placed[f"{side.upper()}AJC"])
+        thigh = frames[f"femur_{side}"][0]
+        x, y = np.radians(tilts_deg[f"knee_{side}"][:2])
+        dx, dy, dz = turn @ thigh @ axis_of((x, y))
+        axes[f"knee_{side}"] = (-float(dx), -float(dy), -float(dz))  # whichever way round
+        if epicondyles:
+            outward = np.array([0.0, 0.0, 0.04 if side == "r" else -0.04])
+            knee = frames[f"tibia_{side}"][1]
+            landmarks[f"{side.upper()}LFE"] = there(knee + thigh @ outward)
+            landmarks[f"{side.upper()}MFE"] = there(knee - thigh @ outward)
+    segments = {m.name: m.segment for m in who.truth.markers if m.weight > 0}
+    seen = {
+        name: (segment, there(placed[name]))
+        for name, segment in segments.items()
+        if markers and (segment == "pelvis" or segment[-1] in sides)
+    }
+    if not markers:
+        landmarks |= {name: there(placed[name]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")}
+    return ImageEvidence(centres, axes, landmarks, seen, "made")

@@ -1,0 +1,114 @@
+"""Image-based scaling: a body seen in an image frame of its own comes back as it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scaling_service.calibration.axes import after, axis_of, tilt_of
+from scaling_service.calibration.methods import calibrate
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+from scaling_service.models.images import ImageEvidence
+from tests.calibration.people import Person, imaged, person
+
+TILTS_DEG = {"knee_r": (3.0, -5.0, 0.0), "knee_l": (-4.0, 2.0, 0.0)}
+SIZES = {"pelvis": (1.06,) * 3, "femur_r": (1.05,) * 3, "femur_l": (1.03,) * 3, "tibia_r": (0.96,) * 3}
+
+
+def known(seed: int = 41) -> Person:
+    """A person of unequal legs whose knee axes are turned and whose markers are misplaced."""
+    return person(seed, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.005, seconds=3.0)
+
+
+def test_a_body_imaged_whole_comes_back() -> None:
+    who = known()
+    found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG)), "EB")
+    for name, tilt in found.axis_tilts.items():
+        assert np.degrees(tilt) == pytest.approx(TILTS_DEG[name][:2], abs=1e-9)
+    motion = inverse_kinematics(found.model, who.session.evaluation[0])
+    assert float(motion.distances.max()) < 1e-7
+    lengths = {m.name: m.nominal for m in found.model.markers}
+    assert lengths["RAJC"] == pytest.approx(who.truth.marker("RAJC").nominal, abs=1e-12)
+
+
+def test_where_the_image_lies_changes_nothing() -> None:
+    who = known(42)
+    evidence = imaged(who, TILTS_DEG)
+    turn = Rotation.from_rotvec([1.0, 2.0, -0.5]).as_matrix()
+
+    def moved(point: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = turn @ np.array(point) + [5.0, -1.0, 2.0]
+        return (float(x), float(y), float(z))
+
+    other = ImageEvidence(
+        {k: moved(v) for k, v in evidence.centres.items()},
+        {k: tuple(turn @ np.array(v)) for k, v in evidence.axes.items()},
+        {k: moved(v) for k, v in evidence.landmarks.items()},
+        {k: (s, moved(v)) for k, (s, v) in evidence.markers.items()},
+    )
+    first, second = (calibrate(replace(who.session, images=e), "EB").model for e in (evidence, other))
+    for a, b in zip(first.markers, second.markers, strict=True):
+        assert a.nominal == pytest.approx(b.nominal, abs=1e-12)
+
+
+def test_without_epicondyles_the_axis_gives_the_thigh_its_direction() -> None:
+    who = known(43)
+    found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG, epicondyles=False)), "EB")
+    x, y = found.axis_tilts["knee_r"]
+    assert np.degrees(x) == pytest.approx(TILTS_DEG["knee_r"][0], abs=1e-9)
+    assert y == pytest.approx(0.0, abs=1e-12)  # the thigh's z then is the axis seen along it
+    motion = inverse_kinematics(found.model, who.session.evaluation[0])
+    assert float(motion.distances.max()) < 1e-7
+
+
+def test_one_leg_imaged_leaves_the_other_to_its_markers() -> None:
+    who = known(44)
+    found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG, "r")), "EB")
+    truth = who.truth
+    assert found.model.marker("RLM").nominal == pytest.approx(truth.marker("RLM").nominal, abs=1e-9)
+    length = {s: found.scale_factors[f"femur_{s}"][0] for s in "rl"}
+    assert length["r"] == pytest.approx(1.05, abs=1e-6)
+    assert length["l"] == pytest.approx(1.03, abs=0.02)  # by the ratio of misplaced markers
+    assert any("left leg was not imaged whole" in w for w in found.warnings)
+
+
+def test_without_markers_in_the_image_they_come_from_the_standing_trial() -> None:
+    who = known(45)
+    found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG, markers=False)), "EB")
+    assert any("not in the image" in w for w in found.warnings)
+    motion = inverse_kinematics(found.model, who.session.evaluation[0])
+    marker_based = inverse_kinematics(calibrate(who.session, "MB").model, who.session.evaluation[0])
+    assert motion.distances.mean() < marker_based.distances.mean()
+
+
+def test_the_optimised_image_model_adds_its_turn_to_the_images() -> None:
+    who = known(46)
+    session = replace(who.session, images=imaged(who, TILTS_DEG))
+    found = calibrate(session, "EB_am")
+    assert found.cost < 1e-10
+    for joint, tilt in found.axis_tilts.items():
+        assert np.degrees(tilt) == pytest.approx(TILTS_DEG[joint][:2], abs=1e-3)
+
+
+def test_no_bones_is_refused() -> None:
+    with pytest.raises(SubjectInvalid, match="bones"):
+        calibrate(known(47).session, "EB")
+
+
+def test_a_femur_and_a_tibia_of_different_sides_are_refused() -> None:
+    who = known(48)
+    evidence = imaged(who, TILTS_DEG, "r")
+    centres = {**evidence.centres, "ankle_r": tuple(2 * np.array(evidence.centres["knee_r"]) - 1.0)}
+    with pytest.raises(SubjectInvalid, match="bent by"):
+        calibrate(replace(who.session, images=replace(evidence, centres=centres)), "EB")
+
+
+def test_turns_of_an_axis_compose() -> None:
+    first, second = (0.1, -0.2), (0.05, 0.3)
+    assert after(first, (0.0, 0.0)) == pytest.approx(first)
+    assert after((0.0, 0.0), second) == pytest.approx(second)
+    assert tilt_of(2.0 * axis_of(second)) == pytest.approx(second)

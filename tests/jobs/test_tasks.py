@@ -25,7 +25,7 @@ def mass(model: BodyModel) -> float:
 
 
 def test_all_methods_in_order_and_every_movement(results: Results) -> None:
-    assert tuple(results.scalings) == tuple(METHODS)
+    assert list(results.scalings) == [name for name, m in METHODS.items() if not m.needs_images]
     for scaling in results.scalings.values():
         assert list(scaling.errors) == list(scaling.motions) == ["hips", "walk"]
 

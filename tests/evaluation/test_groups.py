@@ -1,0 +1,149 @@
+"""Friedman's test and Tukey's HSD on ranks against published examples and independent computations."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.stats import friedmanchisquare, norm
+
+from scaling_service.evaluation.complete import ComparisonImpossible, ValueMissing
+from scaling_service.evaluation.groups import GroupComparison, compare_columns, compare_groups
+
+# Hollander & Wolfe 1999, table 7.1: times (s) of 22 players rounding first base in three ways.
+TIMES = """
+5.40 5.85 5.20 5.55 5.90 5.45 5.40 5.45 5.25 5.85 5.25 5.65 5.60 5.05 5.50 5.45 5.55 5.45 5.50 5.65 5.70 6.30
+5.50 5.70 5.60 5.50 5.85 5.55 5.40 5.50 5.15 5.80 5.20 5.55 5.35 5.00 5.50 5.55 5.55 5.50 5.45 5.60 5.65 6.30
+5.55 5.75 5.50 5.40 5.70 5.60 5.35 5.35 5.00 5.70 5.10 5.45 5.45 4.95 5.40 5.50 5.35 5.55 5.25 5.40 5.55 6.25
+"""
+WAYS = ("round out", "narrow angle", "wide angle")
+
+
+def compared(table: np.ndarray, **options: float) -> GroupComparison:
+    n, k = table.shape
+    names = [f"S{i}" for i in range(n)], [f"M{i}" for i in range(k)]
+    return compare_columns(table, *names, quantity="femur_r", **options)
+
+
+def test_rounding_first_base() -> None:
+    table = np.array([line.split() for line in TIMES.strip().splitlines()], dtype=float).T
+    found = compare_columns(table, [str(i) for i in range(22)], WAYS, quantity="time")
+    # R's friedman.test on these data prints 11.143 and 0.003805.
+    assert found.chi_square == pytest.approx(11.143, abs=5e-4)
+    assert found.p == pytest.approx(0.003805, abs=5e-7)
+    # Published output of R's coin, Wilcoxon-Nemenyi-McDonald-Thompson test, whose multivariate normal
+    # integral is good to some 2e-4.
+    assert found.pair("narrow angle", "round out").p == pytest.approx(0.623939296, abs=2e-4)
+    assert found.pair("wide angle", "round out").p == pytest.approx(0.003534336, abs=2e-4)
+    assert found.pair("wide angle", "narrow angle").p == pytest.approx(0.053774441, abs=2e-4)
+    assert [p.significant for p in found.pairs] == [False, True, False]
+
+
+def test_critical_difference_of_a_published_table() -> None:
+    """Demšar 2006 (J Mach Learn Res 7:1-30, section 3.2.2): 4 classifiers, 14 data sets, no ties assumed."""
+    ranks = np.random.default_rng(1).permuted(np.tile([1.0, 2.0, 3.0, 4.0], (14, 1)), axis=1)
+    assert compared(ranks, alpha=0.05).rank_difference_critical == pytest.approx(1.25, abs=0.005)
+    assert compared(ranks, alpha=0.10).rank_difference_critical == pytest.approx(1.12, abs=0.005)
+
+
+def test_pairs_follow_the_range_of_normal_variables() -> None:
+    table = np.random.default_rng(2).normal(size=(12, 5)) + np.arange(5) / 2
+    found = compared(table)
+    for pair in found.pairs:
+        below = quad(lambda x, q=pair.q: norm.pdf(x) * (norm.cdf(x) - norm.cdf(x - q)) ** 4, -9, 9 + pair.q)
+        assert pair.p == pytest.approx(1 - 5 * below[0], abs=1e-7)
+
+
+@given(st.integers(3, 6), st.integers(3, 30), st.integers(0, 2**32 - 1))
+@settings(deadline=None)
+def test_friedman_agrees_with_scipy(k: int, n: int, seed: int) -> None:
+    table = np.random.default_rng(seed).integers(0, 6, size=(n, k)).astype(float)
+    if (np.ptp(table, axis=1) == 0).all():
+        return
+    found, peer = compared(table), friedmanchisquare(*table.T)
+    assert found.chi_square == pytest.approx(peer.statistic, abs=1e-9)
+    assert found.p == pytest.approx(peer.pvalue, abs=1e-12)
+    assert 0.0 <= found.kendall_w <= 1.0 + 1e-12
+
+
+def test_perfect_agreement_has_effect_one() -> None:
+    table = np.arange(10.0)[:, None] + np.array([0.0, 0.1, 0.2, 0.3])
+    found = compared(table)
+    assert found.kendall_w == pytest.approx(1.0)
+    assert list(found.mean_rank.values()) == [1.0, 2.0, 3.0, 4.0]
+    pair = found.pair("M0", "M3")
+    assert pair.difference_mean == pytest.approx(-0.3)
+    assert pair.difference_median == pytest.approx(-0.3)
+    assert pair.difference_sd == pytest.approx(0.0, abs=1e-12)
+    assert pair.rank_difference == -3.0
+
+
+def test_family_wise_error_of_the_pairs() -> None:
+    """Ranks of 5 methods by 26 subjects who know no difference: some pair differs in 5 % of cohorts."""
+    rng = np.random.default_rng(3)
+    ranks = rng.permuted(np.tile(np.arange(1.0, 6.0), (20_000, 26, 1)), axis=2).mean(axis=1)
+    critical = compared(rng.normal(size=(26, 5))).rank_difference_critical
+    assert np.mean(np.ptp(ranks, axis=1) > critical) == pytest.approx(0.05, abs=0.008)
+
+
+def test_the_same_length_by_two_routes_is_a_tie() -> None:
+    rng = np.random.default_rng(4)
+    table = 0.43 + 0.02 * rng.normal(size=(26, 3))
+    same = np.column_stack([table, table[:, 0] + 1e-15 * rng.normal(size=26)])
+    exact = np.column_stack([table, table[:, 0]])
+    assert compared(same).chi_square == compared(exact).chi_square
+    assert compared(same).pair("M0", "M3").p == 1.0
+
+
+def test_methods_that_never_differ() -> None:
+    found = compared(np.tile(np.arange(5.0)[:, None], (1, 3)))
+    assert (found.chi_square, found.p, found.kendall_w, found.rank_difference_critical) == (0, 1, 0, 0)
+    assert not found.significant
+    assert {pair.p for pair in found.pairs} == {1.0}
+    assert compared(np.zeros((5, 3))).p == 1.0
+
+
+def test_pairs_are_gated_by_friedman() -> None:
+    for seed in range(500):
+        found = compared(np.random.default_rng(seed).normal(size=(26, 5)))
+        if any(pair.p < 0.05 for pair in found.pairs) and found.p >= 0.05:
+            assert not any(pair.significant for pair in found.pairs)
+            return
+    pytest.fail("no cohort in which only a pair is significant")
+
+
+def test_all_pairs_once_and_those_with_a_reference() -> None:
+    found = compared(np.random.default_rng(5).normal(size=(9, 4)))
+    assert [p.methods for p in found.pairs] == list(combinations(found.methods, 2))
+    assert list(found.against("M2")) == ["M0", "M1", "M3"]
+    assert found.pair("M1", "M0") is found.pair("M0", "M1")
+    with pytest.raises(KeyError):
+        found.pair("M0", "M0")
+
+
+def test_what_is_missing_is_named() -> None:
+    lengths = {f"S{i}": {"MB": 0.4 + i, "EB": 0.5 + i, "extra": 1.0} for i in range(4)}
+    assert compare_groups(lengths, ("MB", "EB"), quantity="femur_r").methods == ("MB", "EB")
+    del lengths["S2"]["EB"]
+    with pytest.raises(ValueMissing, match="femur_r: subject 'S2' has no value for method 'EB'"):
+        compare_groups(lengths, ("MB", "EB"), quantity="femur_r")
+    lengths["S2"]["EB"] = float("nan")
+    with pytest.raises(ValueMissing, match="no finite value at subject 'S2', method 'EB'"):
+        compare_groups(lengths, ("MB", "EB"), quantity="femur_r")
+
+
+def test_too_little_or_unlike() -> None:
+    with pytest.raises(ComparisonImpossible, match="at least two subjects"):
+        compared(np.ones((1, 3)))
+    with pytest.raises(ComparisonImpossible, match="at least two methods"):
+        compared(np.ones((4, 1)))
+    with pytest.raises(ComparisonImpossible, match="two methods are called 'MB'"):
+        compare_columns(np.ones((2, 2)), ("a", "b"), ("MB", "MB"), quantity="femur_r")
+    with pytest.raises(ComparisonImpossible, match="do not fit"):
+        compare_columns(np.ones((3, 2)), ("a", "b"), ("MB", "EB"), quantity="femur_r")
+    with pytest.raises(ComparisonImpossible, match="between 0 and 1"):
+        compared(np.ones((4, 3)), alpha=5.0)

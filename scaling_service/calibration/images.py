@@ -79,7 +79,10 @@ def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | N
         model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
         tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
     for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
-        model = _with_other_leg(model, evidence, pelvis, side, standing)
+        x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
+        mirrored = (-x, -y)
+        model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
+        tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
     placed = _image_markers(evidence, frames)
     model = moved(_with_new(model, evidence, placed), placed)
     seen = {evidence.markers[name][0] for name in placed}
@@ -169,12 +172,13 @@ def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     """The model with a leg's joint centres, ankle landmark and knee axis."""
     model = _with_centre(model, f"femur_{side}", _vector(hip))
     model = _with_centre(model, f"tibia_{side}", leg.knee)
+    return moved(_with_axis(model, leg.tilt, side), {f"{side.upper()}AJC": leg.ankle})
+
+
+def _with_axis(model: BodyModel, tilt: Tilt, side: str) -> BodyModel:
     joint = model.segment(f"tibia_{side}").joint_name
-    model = fold(
-        free_axis(model, joint, np.pi, np.pi),
-        {f"axis.{joint}.x": leg.tilt[0], f"axis.{joint}.y": leg.tilt[1]},
-    )
-    return moved(model, {f"{side.upper()}AJC": leg.ankle})
+    freed = free_axis(model, joint, np.pi, np.pi)
+    return fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
 
 
 def _with_other_leg(
@@ -182,8 +186,9 @@ def _with_other_leg(
 ) -> BodyModel:
     """The leg that was not imaged, made like the imaged one as far as markers say that they are alike.
 
-    Its hip centre is the pelvis's own or the imaged one mirrored; its lengths are the imaged leg's,
-    times the ratio of the two legs' marker distances, so that what palpation does to both cancels.
+    Its hip centre is the pelvis's own or the imaged one mirrored, its knee axis the other mirrored; its
+    lengths are the imaged leg's, times the ratio of the two legs' marker distances, so that what
+    palpation does to both cancels.
     """
     imaged = "l" if side == "r" else "r"
     own = evidence.centres.get(f"hip_{side}")
@@ -269,7 +274,7 @@ def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> 
         names = " and ".join("right" if s == "r" else "left" for s in other)
         notes.append(
             f"EB: the {names} leg was not imaged whole: its lengths are the other leg's times the ratio of "
-            "their marker distances, its knee axis is the model's, its markers are from the standing trial"
+            "their marker distances, its knee axis the other one mirrored, its markers from the standing trial"
         )
     skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
     if skin:

@@ -10,7 +10,12 @@ import numpy as np
 from scaling_service.anatomy.hip_centre import hip_centres
 from scaling_service.anatomy.markers import canonical
 from scaling_service.calibration.measurements import MEASUREMENTS, Points, ratio
-from scaling_service.calibration.placement import add_markers, place_markers, place_tracking_markers
+from scaling_service.calibration.placement import (
+    add_markers,
+    frames_around,
+    place_markers,
+    place_tracking_markers,
+)
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
@@ -227,7 +232,7 @@ def _pair_factor(
             )
     tree = compile_model(model, names)
     ours = marker_positions(tree, default_coordinates(model, 1), parameter_values(model))[0]
-    rows = slice(None) if time_range is None else _between(trial, time_range)
+    rows = frames_around(trial, time_range)
     ratios = []
     for first, second in measurement.pairs:
         seen = trial.position(first)[rows] - trial.position(second)[rows]
@@ -242,9 +247,3 @@ def _pair_factor(
             )
         ratios.append(person / generic)
     return float(np.mean(ratios))
-
-
-def _between(trial: Trial, time_range: tuple[float, float]) -> slice:
-    """Rows of a time range, its ends included."""
-    first, last = np.searchsorted(trial.times, (time_range[0] - 1e-9, time_range[1] + 1e-9))
-    return slice(int(first), max(int(last), int(first) + 1))

@@ -11,16 +11,24 @@ from numpy.typing import NDArray
 from scaling_service.anatomy.markers import canonical
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.estimation.inverse_kinematics import Task, solve_task
+from scaling_service.estimation.start import first_guess
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.masks import ever, seen
-from scaling_service.kernels.sweep import solve_motion
+from scaling_service.kernels.sweep import MotionSolution, SweepSettings, solve_motion
 from scaling_service.kernels.tree import forward
 from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.compile import compile_model, default_coordinates
+from scaling_service.models.compile import compile_model, coordinate_ranges, default_coordinates
 from scaling_service.models.subject import MarkerPlacement
 from scaling_service.models.trial import Trial
 
 _FEWEST = 3  # landmarks without which a body cannot be placed at all
+_SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
+_EXACT = SweepSettings(max_steps=200, left=1e-12)
+_PACES = (
+    _EXACT,
+    replace(_EXACT, longest=0.3),
+    replace(_EXACT, damping=0.3),
+)  # chosen: long, short, cautious steps
 _MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
 
 
@@ -127,17 +135,36 @@ def _some_frames(trial: Trial) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp))
 
 
+def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice:
+    """The frames that OpenSim takes for a time range.
+
+    From the last frame at or before its start to the first at or after its end: a range between two
+    frames holds both. All frames if no range is given.
+
+    Raises
+    ------
+    TrialUnusable
+        The trial does not reach into the range.
+    """
+    times = trial.times
+    if time_range is None:
+        return slice(0, len(times))
+    start, end = time_range
+    if times[-1] < start - _SAME_TIME or times[0] > end + _SAME_TIME:
+        raise TrialUnusable(
+            f"trial '{trial.name}' has no frame between {start} and {end} s",
+            file=trial.name,
+            field="time_range",
+            remedy="Correct the time range in the scale set-up",
+        )
+    first = max(int(np.searchsorted(times, start + _SAME_TIME)) - 1, 0)
+    last = int(np.searchsorted(times, max(end, times[first]) - _SAME_TIME))
+    return slice(first, min(last, len(times) - 1) + 1)
+
+
 def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
-    rows = np.ones(trial.n_frames, dtype=bool)
-    if time_range is not None:
-        rows = (trial.times >= time_range[0] - 1e-9) & (trial.times <= time_range[1] + 1e-9)
-        if not rows.any():
-            raise TrialUnusable(
-                f"trial '{trial.name}' has no frame between {time_range[0]} and {time_range[1]} s",
-                file=trial.name,
-                field="time_range",
-                remedy="Correct the time range in the scale set-up",
-            )
+    """One frame: the mean position of each marker over the frames of the range that show it."""
+    rows = frames_around(trial, time_range)
     chosen = trial.markers[rows]
     shown = ever(seen(chosen))
     mean = np.full(chosen.shape[1:], np.nan)
@@ -146,25 +173,37 @@ def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
 
 
 def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
-    """Coordinates (1, n) of the static pose under marker and coordinate tasks."""
+    """Coordinates (1, n) of the static pose under marker and coordinate tasks.
+
+    A shoulder near its bounds has several minima; the lowest of a few ways to get there is taken.
+    """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
     task = Task.of(model, pose, weights=weights)
-    start = solve_task(task, pose.times).q
     wanted = default_coordinates(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
         pull[k] = placement.coordinate_weights.get(name, 0.0)
         wanted[0, k] = placement.coordinate_values.get(name, wanted[0, k])
-    return solve_motion(
-        task.tree,
-        task.measured,
-        task.weights,
-        start,
-        task.p,
-        free=task.free,
-        bounds=task.bounds,
-        prior=(wanted, pull),
-    ).q
+    # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
+    prior = (wanted, pull * task.weights.sum())
+    guess = first_guess(task.tree, task.measured, wanted[0], task.p, task.free)
+
+    def solved(start: Array, bounds: tuple[Array, Array], settings: SweepSettings) -> MotionSolution:
+        return solve_motion(
+            task.tree,
+            task.measured,
+            task.weights,
+            start,
+            task.p,
+            free=task.free,
+            bounds=bounds,
+            prior=prior,
+            settings=settings,
+        )
+
+    natural = coordinate_ranges(model)
+    found = [solved(solved(guess, natural, pace).q, task.bounds, _EXACT) for pace in _PACES]
+    return min(found, key=lambda solution: float(solution.cost[0])).q
 
 
 def _local_means(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 from typing import Annotated
 
 import typer
 
+from scaling_service.cli.landmarks import landmarks
 from scaling_service.cli.scaling import compare, demo, scale
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.documents import code_version
@@ -26,7 +31,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, scale, compare):
+for _command in (demo, scale, compare, landmarks):
     app.command()(_command)
 
 
@@ -65,16 +70,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         goes wrong is a defect of the program and leaves as an exception.
     """
     try:
-        result = app(list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+        with _terminable():
+            result = app(list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
     except InputError as error:
         return _complain(str(error))
     except typer.TyperException as error:
-        return _complain(f"{error.format_message()} See --help.") if error.format_message() else EXIT_INPUT
+        said = error.format_message().rstrip(".")
+        return _complain(f"{said}. See --help.") if said else EXIT_INPUT
     except (KeyboardInterrupt, typer.Abort):
         result = EXIT_INTERRUPTED
     if result == EXIT_INTERRUPTED:
         _complain("interrupted; nothing was written")
     return result if isinstance(result, int) else 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let a request to terminate (a queue's, a container's) end as an interruption does: tidily."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only there can signals be handled
+        return
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _complain(message: str) -> int:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.core.errors import InputError
 from scaling_service.jobs.settings import Settings
 from scaling_service.processing.pipeline import ProcessingSettings
 
@@ -20,9 +21,20 @@ class Strategy(StrEnum):
     ALTERNATING = "alternating"
 
 
+# Whether a path can be read is asked where it is read, with file and remedy in the answer.
 SubjectFile = Annotated[
-    Path, typer.Argument(metavar="SUBJECT", help="Subject file, YAML or JSON.", show_default=False)
+    Path,
+    typer.Argument(metavar="SUBJECT", help="Subject file, YAML or JSON.", show_default=False, readable=False),
 ]
+
+
+def _folder(text: str) -> Path:
+    """A folder as typed; an empty text, as of an unset shell variable, is none."""
+    if not text.strip():
+        raise InputError("no folder is given", field="--out", remedy="Name a folder")
+    return Path(text)
+
+
 Out = Annotated[
     Path,
     typer.Option(
@@ -31,6 +43,7 @@ Out = Annotated[
         metavar="DIR",
         help="Folder for the results.",
         show_default=False,
+        parser=_folder,
     ),
 ]
 StrategyOption = Annotated[

@@ -67,8 +67,8 @@ def _understood(document: ComparisonDocument) -> Iterator[str]:
     if taken:
         yield f"Markers taken: {', '.join(taken)}"
     decided = dict.fromkeys(
-        repair.detail
-        for repairs in document.repairs.values()
+        f"{trial}: {repair.detail}" if repair.what == "unit" else repair.detail
+        for trial, repairs in document.repairs.items()
         for repair in repairs
         if repair.what in ("up_axis", "forward_axis", "unit")
     )

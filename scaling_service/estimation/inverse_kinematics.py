@@ -40,7 +40,8 @@ _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
 )
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_ROUGH = SweepSettings(relative_decrease=1e-2)
+_ROUGH = SweepSettings(left=5e-2)
+_QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
 
@@ -171,7 +172,12 @@ def solve_task(
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = first_guess(task.tree, task.measured[rows], neutral, task.p, task.free)
     within = replace(task, bounds=coordinate_ranges(task.model))
-    rough = _solve(within, rows, guess, settings=_ROUGH)
+    if stride == 1:
+        rough = _solve(within, rows, guess, settings=_ROUGH)
+    else:
+        rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
+        kept = _not_alone(rough.converged)
+        rows, rough = rows[kept], rough.frames(kept)
     natural = freed(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
     return _solve(task, slice(None), close, progress, _FINE)
@@ -205,6 +211,13 @@ def _solve(
             progress=progress,
         )
     return _solve_densely(task, rows, start)
+
+
+def _not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All frames but those that did not converge while both of their neighbours did."""
+    kept = np.ones(len(converged), dtype=bool)
+    kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
+    return kept
 
 
 def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> MotionSolution:

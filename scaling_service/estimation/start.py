@@ -98,7 +98,7 @@ def _translated(tree: Tree, root: int, q: Array, position: Array, p: Array) -> A
         e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]
     if len(shifts) == 3:
-        rates = np.stack([poses.direction(e).T for e in shifts], axis=2)
+        rates = poses.directions(shifts).transpose(2, 1, 0)
         gap = position - poses.origins[root].T
         own = [tree.factors[e.term.factor].coordinate for e in shifts]
         q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]

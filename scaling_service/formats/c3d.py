@@ -35,8 +35,11 @@ COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MO
 """Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""
 
 _KIND = "a C3D file"
-_MIPS = 86  # processor type whose numbers have their high byte first
+_DEC, _MIPS = 85, 86  # processor types; numbers of the second have their high byte first
+_SIGN_AT = {_DEC: 13, _MIPS: 12}  # the header's byte that holds the sign of the scale; 15 with Intel's order
+_BLOCK = 512
 _WORD = 65535  # a recording that reaches this frame keeps its true length elsewhere
+_ADVICE = "If you want to ignore"  # what the library tells programmers, not laboratories
 _WORKER = Path(__file__).with_name("c3d_worker.py")
 _UNLABELLED = re.compile(r"^(\*\d+|\*|C_\d+|U_\d+|uname\*?\d*)$", re.IGNORECASE)
 
@@ -122,9 +125,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
             "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
         )
     if not len(content.points):
-        raise TrialUnusable(
-            "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Export it again"
-        )
+        raise _no_frame(file)
     if not 0 < content.rate_hz < 1e6:
         raise TrialUnusable(
             "the frame rate is not stated", file=file, field="POINT:RATE", remedy="State it in Hz"
@@ -136,6 +137,12 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     times = np.arange(len(markers)) / content.rate_hz
     return Trial(
         file.stem, times, labels, markers, content.rate_hz, (*repairs, *unit_repairs, *_cut(content), *lost)
+    )
+
+
+def _no_frame(file: Path) -> TrialUnusable:
+    return TrialUnusable(
+        "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
     )
 
 
@@ -208,10 +215,11 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     file = Path(path)
     content = read_bytes(file, _KIND)
     # The second byte of every C3D file is 80 (C3D user guide, "Header section"); a header has 512 bytes.
-    if len(content) < 512 or content[1] != 0x50:
+    if len(content) < _BLOCK or content[1] != 0x50:
         raise FileUnreadable(
             "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
         )
+    _refuse_cut(content, file)
     with tempfile.TemporaryDirectory(prefix="c3d-") as scratch:
         target = Path(scratch) / "content.npz"
         _parse_apart(file, target)
@@ -226,10 +234,46 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
 
 def _stated_frames(content: bytes) -> int | None:
     """Last minus first frame of the header, plus one (words 4 and 5; C3D user guide, "Header section")."""
-    parameters = 512 * (content[0] - 1)
-    big_endian = content[parameters + 3 : parameters + 4] == bytes([_MIPS])
-    first, last = struct.unpack_from(">HH" if big_endian else "<HH", content, 6)
+    first, last = struct.unpack_from(f"{_order(content)}HH", content, 6)
     return last - first + 1 if first <= last < _WORD else None
+
+
+def _processor(content: bytes) -> int:
+    """The processor type, fourth byte of the parameters; 0 where the file ends before."""
+    at = _BLOCK * (content[0] - 1) + 3
+    return content[at] if 0 <= at < len(content) else 0
+
+
+def _order(content: bytes) -> str:
+    """Order of the bytes of a number, as ``struct`` writes it."""
+    return ">" if _processor(content) == _MIPS else "<"
+
+
+def _refuse_cut(content: bytes, file: Path) -> None:
+    """Raise if the file ends before the frames that its header counts, or counts and holds none.
+
+    Notes
+    -----
+    Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
+    negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
+    """
+    frames = _stated_frames(content)
+    order = _order(content)
+    points, analog = struct.unpack_from(f"{order}HH", content, 2)
+    (start,) = struct.unpack_from(f"{order}H", content, 16)
+    is_real = bool(content[_SIGN_AT.get(_processor(content), 15)] & 0x80)
+    size = (4 * points + analog) * (4 if is_real else 2)
+    if not start or not size:
+        return
+    whole = max(0, len(content) - _BLOCK * (start - 1)) // size
+    if frames is None and not whole:
+        raise _no_frame(file)
+    if frames is not None and whole < frames:
+        raise FileUnreadable(
+            f"the file is cut off: its header counts {frames} frames, and it ends after {whole}",
+            file=file,
+            remedy="Copy or export it again",
+        )
 
 
 def _parse_apart(file: Path, target: Path) -> None:
@@ -246,7 +290,8 @@ def _parse_apart(file: Path, target: Path) -> None:
     if done.returncode == 0:
         return
     lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
-    raise _damaged(file, lines[-1][:200] if lines and done.returncode > 0 else "the parser crashed")
+    said = lines[-1].partition(_ADVICE)[0] if lines and done.returncode > 0 else ""
+    raise _damaged(file, said.strip()[:200] or "the parser crashed")
 
 
 def _damaged(file: Path, reason: str) -> FileUnreadable:

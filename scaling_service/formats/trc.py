@@ -61,8 +61,8 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     Raises
     ------
     FileUnreadable
-        If it is absent, empty, something else, truncated in its header, has two markers of one name or a
-        cell that is no number.
+        If it is absent, empty, something else, truncated, has two markers of one name or a cell that is no
+        number.
     TrialUnusable
         If it has no frame, no marker, or times that do not increase.
     """
@@ -78,6 +78,13 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     if not len(data):
         raise TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
+        )
+    if cut and _positive(header.stated_frames) > len(data):
+        raise FileUnreadable(
+            f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
+            f"line {body[-1][0]} after {len(data)}",
+            file=file,
+            remedy="Copy or export it again",
         )
     check_times(data[:, 1], file, [number for number, _ in body])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,16 +23,16 @@ def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str
     folder = None if subject_file is None else subject_file.resolve().parent
     found: dict[str, str] = {}
     for path in _inputs(subject, subject_file):
-        resolved = path.resolve()
-        inside = folder is not None and resolved.is_relative_to(folder)
-        name = resolved.relative_to(folder).as_posix() if inside and folder is not None else str(resolved)
-        found[name] = _digest(resolved)
+        place = Path(os.path.abspath(path))  # noqa: PTH100 (links keep their names, ".." goes)
+        inside = folder is not None and place.is_relative_to(folder)
+        name = place.relative_to(folder).as_posix() if inside and folder is not None else str(place)
+        found[name] = _digest(path)
     return found
 
 
 def _inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
     if subject_file is not None:
-        yield subject_file
+        yield subject_file.resolve()
     if subject.model.lower().endswith(".osim"):
         yield Path(subject.model)
     yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)

@@ -9,11 +9,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from scaling_service.anatomy.markers import canonical, looks_computed, match_labels, strip_prefix
+from scaling_service.anatomy.markers import (
+    LabelMap,
+    canonical,
+    looks_computed,
+    match_labels,
+    strip_prefix,
+)
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import few
 from scaling_service.formats.osim import read_osim, read_scale_setup
 from scaling_service.formats.recording import read_recording
+from scaling_service.jobs.checks import refuse_one_spot, refuse_repeated, require_measurements
+from scaling_service.jobs.evidence import gather
+from scaling_service.jobs.notes import notes
 from scaling_service.jobs.settings import Settings
 from scaling_service.models.body import BodyModel
 from scaling_service.models.builtin import builtin
@@ -21,6 +29,7 @@ from scaling_service.models.subject import ScaleSetup, Session, Subject
 from scaling_service.models.trial import Repair, Trial
 from scaling_service.processing.orientation import Orientation, decide
 from scaling_service.processing.pipeline import process
+from scaling_service.processing.strays import without_strays
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +65,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     _check_segments(subject, model)
     paths = recordings(subject)
     raw = {path: _read(path) for path in paths}
-    _check_explicit(subject, list(raw.values()))
+    _check_explicit(subject, model, list(raw.values()))
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
     axes = _axes(named, subject.static, settings)
@@ -65,14 +74,19 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     for path, (trial, _) in named.items():
         with blamed_on(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
+            refuse_one_spot(model, ready[path])
+    refuse_repeated(ready, subject)
+    setup, told = _scale_setup(subject, model, ready)
+    images, of_images = gather(subject, model)
     session = Session(
         subject,
         model,
         None if subject.static is None else ready[subject.static],
         tuple(ready[path] for path in subject.calibration),
         tuple(ready[path] for path in subject.evaluation),
-        _scale_setup(subject, model),
-        tuple(_unseen(model, subject, list(ready.values()))),
+        setup,
+        (*told, *of_images, *notes(model, subject, [trial for trial, _ in named.values()])),
+        images,
     )
     return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description)
 
@@ -93,7 +107,8 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
         There is no such model, or it cannot be read or represented.
     """
     if str(name_or_path).lower().endswith(".osim"):
-        return read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+        with blamed_on(Path(name_or_path)):
+            return read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
     return builtin(str(name_or_path))
 
 
@@ -126,7 +141,7 @@ def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
 
 def _read(path: Path) -> Trial:
     with blamed_on(path, [path]):
-        return read_recording(path)
+        return without_strays(read_recording(path))
 
 
 def _without_computed(model: BodyModel, subject: Subject) -> BodyModel:
@@ -142,41 +157,57 @@ def _without_computed(model: BodyModel, subject: Subject) -> BodyModel:
     )
 
 
-def _scale_setup(subject: Subject, model: BodyModel) -> ScaleSetup | None:
-    """The set-up; its marker placer leaves the markers alone that the model says are fixed."""
+def _scale_setup(
+    subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
+) -> tuple[ScaleSetup | None, tuple[str, ...]]:
+    """The set-up, and what it scales in vain; its marker placer leaves the model's fixed markers alone."""
     if subject.scale_setup is None:
-        return None
+        return None, ()
     setup = read_scale_setup(subject.scale_setup)
+    told: tuple[str, ...] = ()
+    standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
+    if standing is not None:
+        with blamed_on(None, [standing]):
+            told = tuple(require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
-        return setup
+        return setup, told
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
-    return replace(setup, placement=replace(setup.placement, fixed=fixed))
+    return replace(setup, placement=replace(setup.placement, fixed=fixed)), told
 
 
 def _check_segments(subject: Subject, model: BodyModel) -> None:
     for label, segment in subject.extra_markers.items():
         if segment not in model.segment_names:
-            close = difflib.get_close_matches(segment, model.segment_names, n=1)
-            guess = f"Did you mean '{close[0]}'? " if close else ""
             raise SubjectInvalid(
                 f"model '{model.name}' has no segment '{segment}'",
                 field=f"extra_markers.{label}",
-                remedy=f"{guess}Its segments are {', '.join(model.segment_names)}",
+                remedy=f"{_guess(segment, model.segment_names)}Its segments are "
+                f"{', '.join(model.segment_names)}",
             )
 
 
-def _check_explicit(subject: Subject, trials: Sequence[Trial]) -> None:
-    """A label that the subject file names must be in at least one recording (not in each: medial ones)."""
+def _check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) -> None:
+    """A marker that the subject file maps is the model's, and its label in at least one recording."""
     present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
     for marker, label in subject.marker_map.items():
+        if marker not in model.marker_names and marker not in subject.extra_markers:
+            raise SubjectInvalid(
+                f"the model has no marker '{marker}'",
+                field=f"markers.{marker}",
+                remedy=f"{_guess(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+            )
         if not _has(present, label):
-            close = difflib.get_close_matches(label, [strip_prefix(p) for p in present], n=1)
-            guess = f"Did you mean '{close[0]}'? " if close else ""
             raise SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{guess}Their labels are {', '.join(present)}",
+                remedy=f"{_guess(label, [strip_prefix(p) for p in present])}Their labels are "
+                f"{', '.join(present)}",
             )
+
+
+def _guess(name: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"Did you mean '{close[0]}'? " if close else ""
 
 
 def _has(labels: Sequence[str], label: str) -> bool:
@@ -190,6 +221,7 @@ def _named(
     explicit = {m: label for m, label in subject.marker_map.items() if _has(trial.labels, label)}
     with blamed_on(path):
         found = match_labels(trial.labels, wanted, explicit)
+        _refuse_rivals(found, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
     kept = trial.selected([label for label in trial.labels if label not in shadowed])
@@ -199,6 +231,18 @@ def _named(
     ]
     renamed = kept.relabelled(found.renames)
     return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
+
+
+def _refuse_rivals(found: LabelMap, explicit: Mapping[str, str]) -> None:
+    """The same label with and without a prefix, or with two: they may be of two persons."""
+    for marker, label in found.mapped.items():
+        rivals = [other for other in found.unused_labels if strip_prefix(other) == strip_prefix(label)]
+        if rivals and marker not in explicit:
+            raise InputError(
+                f"marker '{marker}' could be {' or '.join(repr(name) for name in (label, *rivals))}",
+                field=f"markers.{marker}",
+                remedy="Say under `markers:` in the subject file which label it is",
+            )
 
 
 def _axes(
@@ -229,22 +273,6 @@ def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
     for label, segment in sides.items():
         found[segment].append(label)
     return {segment: tuple(labels) for segment, labels in found.items() if labels}
-
-
-def _unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
-    labels = {label for trial in trials for label in trial.labels}
-    missing = [m.name for m in model.markers if m.weight > 0.0 and m.name not in labels]
-    computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in labels]
-    if computed:
-        yield (
-            f"{few(computed)} are points that software computed from markers: they are not followed; "
-            f"map them under `markers:` to use them"
-        )
-    if missing:
-        yield f"no recording shows {', '.join(missing)} of the model: they are not used"
-    for label in subject.extra_markers:
-        if label not in labels:
-            yield f"extra marker '{label}' is in no recording: it is left out"
 
 
 def _used(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:

@@ -119,9 +119,15 @@ def check_folder(folder: str | Path) -> None:
         It is a file, or cannot be made or written to.
     """
     place = Path(folder)
-    if place.exists() and not place.is_dir():
-        raise InputError("it is a file", file=place, field="--out", remedy="Name a folder")
-    if not os.access(_existing(place), os.W_OK | os.X_OK):
+    try:
+        nearest = _existing(place)
+        if not nearest.is_dir():
+            said = "it is a file" if nearest == place.absolute() else f"'{nearest}' is a file"
+            raise InputError(said, file=place, field="--out", remedy="Name a folder")
+        writable = os.access(nearest, os.W_OK | os.X_OK)
+    except OSError as error:  # a name that is too long
+        raise _unwritable(place, error.strerror) from None
+    if not writable:
         raise _unwritable(place, "no permission")
 
 
@@ -133,32 +139,71 @@ def _existing(folder: Path) -> Path:
 @contextmanager
 def _all_or_nothing(folder: Path) -> Iterator[Path]:
     """A scratch folder on the target's disk, whose content moves to the target at the end."""
-    beside = _existing(folder.absolute().parent)
+    check_folder(folder)
     try:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=beside))
+        # Within the folder where it is there: what is above it may be another disk, or not ours to write to.
+        scratch = Path(tempfile.mkdtemp(prefix=".scaling-service-", dir=_existing(folder)))
     except OSError as error:
         raise _unwritable(folder, error.strerror) from None
     try:
-        yield scratch
+        new = scratch / "new"
+        new.mkdir()
+        yield new
         try:
-            _moved_into(scratch, folder)
+            _exchange(new, folder.absolute(), scratch / "old")
         except OSError as error:
             raise _unwritable(folder, error.strerror) from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _moved_into(scratch: Path, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for source in sorted(scratch.rglob("*")):
-        target = folder / source.relative_to(scratch)
-        if source.is_dir():
-            target.mkdir(exist_ok=True)
-            # Motions of an earlier run belong to a model that is no longer there.
-            for old in target.glob("*_ik.mot"):
-                old.unlink()
-        else:
+def _exchange(new: Path, folder: Path, old: Path) -> None:
+    """Move files into the folder and what they replace out of it; nothing if it fails or is interrupted."""
+    sources = [path for path in sorted(new.rglob("*")) if not path.is_dir()]
+    targets = [folder / source.relative_to(new) for source in sources]
+    for target in targets:
+        _refuse_in_the_way(target, folder)
+    # Motions of an earlier run belong to a model that is no longer there.
+    stale = [motion for place in sorted({t.parent for t in targets} - {folder}) for motion in _motions(place)]
+    replaced = list(dict.fromkeys([*stale, *(target for target in targets if target.exists())]))
+    moves = [(path, old / path.relative_to(folder)) for path in replaced]
+    moves += list(zip(sources, targets, strict=True))
+    made: list[Path] = []
+    begun: list[tuple[Path, Path]] = []
+    try:
+        for source, target in moves:
+            for place in reversed([p for p in (target.parent, *target.parent.parents) if not p.exists()]):
+                made.append(place)
+                place.mkdir()
+            begun.append((source, target))
             source.replace(target)
+    except BaseException:
+        for source, target in reversed(begun):
+            if not source.exists():
+                target.replace(source)
+        for place in reversed(made):
+            if place.is_dir():
+                place.rmdir()
+        raise
+
+
+def _motions(place: Path) -> list[Path]:
+    return sorted(place.glob("*_ik.mot"))
+
+
+def _refuse_in_the_way(target: Path, folder: Path) -> None:
+    """Raise where a folder stands in a file's place, or a file in the place of a method's folder."""
+    for place, kind, wrong in (
+        (target.parent, "file", target.parent.is_file()),
+        (target, "folder", target.is_dir()),
+    ):
+        if wrong:
+            raise InputError(
+                f"'{place.relative_to(folder)}' is a {kind} there, in the way of a result",
+                file=folder,
+                field="--out",
+                remedy="Move it away, or name another folder",
+            )
 
 
 def _unwritable(folder: Path, reason: str | None) -> InputError:

@@ -35,6 +35,12 @@ def load_subject(path: str | Path) -> Subject:
         It does not follow the contract, or a file that it names is absent.
     """
     file = Path(path)
+    if file.suffix.lower() in READERS:
+        raise SubjectInvalid(
+            "this is a recording, not a subject file",
+            file=file,
+            remedy="Name it under `trials:` in a subject file, and give that",
+        )
     return subject_from_document(read_document(file), folder=file.resolve().parent, file=file)
 
 
@@ -94,7 +100,8 @@ class _Finder:
                 field=field,
                 remedy=self._similar(found),
             )
-        return found.resolve()
+        # Not resolved: results are named as the subject file names the recording, not as a link's target.
+        return found.absolute()
 
     def optional(self, path: str | None, field: str) -> Path | None:
         return None if path is None else self(path, field)

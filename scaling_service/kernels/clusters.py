@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.masks import seen
-
-_CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+from scaling_service.kernels.tree import CYCLE, cross
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clusters:
-    """Sufficient statistics of the markers of every link that carries some.
+    """Sufficient statistics of the markers of every link.
 
     ``local`` and ``second`` have one frame where they are the same in all.
     """
@@ -47,38 +46,39 @@ class Clusters:
         )
 
 
-def clusters_of(groups: list[NDArray[np.intp]], local: Array, measured: Array, weight: Array) -> Clusters:
-    """Gather the markers of each group.
+def clusters_of(
+    carrier: NDArray[np.intp], count: int, local: Array, measured: Array, weight: Array
+) -> Clusters:
+    """Gather the markers of each of ``count`` links; a link without markers gets a cluster without weight.
 
     Parameters
     ----------
-    groups : list of ndarray of int
-        The markers of each cluster.
+    carrier : ndarray of int, shape (n_markers,)
+        The link, hence the cluster, of each marker.
     local : ndarray, shape (n_markers, 3, n|1), m
     measured : ndarray, shape (n_markers, 3, n), m
         Anything where the weight is zero.
     weight : ndarray, shape (n_markers, n)
     """
+    member = np.equal(carrier, np.arange(count)[:, None]).astype(float)
+    total = member @ weight
+    share = weight / np.where(total > 0.0, total, 1.0)[carrier]
     constant = local.shape[-1] == 1 and bool((weight == weight[:, :1]).all())
-    parts = [_gather(local[g], measured[g], weight[g], constant=constant) for g in groups]
-    weight, centre, middle, second, cross, spread = (np.stack(part) for part in zip(*parts, strict=True))
-    return Clusters(weight, centre, middle, second, cross, spread.sum(axis=0))
-
-
-def _gather(local: Array, measured: Array, weight: Array, *, constant: bool) -> tuple[Array, ...]:
-    total = weight.sum(axis=0)
-    share = weight / np.where(total > 0.0, total, 1.0)
     width = 1 if constant else weight.shape[1]
-    local = np.broadcast_to(local, (*local.shape[:2], width))
-    heavy, part = weight[:, :width], share[:, :width]
-    centre = np.einsum("mn,mcn->cn", part, local)
-    middle = np.einsum("mn,mcn->cn", share, measured)
-    inner, outer = local - centre, measured - middle
-    weighted = heavy[:, None] * inner
-    second = np.einsum("man,mbn->abn", weighted, inner)
-    cross = np.einsum("man,mbn->abn", np.broadcast_to(weighted, outer.shape), outer)
-    spread = np.einsum("mn,mcn,mcn->n", weight, outer, outer) + np.einsum("aan->n", second)
-    return total, centre, middle, second, cross, spread
+    centre = _sums(member, share[:, None, :width] * local)
+    middle = _sums(member, share[:, None] * measured)
+    inner, outer = local - centre[carrier], measured - middle[carrier]
+    weighted = weight[:, None, :width] * inner
+    second = _sums(member, weighted[:, :, None] * inner[:, None])
+    cross_moment = _sums(member, weighted[:, :, None] * outer[:, None])
+    spread = np.einsum("mn,mcn,mcn->n", weight, outer, outer) + np.einsum("kaan->n", second)
+    return Clusters(total, centre, middle, second, cross_moment, spread)
+
+
+def _sums(member: Array, values: Array) -> Array:
+    """Values by marker (m, ...) added up by cluster, (k, ...)."""
+    total: Array = (member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:])
+    return total
 
 
 def marker_weights(measured: Array, weights: Array) -> Array:
@@ -145,7 +145,7 @@ def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Arr
     trace = np.einsum("kaan->kn", moment)
     result = np.zeros((count, 6, 7, n))
     np.negative(moment, out=result[:, :3, :3])
-    for i, j, k in _CYCLE:
+    for i, j, k in CYCLE:
         result[:, i, i] += trace
         result[:, 3 + i, 3 + i] = clusters.weight
         result[:, j, 3 + i] = result[:, 3 + i, j] = first[:, k]
@@ -167,10 +167,7 @@ def _second_in_ground(clusters: Clusters, axes: Array) -> Array:
 
 def wrench_rate(twist: Array, wrench: Array) -> Array:
     """How wrenches (moment, force) turn with twists, both (c, 6, n): the spatial cross product."""
-    result = np.empty(twist.shape)
-    turn, shift, moment, force = twist[:, :3], twist[:, 3:], wrench[:, :3], wrench[:, 3:]
-    for i, j, k in _CYCLE:
-        result[:, i] = turn[:, j] * moment[:, k] - turn[:, k] * moment[:, j]
-        result[:, i] += shift[:, j] * force[:, k] - shift[:, k] * force[:, j]
-        result[:, 3 + i] = turn[:, j] * force[:, k] - turn[:, k] * force[:, j]
+    pairs = (len(twist), 2, 3, twist.shape[-1])
+    result = cross(twist[:, None, :3], wrench.reshape(pairs)).reshape(twist.shape)
+    result[:, :3] += cross(twist[:, 3:], wrench[:, 3:])
     return result

@@ -14,29 +14,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.kernels.clusters import wrench_rate
-from scaling_service.kernels.laws import NONE, Array
+from scaling_service.kernels.laws import NONE, Array, TermArrays
 from scaling_service.kernels.plan import Entry, is_plain
-from scaling_service.kernels.tree import Poses, Tree, cross, rates_of
+from scaling_service.kernels.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Simple:
-    """Columns made of one entry with a constant gain: all at once."""
+class _Moves:
+    """What columns do at one node each: turn about, or shift along, a direction of the parent node's frame.
+
+    ``constant`` (m, 3, 1) is the part of the direction that does not vary; ``varying`` holds the row
+    and the term of what does. No column stands twice.
+    """
 
     columns: Index
     parents: Index
     nodes: Index
-    directions: Array  # (c, 3)
+    constant: Array
+    varying: tuple[tuple[int, Array, TermArrays], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Depth:
-    """Links of one depth: their rows, and the rounds (rows, columns) that eliminate their coordinates."""
+    """Links of one depth: the rounds (rows, columns) that eliminate their coordinates, and what carries them.
 
-    rows: slice
+    ``carried`` pairs each row with the row of its parent; links on the ground are not in it.
+    """
+
     rounds: tuple[tuple[slice, slice], ...]
+    carried: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,23 +53,21 @@ class Elimination:
 
     Parameters
     ----------
-    parent_row : tuple of int
-        For every row the row of the link that carries it, ``NONE`` for ground.
     depths : tuple of Depth
         The deepest first.
     variables, column_row : ndarray of int, shape (n_columns,)
         The coordinate of each column, and the row of its link.
-    row_of_link : ndarray of int, shape (n_links,)
+    row_of_link, link_of_row : ndarray of int, shape (n_links,)
+    turns, shifts : tuple of _Moves
     """
 
-    parent_row: tuple[int, ...]
     depths: tuple[Depth, ...]
     variables: Index
     column_row: Index
     row_of_link: Index
-    turns: _Simple
-    shifts: _Simple
-    general: tuple[tuple[int, tuple[Entry, ...]], ...]
+    link_of_row: Index
+    turns: tuple[_Moves, ...]
+    shifts: tuple[_Moves, ...]
 
 
 def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
@@ -71,32 +77,27 @@ def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
     for link in tree.links:
         depth.append(0 if link.parent == NONE else depth[link.parent] + 1)
     order = sorted(range(len(own)), key=lambda k: (depth[k], -len(own[k])))
-    row_of_link = np.argsort(order)
-    depths, columns = [], []
-    start = 0
-    groups = [[k for k in order if depth[k] == d] for d in range(max(depth) + 1)]
-    starts = np.cumsum([0, *map(len, groups)])
-    for group, first in reversed(list(zip(groups, starts[:-1].tolist(), strict=True))):
+    row = {link: k for k, link in enumerate(order)}
+    depths: list[Depth] = []
+    columns: list[tuple[int, int]] = []
+    for d in reversed(range(max(depth) + 1)):
+        group = [link for link in order if depth[link] == d]
         rounds = []
         for k in range(len(own[group[0]])):
             active = [link for link in group if len(own[link]) > k]
+            first, start = row[group[0]], len(columns)
             columns += [(own[link][-1 - k], link) for link in active]
-            rounds.append((slice(first, first + len(active)), slice(start, start + len(active))))
-            start += len(active)
-        depths.append(Depth(slice(first, first + len(group)), tuple(rounds)))
-    parents = tuple(
-        NONE if tree.links[k].parent == NONE else int(row_of_link[tree.links[k].parent]) for k in order
-    )
-    turns, shifts, general = _sorted_entries(tree, columns)
+            rounds.append((slice(first, first + len(active)), slice(start, len(columns))))
+        carried = tuple((row[link], row[tree.links[link].parent]) for link in group if d)
+        depths.append(Depth(tuple(rounds), carried))
     return Elimination(
-        parents,
         tuple(depths),
         np.array([v for v, _ in columns], dtype=np.intp),
-        np.array([row_of_link[link] for _, link in columns], dtype=np.intp),
-        row_of_link,
-        turns,
-        shifts,
-        general,
+        np.array([row[link] for _, link in columns], dtype=np.intp),
+        np.argsort(order),
+        np.array(order, dtype=np.intp),
+        _moves(tree, columns, turns=True),
+        _moves(tree, columns, turns=False),
     )
 
 
@@ -113,75 +114,91 @@ def _coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
     return [v for v in dict.fromkeys(used) if v != NONE and free[v]]
 
 
-def _sorted_entries(
-    tree: Tree, columns: Sequence[tuple[int, int]]
-) -> tuple[_Simple, _Simple, tuple[tuple[int, tuple[Entry, ...]], ...]]:
-    turns: list[tuple[int, Entry]] = []
-    shifts: list[tuple[int, Entry]] = []
-    general = []
-    for column, (variable, link) in enumerate(columns):
-        entries = [
-            e
-            for e in tree.plan.entries
-            if e.link == link and e.term.factor != NONE and tree.factors[e.term.factor].coordinate == variable
-        ]
-        if len(entries) == 1 and is_plain(entries[0].term, tree.factors):
-            (turns if entries[0].is_turn else shifts).append((column, entries[0]))
-        else:
-            general.append((column, tuple(entries)))
-    return _simple(tree, turns), _simple(tree, shifts), tuple(general)
-
-
-def _simple(tree: Tree, items: Sequence[tuple[int, Entry]]) -> _Simple:
-    nodes = np.array([e.node for _, e in items], dtype=np.intp)
-    return _Simple(
-        np.array([c for c, _ in items], dtype=np.intp),
-        tree.plan.parent[nodes],
-        nodes,
-        np.array([e.direction for _, e in items]).reshape(-1, 3),
+def _moves(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> tuple[_Moves, ...]:
+    """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
+    found: list[dict[int, list[Entry]]] = [{} for _ in columns]
+    number = {variable: column for column, (variable, _) in enumerate(columns)}
+    for entry in tree.plan.entries:
+        if entry.is_turn == turns and entry.term.factor != NONE:
+            column = number.get(tree.factors[entry.term.factor].coordinate)
+            if column is not None:
+                found[column].setdefault(entry.node, []).append(entry)
+    return tuple(
+        _set(tree, [(c, *list(at.items())[k]) for c, at in enumerate(found) if len(at) > k])
+        for k in range(max(map(len, found), default=0))
     )
 
 
-def twists(plan: Elimination, tree: Tree, poses: Poses) -> Array:
-    """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
-    n = poses.node_origins.shape[2]
-    result = np.zeros((len(plan.variables), 6, n))
-    if len(plan.turns.columns):
-        turn = np.einsum("tjan,tj->tan", poses.node_axes[plan.turns.parents], plan.turns.directions)
-        result[plan.turns.columns, :3] = turn
-        result[plan.turns.columns, 3:] = cross(poses.node_origins[plan.turns.nodes], turn)
-    if len(plan.shifts.columns):
-        axes = poses.node_axes[plan.shifts.parents]
-        result[plan.shifts.columns, 3:] = np.einsum("tjan,tj->tan", axes, plan.shifts.directions)
-    for column, entries in plan.general:
+def _set(tree: Tree, items: Sequence[tuple[int, int, Sequence[Entry]]]) -> _Moves:
+    nodes = np.array([node for _, node, _ in items], dtype=np.intp)
+    constant = np.zeros((len(items), 3, 1))
+    varying = []
+    for row, (_, _, entries) in enumerate(items):
         for entry in entries:
-            rate = dict(rates_of(tree, poses.values, entry.term))[int(plan.variables[column])]
-            direction = poses.direction(entry) * rate
-            if entry.is_turn:
-                result[column, :3] += direction
-                direction = cross(poses.node_origins[entry.node], direction)
-            result[column, 3:] += direction
+            if is_plain(entry.term, tree.factors):
+                constant[row, :, 0] += entry.direction
+            else:
+                varying.append((row, entry.direction[:, None], entry.term))
+    columns = np.array([column for column, _, _ in items], dtype=np.intp)
+    return _Moves(columns, tree.plan.parent[nodes], nodes, constant, tuple(varying))
+
+
+def twists(plan: Elimination, poses: Poses) -> Array:
+    """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
+    result = np.zeros((len(plan.variables), 6, poses.frames.shape[-1]))
+    for moves in plan.turns:
+        turn = _directions(moves, poses)
+        result[moves.columns, :3] += turn
+        result[moves.columns, 3:] += cross(poses.frames[moves.nodes, 3], turn)
+    for moves in plan.shifts:
+        result[moves.columns, 3:] += _directions(moves, poses)
+    return result
+
+
+def _directions(moves: _Moves, poses: Poses) -> Array:
+    """Axes or shifts per unit of their coordinates in ground, (m, 3, n)."""
+    local = moves.constant
+    if moves.varying:
+        local = np.repeat(local, poses.frames.shape[-1], axis=2)
+        for row, direction, term in moves.varying:
+            local[row] += direction * poses.values.by_coordinate(term)
+    result: Array = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
     return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pull:
-    """What acts on the coordinates themselves, by column: each (c, n) or (c, 1)."""
+class Damping:
+    """What is added to every pivot: a share of it, and a least pivot, each (n,)."""
 
-    stiffness: Array  # weight of a coordinate's own task
-    drive: Array  # that weight times the way to its value
-    low: Array  # how far down to its lower bound, not positive
-    high: Array  # how far up to its upper bound, not negative
+    share: Array
+    floor: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pull:
+    """Tasks of the coordinates themselves, by column: weight (c, 1), and weight times way to go (c, n)."""
+
+    stiffness: Array
+    drive: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limits:
+    """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
+
+    low: Array
+    high: Array
 
 
 def step(
     plan: Elimination,
     mass: Array,
     twist: Array,
-    pull: Pull | None,
-    damping: Array,
-    floor: Array,
-    near: Array,
+    damping: Damping,
+    *,
+    second: Array,
+    pull: Pull | None = None,
+    limits: Limits | None = None,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
@@ -190,63 +207,73 @@ def step(
     mass : ndarray, shape (n_rows, 6, 7, n)
         Curvature and wrench of every link's own markers; overwritten.
     twist : ndarray, shape (c, 6, n)
-    damping, floor, near : ndarray, shape (n,)
-        Share of each pivot, least pivot, and whether second derivatives are used.
+    damping : Damping
+    second : ndarray, shape (n,)
+        One where second derivatives are used, else zero.
+    pull, limits : optional
+        Tasks and bounds of the coordinates.
 
     Notes
     -----
     A coordinate that would pass its bound is moved just to it, and what carries it is then
     eliminated knowing so.
     """
-    bend = _bend(plan, mass, twist, near) if near.any() else None
-    grown, count = 1.0 + damping, len(plan.variables)
-    scaled = np.empty(twist.shape)
-    free, drive, pivots = (np.empty((count, len(near))) for _ in range(3))
+    bend = _bend(plan, mass, twist, second) if second.any() else None
+    grown, (count, _, n) = 1.0 + damping.share, twist.shape
+    push, scaled = np.empty((count, 7, n)), np.empty((count, 6, n))
+    free, pivots = np.empty((count, n)), np.empty((count, n))
     for depth in plan.depths:
         for rows, columns in depth.rounds:
-            block = mass[rows]
-            push = np.einsum("gin,gijn->gjn", twist[columns], block)
+            block, turn, own, share = mass[rows], twist[columns], push[columns], scaled[columns]
+            impulse, pivot = own[:, :6], pivots[columns]
+            np.einsum("gin,gijn->gjn", turn, block, out=own)
             if bend is not None:
-                push[:, :6] -= bend[columns]
-            pivot = np.abs(np.einsum("gjn,gjn->gn", twist[columns], push[:, :6]))
+                impulse -= bend[columns]
+            np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
+            np.abs(pivot, out=pivot)
             if pull is not None:
                 pivot += pull.stiffness[columns]
-                push[:, 6] += pull.drive[columns]
-            ratio = 1.0 / (pivot * grown + floor)
-            free[columns] = push[:, 6] * ratio
-            if pull is not None:
-                within = np.clip(free[columns], pull.low[columns], pull.high[columns])
-                stopped = within != free[columns]
-                block[:, :, 6] -= push[:, :6] * np.where(stopped, within, 0.0)[:, None]
-                ratio[stopped], free[columns] = 0.0, within
-            scaled[columns] = push[:, :6] * ratio[:, None]
-            drive[columns], pivots[columns] = push[:, 6], pivot
-            block -= scaled[columns][:, :, None] * push[:, None]
-        for row in range(depth.rows.start, depth.rows.stop):
-            if plan.parent_row[row] != NONE:
-                mass[plan.parent_row[row]] += mass[row]
-    promised = np.einsum("cn,cn->n", free, 2.0 * drive - pivots * free)
+                own[:, 6] += pull.drive[columns]
+            whole = pivot * grown
+            whole += damping.floor
+            np.divide(impulse, whole[:, None], out=share)
+            np.divide(own[:, 6], whole, out=free[columns])
+            if limits is not None:
+                _stop(limits, columns, block, impulse, share, free[columns])
+            block -= share[:, :, None] * own[:, None]
+        for row, parent in depth.carried:
+            mass[parent] += mass[row]
+    promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
     return _descend(plan, twist, scaled, free), promised
 
 
-def _bend(plan: Elimination, mass: Array, twist: Array, near: Array) -> Array:
+def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
+    """Coordinates that would pass their bounds are moved to them, and what carries them feels that."""
+    within = np.minimum(np.maximum(free, limits.low[columns]), limits.high[columns])
+    stopped = within != free
+    if stopped.any():
+        block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
+        share *= ~stopped[:, None]
+        free[:] = within
+
+
+def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
     """Half of how each column turns the residual wrench of all that it carries, (c, 6, n)."""
-    load = mass[:, :, 6] * (0.5 * near)
+    load = mass[:, :, 6] * (0.5 * second)
     for depth in plan.depths:
-        for row in range(depth.rows.start, depth.rows.stop):
-            if plan.parent_row[row] != NONE:
-                load[plan.parent_row[row]] += load[row]
+        for row, parent in depth.carried:
+            load[parent] += load[row]
     return wrench_rate(twist, load[plan.column_row])
 
 
 def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:
     """From the root to the leaves: each column's step, given how its link is carried along (in ``free``)."""
-    motion = np.zeros((len(plan.parent_row), 6, free.shape[1]))
+    motion = np.zeros((len(plan.row_of_link), 6, free.shape[1]))
     for depth in reversed(plan.depths):
-        for row in range(depth.rows.start, depth.rows.stop):
-            if plan.parent_row[row] != NONE:
-                motion[row] = motion[plan.parent_row[row]]
+        for row, parent in depth.carried:
+            motion[row] = motion[parent]
         for rows, columns in reversed(depth.rounds):
-            free[columns] -= np.einsum("gjn,gjn->gn", scaled[columns], motion[rows])
-            motion[rows] += twist[columns] * free[columns][:, None]
+            carried, own = motion[rows], free[columns]
+            own -= np.einsum("gjn,gjn->gn", scaled[columns], carried)
+            carried += twist[columns] * own[:, None]
     return free

@@ -23,9 +23,13 @@ _TO_AXIS = (
     np.eye(3),
 )
 """Rotations whose z axis is axis 0, 1 or 2."""
-_ABOUT_Z = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-_ACROSS_Z = np.diag([1.0, 1.0, 0.0])
-_ALONG_Z = np.diag([0.0, 0.0, 1.0])
+_ORIGIN, _UNTURNED = np.zeros(3), np.eye(3)
+_TURNING = np.stack(
+    [np.diag([0.0, 0.0, 1.0]), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], np.diag([1.0, 1.0, 0.0])]
+)
+"""A rotation about z: its constant part, and what the angle's sine and cosine multiply."""
+_STILL = np.stack([_UNTURNED, np.zeros((3, 3)), np.zeros((3, 3))])
+"""No rotation, in the same parts."""
 
 
 @dataclass(slots=True)
@@ -33,40 +37,39 @@ class _Node:
     """A node while it is put together."""
 
     link: int
-    shift: Array = field(default_factory=lambda: np.zeros(3))
+    shift: Array = field(default_factory=lambda: _ORIGIN)
     shift_terms: tuple[TermArrays, ...] = ()
-    before: Array = field(default_factory=lambda: np.eye(3))
-    after: Array = field(default_factory=lambda: np.eye(3))
+    before: Array = field(default_factory=lambda: _UNTURNED)
+    after: Array = field(default_factory=lambda: _UNTURNED)
     turn: float | None = None
     turn_terms: tuple[TermArrays, ...] = ()
 
     @property
     def takes_shift(self) -> bool:
         """Whether nothing has been turned yet."""
-        return self.turn is None and np.array_equal(self.before, np.eye(3))
+        return self.turn is None and self.before is _UNTURNED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """Laws of many nodes at once: ``constant + matrix @ q`` and the terms that are not linear in q.
+    """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
 
-    ``constant`` (rows,), ``matrix`` (rows, n_coordinates); ``others`` holds (first row, term).
+    ``constant`` is (n_rows,); ``matrix`` (len(varying), n_coordinates) adds to the rows ``varying``;
+    ``others`` holds (row, gain, term).
     """
 
     constant: Array
+    varying: slice | Index
     matrix: Array
-    others: tuple[tuple[int, TermArrays], ...]
+    others: tuple[tuple[int, float, TermArrays], ...]
 
     def values(self, q: Array, values: Values) -> Array:
-        """Values of all rows, (rows, n_frames)."""
-        result: Array = self.matrix @ q
-        result += self.constant[:, None]
-        for row, term in self.others:
-            scale = values.p[term.parameter] if term.parameter != NONE else 1.0
-            factor = values.factors[term.factor] if term.factor != NONE else 1.0
-            for k, gain in enumerate(term.gain):
-                if gain:
-                    result[row + k] += gain * scale * factor
+        """Values of all rows, (n_rows, n_frames)."""
+        result = np.repeat(self.constant[:, None], q.shape[1], axis=1)
+        result[self.varying] += self.matrix @ q
+        for row, gain, term in self.others:
+            scale = gain * values.p[term.parameter] if term.parameter != NONE else gain
+            result[row] += scale * values.factors[term.factor] if term.factor != NONE else scale
         return result
 
 
@@ -92,12 +95,12 @@ class Plan:
     Parameters
     ----------
     parent : ndarray of int, shape (n_nodes,)
-    levels : tuple of slice
-        Nodes of equal depth, the shallowest first, ground left out.
+    levels : tuple of (slice, slice or ndarray of int)
+        Nodes of equal depth and the nodes that carry them, the shallowest first, ground left out.
     link_node : ndarray of int, shape (n_links,)
         The node that is each link's frame.
-    fixed, sine, cosine : ndarray, shape (n_nodes, 3, 3, 1)
-        A node's rotation is ``fixed + sine * sin(angle) + cosine * cos(angle)``.
+    rotations : ndarray, shape (n_nodes, 9, 3)
+        A node's rotation, column by column, is ``rotations @ [1, sin(angle), cos(angle)]``.
     angles, shifts : Linear
         One row per node, and three rows per node.
     entries : tuple of Entry
@@ -105,11 +108,9 @@ class Plan:
     """
 
     parent: Index
-    levels: tuple[slice, ...]
+    levels: tuple[tuple[slice, slice | Index], ...]
     link_node: Index
-    fixed: Array
-    sine: Array
-    cosine: Array
+    rotations: Array
     angles: Linear
     shifts: Linear
     entries: tuple[Entry, ...]
@@ -134,17 +135,13 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
     ordered = [nodes[k] for k in order]
     edges = np.flatnonzero(np.diff(np.array(depth)[order])) + 1
     bounds = [*edges.tolist(), len(nodes)]
-    levels = tuple(slice(a, b) for a, b in pairwise(bounds))
     parent_rows = np.array([place[parents[k]] if parents[k] != NONE else 0 for k in order], dtype=np.intp)
-    rotations = [_rotation(node) for node in ordered]
-    fixed, sine, cosine = (np.stack(part)[:, :, :, None] for part in zip(*rotations, strict=True))
+    levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
     return Plan(
         parent_rows,
         levels,
         place[np.array(last, dtype=np.intp)],
-        fixed,
-        sine,
-        cosine,
+        _rotations(ordered),
         _linear(
             [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
         ),
@@ -177,12 +174,22 @@ def _nodes(number: int, link: Link) -> list[_Node]:
     return nodes
 
 
-def _rotation(node: _Node) -> tuple[Array, Array, Array]:
-    """The constant, sine and cosine parts of a node's rotation, (3, 3) each."""
-    if node.turn is None:
-        return node.before, np.zeros((3, 3)), np.zeros((3, 3))
-    fixed, sine, cosine = (node.before @ part @ node.after for part in (_ALONG_Z, _ABOUT_Z, _ACROSS_Z))
-    return fixed, sine, cosine
+def run_of(rows: Index) -> slice | Index:
+    """The rows as a slice, which needs no copy, where they follow each other or are all the same one."""
+    if not len(rows):
+        return slice(0)
+    first = int(rows[0])
+    if (rows == first).all():
+        return slice(first, first + 1)
+    return slice(first, first + len(rows)) if (np.diff(rows) == 1).all() else rows
+
+
+def _rotations(nodes: Sequence[_Node]) -> Array:
+    """The constant, sine and cosine parts of all rotations, columns one after the other, (n_nodes, 9, 3)."""
+    parts = np.stack([_STILL if node.turn is None else _TURNING for node in nodes])
+    before, after = np.stack([node.before for node in nodes]), np.stack([node.after for node in nodes])
+    whole: Array = before[:, None] @ parts @ after[:, None]
+    return np.ascontiguousarray(whole.transpose(0, 3, 2, 1)).reshape(len(nodes), 9, 3)
 
 
 def _linear(
@@ -199,8 +206,10 @@ def _linear(
             if is_plain(term, factors):
                 matrix[k * width : (k + 1) * width, factors[term.factor].coordinate] += term.gain
             else:
-                others.append((k * width, term))
-    return Linear(np.array(constants, dtype=float).ravel(), matrix, tuple(others))
+                others += [(k * width + i, float(gain), term) for i, gain in enumerate(term.gain) if gain]
+    varying = np.flatnonzero(matrix.any(axis=1))
+    constant = np.array(constants, dtype=float).ravel()
+    return Linear(constant, run_of(varying), matrix[varying], tuple(others))
 
 
 def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:

@@ -31,14 +31,21 @@ from scaling_service.kernels.clusters import (
     marker_weights,
     misfit_of,
 )
-from scaling_service.kernels.elimination import Elimination, Pull, elimination_of, step, twists
+from scaling_service.kernels.elimination import (
+    Damping,
+    Elimination,
+    Limits,
+    Pull,
+    elimination_of,
+    step,
+    twists,
+)
 from scaling_service.kernels.laws import NONE, Array
-from scaling_service.kernels.moves import Link
-from scaling_service.kernels.tree import Poses, Tree, forward, positions
+from scaling_service.kernels.tree import Poses, Tree, forward, local_positions
 
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
 _NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
-_LONGEST = 0.8  # chosen: rad or m; beyond it a linearised rotation means little
+_LOST = 1e8  # chosen: a damping at which steps no longer move anything
 _TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "not determined"
 
 
@@ -49,21 +56,29 @@ class SweepSettings:
     Parameters
     ----------
     max_steps : int
-    relative_decrease : float
-        Stop a frame when the step promises less than this share of its cost. That step is still
-        taken; near the minimum steps converge quadratically, so it leaves far less.
+    left : float
+        Stop a frame when its step leaves less than this share of its cost to be gained. That step is
+        still taken; if steps go on to promise less at the same rate, what it leaves is
+        ``promise * rate / (1 - rate)``.
     step_tolerance : float
         Or when no coordinate moves by more than this (rad or m).
+    longest : float
+        The most by which any coordinate may move in a step (rad or m); beyond the default, chosen, a
+        linearised rotation means little.
     damping : float
         First Levenberg-Marquardt damping, as a share of each pivot.
+    quorum : float
+        Share of the frames that must have converged; the others may then stay behind.
     close : bool
         Whether the start is near enough for second derivatives from the first step on.
     """
 
     max_steps: int = 60
-    relative_decrease: float = 1e-5
+    left: float = 1e-8
     step_tolerance: float = 1e-9
+    longest: float = 0.8
     damping: float = 1e-6
+    quorum: float = 1.0
     close: bool = False
 
 
@@ -79,6 +94,10 @@ class MotionSolution:
     steps: NDArray[np.intp]
     converged: NDArray[np.bool_]
 
+    def frames(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSolution:
+        """Only these frames."""
+        return MotionSolution(self.q[rows], self.cost[rows], self.steps[rows], self.converged[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
@@ -88,11 +107,11 @@ class _Problem:
     plan: Elimination
     p: Array
     signals: Array | None
-    clusters: Clusters
-    cluster_links: NDArray[np.intp]
+    clusters: Clusters  # by row of the plan
     ground: Array
-    bounds: tuple[Array, Array]
-    prior: tuple[Array, Array]  # value (n_coordinates, n), weight (n_coordinates,)
+    lower: Array  # (c, 1), as upper: bounds by column
+    upper: Array
+    prior: tuple[Array, Array] | None  # value (n_coordinates, n), weight (n_coordinates, 1)
     floor: Array  # (n,) added to every pivot
 
     def take(self, rows: NDArray[np.intp]) -> _Problem:
@@ -100,38 +119,35 @@ class _Problem:
             self,
             clusters=self.clusters.take(rows),
             signals=None if self.signals is None else self.signals[:, rows],
-            prior=(self.prior[0][:, rows], self.prior[1]),
+            prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1]),
             ground=self.ground[:, rows],
             floor=self.floor[rows],
         )
 
-    @property
-    def free_to_roam(self) -> bool:
-        """Whether neither bounds nor coordinate tasks are there."""
-        lower, upper = self.bounds
-        columns = self.plan.variables
-        unbounded = np.isinf(lower[columns]).all() and np.isinf(upper[columns]).all()
-        return bool(unbounded and not self.prior[1].any())
-
     def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
         """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
         poses = forward(self.tree, q, self.p, self.signals, self.ground)
-        nodes = self.tree.plan.link_node[self.cluster_links]
-        misfit = misfit_of(self.clusters, poses.node_axes[nodes], poses.node_origins[nodes])
+        frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
+        misfit = misfit_of(self.clusters, frames[:, :3], frames[:, 3])
+        if self.prior is None:
+            return poses, misfit, misfit.cost
         value, weight = self.prior
-        tasks = np.einsum("c,cn->n", weight, (q - value) ** 2) if weight.any() else 0.0
-        return poses, misfit, misfit.cost + tasks
+        return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
+
+    def limits(self, q: Array) -> Limits | None:
+        """How far the columns may move, if not anywhere."""
+        if np.isinf(self.lower).all() and np.isinf(self.upper).all():
+            return None
+        now = q[self.plan.variables]
+        return Limits(self.lower - now, self.upper - now)
 
     def pull(self, q: Array) -> Pull | None:
-        """Bounds and tasks by column."""
-        if self.free_to_roam:
+        """The coordinates' own tasks by column."""
+        if self.prior is None:
             return None
         columns = self.plan.variables
-        lower, upper = (bound[columns, None] for bound in self.bounds)
-        weight = self.prior[1][columns, None]
-        return Pull(
-            weight, weight * (self.prior[0][columns] - q[columns]), lower - q[columns], upper - q[columns]
-        )
+        value, weight = self.prior[0][columns], self.prior[1][columns]
+        return Pull(weight, weight * (value - q[columns]))
 
 
 def is_articulated(tree: Tree) -> bool:
@@ -192,7 +208,6 @@ def solve_motion(
     n, nq = q0.shape
     moving = np.ones(nq, dtype=bool) if free is None else np.asarray(free, dtype=bool)
     limits = (np.full(nq, -np.inf), np.full(nq, np.inf)) if bounds is None else bounds
-    pull = (q0, np.zeros(nq)) if prior is None else prior
     q, cost = np.empty((n, nq)), np.empty(n)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     plan = elimination_of(tree, moving)
@@ -200,7 +215,8 @@ def solve_motion(
         rows = slice(start, min(start + _BLOCK, n))
         known = None if signals is None else signals[rows].T
         some = weights[rows] if weights.ndim == 2 else weights
-        block = _block(tree, plan, p, measured[rows], some, known, limits, (pull[0][rows], pull[1]))
+        tasks = None if prior is None else (prior[0][rows], prior[1])
+        block = _block(tree, plan, p, measured[rows], some, known, limits, tasks)
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
         if progress is not None:
@@ -216,73 +232,99 @@ def _block(
     weights: Array,
     signals: Array | None,
     bounds: tuple[Array, Array],
-    prior: tuple[Array, Array],
+    prior: tuple[Array, Array] | None,
 ) -> _Problem:
     heavy = marker_weights(measured, weights)
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
     placed = np.moveaxis(filled, 0, -1) - middle
-    links = np.array([k for k, rows in enumerate(tree.marker_rows) if len(rows)], dtype=np.intp)
-    clusters = clusters_of(
-        [tree.marker_rows[k] for k in links], _local_positions(tree, p, signals), placed, heavy
-    )
-    value = np.ascontiguousarray(prior[0].T)
+    carrier = plan.row_of_link[tree.marker_link]
+    clusters = clusters_of(carrier, len(tree.links), local_positions(tree, p, signals), placed, heavy)
+    tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
+    lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300
-    return _Problem(tree, plan, p, signals, clusters, links, -middle, bounds, (value, prior[1]), floor)
+    return _Problem(tree, plan, p, signals, clusters, -middle, lower, upper, tasks, floor)
 
 
-def _local_positions(tree: Tree, p: Array, signals: Array | None) -> Array:
-    """Local marker positions (n_markers, 3, n_frames or 1): with all links at ground, positions are local."""
-    still = replace(tree, links=tuple(Link(NONE, ()) for _ in tree.links))
-    n = 1 if signals is None else signals.shape[1]
-    return positions(still, forward(still, np.zeros((tree.n_coordinates, n)), p, signals))
+@dataclass(slots=True, eq=False)
+class _State:
+    """The frames still being solved: each array's last axis."""
+
+    rows: NDArray[np.intp]  # their numbers in the block
+    best: Array  # (n_coordinates, n) the best pose so far, of this cost
+    cost: Array
+    damping: Array
+    near: Array  # 1.0 where second derivatives are used
+    promised: Array  # decrease that the step before promised
+
+    def take(self, rows: NDArray[np.intp]) -> _State:
+        return _State(
+            self.rows[rows],
+            self.best[:, rows],
+            self.cost[rows],
+            self.damping[rows],
+            self.near[rows],
+            self.promised[rows],
+        )
 
 
 def _solve_block(
-    block: _Problem, q: Array, settings: SweepSettings
+    part: _Problem, q: Array, settings: SweepSettings
 ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.bool_]]:
     """Damped Newton steps on one block; frames leave it as they converge."""
-    n, columns = q.shape[1], block.plan.variables
-    lower, upper = block.bounds[0][columns, None], block.bounds[1][columns, None]
-    best = q.copy()
-    best[columns] = np.clip(q[columns], lower, upper)
-    cost, damping = np.full(n, np.inf), np.full(n, settings.damping)
-    steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    near = np.full(n, float(settings.close))
-    rows, part, trial = np.arange(n), block, best.copy()
-    for _ in range(settings.max_steps):
+    n, columns = q.shape[1], part.plan.variables
+    q[columns] = _between(q[columns], part.lower, part.upper)
+    cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
+    close = np.full(n, float(settings.close))
+    unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
+    state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
+    trial = q.copy()
+    for number in range(1, settings.max_steps + 1):
         poses, misfit, now = part.misfit(trial)
-        worse: NDArray[np.bool_] = np.greater(now, cost[rows] * (1.0 + 1e-14))
+        worse: NDArray[np.bool_] = np.greater(now, state.cost * (1.0 + 1e-14))
         if worse.any():
-            trial[:, worse] = best[:, rows[worse]]
+            trial[:, worse] = state.best[:, worse]
             poses, misfit, now = part.misfit(trial)
-        best[:, rows], cost[rows] = trial, now
-        damping[rows] = np.where(worse, np.maximum(damping[rows] * 10.0, 1e-4), damping[rows] * 0.2)
-        near[rows] *= ~worse
-        delta, promised = _step(part, poses, misfit, trial, damping[rows], near[rows])
-        near[rows] = (promised < _NEAR * now) & ~worse
-        delta *= np.minimum(1.0, _LONGEST / np.maximum(np.abs(delta).max(axis=0, initial=0.0), _LONGEST))
-        trial[columns] = np.clip(trial[columns] + delta, lower, upper)
-        steps[rows] += 1
-        done = (promised <= settings.relative_decrease * now) | (damping[rows] > 1e8)
-        done |= np.abs(delta).max(axis=0, initial=0.0) <= settings.step_tolerance
-        if done.any():
-            last = rows[done & ~worse]
-            best[:, last] = trial[:, done & ~worse]  # too small a step to be checked, but a better pose
-            converged[rows[done]] = True
+        state.best, state.cost = trial, now
+        state.damping = np.where(worse, np.maximum(state.damping * 10.0, 1e-4), state.damping * 0.2)
+        state.near *= ~worse
+        delta, promised = _step(part, poses, misfit, state)
+        longest = np.abs(delta).max(axis=0, initial=0.0)
+        delta *= settings.longest / np.maximum(longest, settings.longest)
+        trial = trial.copy()
+        trial[columns] = _between(trial[columns] + delta, part.lower, part.upper)
+        before = np.minimum(np.where(worse, 0.0, state.promised), now)
+        done = promised**2 <= settings.left * now * np.maximum(before - promised, promised)
+        done |= (longest <= settings.step_tolerance) | (state.damping > _LOST)
+        state.near, state.promised = ((promised < _NEAR * now) & ~worse).astype(float), promised
+        if done.any() or number == settings.max_steps:
+            # A last step is too small to be worth a check; a frame that just failed keeps its best pose.
+            taken = done & ~worse
+            q[:, state.rows] = np.where(taken, trial, state.best)
+            cost[state.rows] = np.where(taken, np.maximum(now - promised, 0.0), now)
+            steps[state.rows], converged[state.rows] = number, done
             keep = np.flatnonzero(~done)
-            if not len(keep):
+            if len(keep) <= (1.0 - settings.quorum) * n:
                 break
-            rows, trial, part = rows[keep], np.ascontiguousarray(trial[:, keep]), part.take(keep)
-    return best, cost, steps, converged
+            state, trial, part = state.take(keep), trial[:, keep], part.take(keep)
+    return q, cost, steps, converged
 
 
-def _step(
-    part: _Problem, poses: Poses, misfit: Misfit, q: Array, damping: Array, near: Array
-) -> tuple[Array, Array]:
+def _between(value: Array, lower: Array, upper: Array) -> Array:
+    """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
+    bounded: Array = np.minimum(np.maximum(value, lower), upper)
+    return bounded
+
+
+def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
     """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
-    plan = part.plan
-    mass = np.zeros((len(plan.parent_row), 6, 7, q.shape[1]))
-    mass[plan.row_of_link[part.cluster_links]] = curvature_and_wrench(part.clusters, misfit, near)
-    return step(plan, mass, twists(plan, part.tree, poses), part.pull(q), damping, part.floor, near)
+    return step(
+        part.plan,
+        curvature_and_wrench(part.clusters, misfit, state.near),
+        twists(part.plan, poses),
+        Damping(state.damping, part.floor),
+        second=state.near,
+        pull=part.pull(state.best),
+        limits=part.limits(state.best),
+    )

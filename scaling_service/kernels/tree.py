@@ -7,6 +7,7 @@ Variables are the coordinates (per frame) followed by the parameters (shared by 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +17,9 @@ from numpy.typing import NDArray
 from scaling_service.kernels.laws import NONE, Array, Factor, ShapeGroup, TermArrays, Values, shape_groups
 from scaling_service.kernels.moves import Fixed, Link
 from scaling_service.kernels.plan import Entry, Plan, plan_of
+
+CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+"""The components of a cross product: i from j and k."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,16 +137,24 @@ class Poses:
     Parameters
     ----------
     plan : Plan
-    node_axes : ndarray, shape (n_nodes, 3, 3, n_frames)
-        ``node_axes[node, j]`` is the node's j-th axis in ground.
-    node_origins : ndarray, shape (n_nodes, 3, n_frames), m
+    frames : ndarray, shape (n_nodes, 4, 3, n_frames)
+        ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]`` its origin (m).
     values : Values
     """
 
     plan: Plan
-    node_axes: Array
-    node_origins: Array
+    frames: Array
     values: Values
+
+    @property
+    def node_axes(self) -> Array:
+        """Axes of all nodes, shape (n_nodes, 3, 3, n_frames)."""
+        return self.frames[:, :3]
+
+    @property
+    def node_origins(self) -> Array:
+        """Origins of all nodes, shape (n_nodes, 3, n_frames), m."""
+        return self.frames[:, 3]
 
     @property
     def axes(self) -> Array:
@@ -154,9 +166,11 @@ class Poses:
         """Origins of all links, shape (n_links, 3, n_frames), m."""
         return self.node_origins[self.plan.link_node]
 
-    def direction(self, entry: Entry) -> Array:
-        """An entry's axis or shift in ground, (3, n_frames)."""
-        return ground_direction(self.node_axes[self.plan.parent[entry.node]], entry.direction[:, None])
+    def directions(self, entries: Sequence[Entry]) -> Array:
+        """Axes or shifts of some entries in ground, (n_entries, 3, n_frames)."""
+        parents = self.plan.parent[[entry.node for entry in entries]]
+        local = np.array([entry.direction for entry in entries])
+        return np.asarray(np.einsum("ejan,ej->ean", self.frames[parents, :3], local))
 
 
 def forward(
@@ -175,19 +189,31 @@ def forward(
     """
     plan, n = tree.plan, q.shape[1]
     values = Values.of(tree.factors, q, p, signals, tree.shape_groups)
-    angle = plan.angles.values(q, values)[:, None, None]
-    turned = plan.fixed + plan.sine * np.sin(angle)
-    turned += plan.cosine * np.cos(angle)
-    shift = plan.shifts.values(q, values).reshape(-1, 3, n)
-    axes, origins = np.empty((len(plan.parent), 3, 3, n)), np.empty((len(plan.parent), 3, n))
-    axes[0] = np.eye(3)[:, :, None]
-    origins[0] = 0.0 if ground is None else ground
-    for level in plan.levels:
-        carrier = axes[plan.parent[level]]
-        np.einsum("gjan,gjkn->gkan", carrier, turned[level], out=axes[level])
-        np.einsum("gjan,gjn->gan", carrier, shift[level], out=origins[level])
-        origins[level] += origins[plan.parent[level]]
-    return Poses(plan, axes, origins, values)
+    local = np.empty((len(plan.parent), 4, 3, n))
+    np.matmul(plan.rotations, _trigonometric(plan.angles.values(q, values)), out=_rotations_of(local))
+    local[:, 3] = plan.shifts.values(q, values).reshape(-1, 3, n)
+    frames = np.empty(local.shape)
+    frames[0, :3] = np.eye(3)[:, :, None]
+    frames[0, 3] = 0.0 if ground is None else ground
+    for level, carriers in plan.levels:
+        carrier, reached = frames[carriers], frames[level]
+        np.einsum("gjan,gkjn->gkan", carrier[:, :3], local[level], out=reached)
+        reached[:, 3] += carrier[:, 3]
+    return Poses(plan, frames, values)
+
+
+def _trigonometric(angle: Array) -> Array:
+    """One, sine and cosine of every angle (rows, n), as (rows, 3, n)."""
+    result = np.empty((len(angle), 3, angle.shape[1]))
+    result[:, 0] = 1.0
+    np.sin(angle, out=result[:, 1])
+    np.cos(angle, out=result[:, 2])
+    return result
+
+
+def _rotations_of(frames: Array) -> Array:
+    """The axes of frames (rows, 4, 3, n) as a view, (rows, 9, n)."""
+    return frames.reshape(len(frames), 12, -1)[:, :9]
 
 
 def ground_direction(axes: Array, local: Array) -> Array:
@@ -196,9 +222,21 @@ def ground_direction(axes: Array, local: Array) -> Array:
     return result
 
 
+def local_positions(tree: Tree, p: Array, signals: Array | None = None) -> Array:
+    """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, n_frames or 1), m."""
+    if not tree.marker_terms:
+        return tree.marker_local[:, :, None]
+    n = 1 if signals is None else signals.shape[1]
+    values = Values.of(tree.factors, np.zeros((tree.n_coordinates, n)), p, signals, tree.shape_groups)
+    result = np.repeat(tree.marker_local[:, :, None].astype(float), n, axis=2)
+    for marker, terms in tree.terms_of_marker.items():
+        result[marker] += values.vector(np.zeros(3), terms)
+    return result
+
+
 def positions(tree: Tree, poses: Poses) -> Array:
     """Marker positions in ground, shape (n_markers, 3, n_frames), m."""
-    n = poses.node_origins.shape[2]
+    n = poses.frames.shape[-1]
     result = np.empty((tree.n_markers, 3, n))
     for k, rows in enumerate(tree.marker_rows):
         if len(rows):
@@ -214,11 +252,10 @@ def positions(tree: Tree, poses: Poses) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the second-last axis (3 components), frames last."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    a0, a1, a2 = a[..., 0, :], a[..., 1, :], a[..., 2, :]
-    b0, b1, b2 = b[..., 0, :], b[..., 1, :], b[..., 2, :]
-    result[..., 0, :] = a1 * b2 - a2 * b1
-    result[..., 1, :] = a2 * b0 - a0 * b2
-    result[..., 2, :] = a0 * b1 - a1 * b0
+    for i, j, k in CYCLE:
+        component = result[..., i, :]
+        np.multiply(a[..., j, :], b[..., k, :], out=component)
+        component -= a[..., k, :] * b[..., j, :]
     return result
 
 
@@ -238,16 +275,15 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
     """
     row = {int(v): k for k, v in enumerate(variables)}
     result = np.zeros((len(variables), *placed.shape))
-    for entry in tree.plan.entries:
+    moving = [e for e in tree.plan.entries if len(tree.carried[e.link])]
+    for entry, motion in zip(moving, poses.directions(moving), strict=True):
         rows = tree.carried[entry.link]
         wanted = [(v, r) for v, r in rates_of(tree, poses.values, entry.term) if v in row]
-        if not wanted or not len(rows):
+        if not wanted:
             continue
-        motion = poses.direction(entry)
-        if entry.is_turn:
-            motion = cross(motion, placed[rows] - poses.node_origins[entry.node])
+        turned = cross(motion, placed[rows] - poses.frames[entry.node, 3]) if entry.is_turn else motion
         for variable, rate in wanted:
-            result[row[variable], rows] += motion * rate
+            result[row[variable], rows] += turned * rate
     for marker, terms in tree.terms_of_marker.items():
         axes = poses.node_axes[poses.plan.link_node[tree.marker_link[marker]]]
         for term in terms:

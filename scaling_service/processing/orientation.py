@@ -146,13 +146,7 @@ def decide(
     factor, unit_repairs = (scale, ()) if scale is not None else unit_factor(trial)
     positions = trial.markers * factor
     where = _positions_by_role(positions, trial.labels, roles or {})
-    up_vector = _axis(up, "up") if up is not None else None
-    forward_vector = _axis(forward, "forward") if forward is not None else None
-    if up_vector is not None and forward_vector is not None and up_vector @ forward_vector:
-        raise InputError(
-            "up and forward name the same axis", field="forward", remedy="Give two different axes"
-        )
-
+    up_vector, forward_vector = check_axes(up, forward)
     if up_vector is None:
         up_vector, why_up = _find_up(positions, where, forward_vector)
     else:
@@ -309,6 +303,23 @@ def _snapped(vector: Array) -> Array:
 def _off_axis(vector: Array) -> str:
     share = float(np.abs(vector).max() / np.linalg.norm(vector))
     return f"{np.degrees(np.arccos(min(share, 1.0))):.0f} deg"
+
+
+def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array | None]:
+    """The laboratory's directions that were given as ``"+z"``, ``"z"`` or ``"-x"``.
+
+    Raises
+    ------
+    InputError
+        One is no axis, or both name the same one.
+    """
+    up_vector = _axis(up, "up") if up is not None else None
+    forward_vector = _axis(forward, "forward") if forward is not None else None
+    if up_vector is not None and forward_vector is not None and up_vector @ forward_vector:
+        raise InputError(
+            "up and forward name the same axis", field="forward", remedy="Give two different axes"
+        )
+    return up_vector, forward_vector
 
 
 def _axis(text: str, field: str) -> Array:

@@ -57,7 +57,7 @@ def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
         f"the markers of trial '{trial.name}' extend over {extent:.3g} m, which is no body in m or mm",
         file=trial.name,
         field="Units",
-        remedy="Correct the unit in the recording, or give the factor",
+        remedy="Correct the unit that the recording states, or its positions",
     )
 
 

@@ -166,12 +166,34 @@ def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, monkeypatch, data):
         assert not np.isinf(trial.markers).any()
 
 
-def test_a_truncated_recording_says_so(shared_data, tmp_path):
+@pytest.mark.parametrize("missing", [1, 40, 400])
+def test_a_file_that_ends_too_early_is_refused(tmp_path, missing):
+    write_c3d(tmp_path / "walk.c3d", _trial())
+    whole = (tmp_path / "walk.c3d").read_bytes()
+    frames = whole[512 * (int.from_bytes(whole[16:18], "little") - 1) :]
+    size = 3 * 16  # points of four 4-byte numbers
+    end = len(whole) - len(frames) + 8 * size
+    (tmp_path / "walk.c3d").write_bytes(whole[:end])
+    assert read_c3d(tmp_path / "walk.c3d").n_frames == 8
+    (tmp_path / "walk.c3d").write_bytes(whole[: end - missing])
+    left = max(0, 8 * size - missing) // size
+    with pytest.raises(FileUnreadable, match=f"counts 8 frames, and it ends after {left}"):
+        read_c3d(tmp_path / "walk.c3d")
+
+
+def test_trailing_frames_without_a_marker_are_no_cut(tmp_path):
+    trial = _trial()
+    markers = trial.markers.copy()
+    markers[5:] = np.nan
+    write_c3d(tmp_path / "walk.c3d", trial.with_markers(markers))
+    assert read_c3d(tmp_path / "walk.c3d").n_frames == 8
+
+
+def test_a_truncated_real_recording_is_refused(shared_data, tmp_path):
     whole = (shared_data / "jia_mri/Walking01.c3d").read_bytes()
     (tmp_path / "cut.c3d").write_bytes(whole[: len(whole) * 2 // 3])
-    trial = read_c3d(tmp_path / "cut.c3d")
-    assert trial.n_frames < 109
-    assert [r.where for r in trial.repairs if r.what == "header"] == ["frames"]
+    with pytest.raises(FileUnreadable, match="counts 109 frames"):
+        read_c3d(tmp_path / "cut.c3d")
 
 
 def test_real_files_are_read_whole(shared_data):

@@ -243,6 +243,12 @@ def test_a_file_that_breaks_off_loses_only_its_last_number(lines):
     np.testing.assert_allclose(trial.markers[known], _trial().markers[known], atol=1e-8)
 
 
+def test_a_file_that_breaks_off_before_its_last_frames_is_refused(lines):
+    content, read = lines
+    with pytest.raises(FileUnreadable, match="counts 6 frames, and it breaks off in line 10 after 4"):
+        read([*content[:9], content[9][:-40]])
+
+
 @pytest.mark.parametrize(
     ("content", "problem"),
     [

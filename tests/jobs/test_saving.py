@@ -148,3 +148,88 @@ def test_the_opensim_model_has_the_same_geometry(results: Results, tmp_path: Pat
         assert found[name] == pytest.approx(expected[name], abs=1e-6)  # m
     for segment in ours.model.segments:
         assert theirs.segment(segment.name).mass == pytest.approx(segment.mass, rel=1e-9)
+
+
+@pytest.fixture
+def used(tmp_path: Path) -> Path:
+    """A folder with results of an earlier run and something else."""
+    out = tmp_path / "out"
+    (out / "MB").mkdir(parents=True)
+    for name in ("MB/scaling.json", "MB/old_ik.mot", "MB/notes.txt", "comparison.json"):
+        (out / name).write_text(f"earlier {name}", encoding="utf-8")
+    return out
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {
+        p.relative_to(folder).as_posix(): p.read_text(encoding="utf-8")
+        for p in folder.rglob("*")
+        if p.is_file()
+    }
+
+
+@pytest.mark.usefixtures("no_osim")
+@pytest.mark.parametrize("in_the_way", ["MB_am", "MB_am/scaling.json"])
+def test_what_stands_in_the_way_leaves_all_as_it_was(results: Results, used: Path, in_the_way: str) -> None:
+    if in_the_way == "MB_am":
+        (used / in_the_way).write_text("a file", encoding="utf-8")
+    else:
+        (used / in_the_way).mkdir(parents=True)
+    before, names = contents(used), everything(used.parent)
+    with pytest.raises(InputError, match=in_the_way) as caught:
+        save(results, used)
+    assert caught.value.field == "--out"
+    assert contents(used) == before
+    assert everything(used.parent) == names
+
+
+@pytest.mark.usefixtures("no_osim")
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, OSError])
+@pytest.mark.parametrize("after", [0, 3, 7])
+def test_an_interruption_while_moving_is_undone(
+    results: Results,
+    used: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    interruption: type[BaseException],
+    after: int,
+) -> None:
+    before, names = contents(used), everything(used.parent)
+    moved: list[Path] = []
+    original = Path.replace
+
+    def replace(self: Path, target: Path) -> Path:
+        if len(moved) == after:
+            moved.append(self)
+            raise interruption
+        moved.append(self)
+        return original(self, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises((KeyboardInterrupt, InputError)):
+        save(results, used)
+    assert len(moved) > after
+    assert contents(used) == before
+    assert everything(used.parent) == names
+
+
+@pytest.mark.usefixtures("no_osim")
+def test_nothing_is_written_beside_a_folder_that_is_there(
+    results: Results, used: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is above a mounted folder is another disk, and seldom ours to write to."""
+    places: list[Path] = []
+    original = saving.tempfile.mkdtemp
+
+    def mkdtemp(*, prefix: str, dir: Path) -> str:  # noqa: A002 (the library's own name)
+        places.append(dir)
+        return original(prefix=prefix, dir=dir)
+
+    monkeypatch.setattr(saving.tempfile, "mkdtemp", mkdtemp)
+    save(results, used)
+    assert places == [used]
+
+
+def test_a_name_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        check_folder(tmp_path / ("x" * 300))
+    assert caught.value.field == "--out"

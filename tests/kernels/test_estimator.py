@@ -325,7 +325,7 @@ def test_without_parameters_it_is_inverse_kinematics() -> None:
         still.weights,
         this.q0,
         this.p,
-        settings=SweepSettings(relative_decrease=1e-13),
+        settings=SweepSettings(left=1e-13),
     )
     assert found.cost == pytest.approx(sweeps.cost.sum(), rel=1e-9)
     np.testing.assert_allclose(found.q, sweeps.q, rtol=0, atol=1e-5)

@@ -19,8 +19,8 @@ from scaling_service.models.compile import compile_model, parameter_values
 from tests.kernels.bodies import Array, leg, leg_motion, random_tree, slow_jacobian, with_signal
 
 SEEDS = st.integers(0, 10_000)
-TIGHT = SweepSettings(max_steps=300, relative_decrease=1e-13)
-ONE_STEP = SweepSettings(max_steps=2, relative_decrease=0.0, step_tolerance=0.0, damping=0.0)
+TIGHT = SweepSettings(max_steps=300, left=1e-13)
+ONE_STEP = SweepSettings(max_steps=2, left=0.0, step_tolerance=0.0, damping=0.0)
 TINY = 1e-10  # the share of the total weight that the sweep adds to every pivot
 
 
@@ -223,7 +223,7 @@ def test_newton_steps_are_fewer_where_residuals_stay(seed: int, monkeypatch: pyt
     model, q = leg(rng), leg_motion(rng, 50)
     tree, none = compile_model(model), np.zeros(0)
     measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
-    how = SweepSettings(relative_decrease=1e-12, max_steps=300)
+    how = SweepSettings(left=1e-12, max_steps=300)
     newton = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
     monkeypatch.setattr("scaling_service.kernels.sweep._NEAR", 0.0)
     plain = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
@@ -245,7 +245,7 @@ def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     varying = np.broadcast_to(this.weights, this.measured.shape[:2]).copy()
     this = Case(this.model, this.truth, this.start, this.measured, varying, {})
     this.options["prior"] = (this.truth, np.full(10, 1e-4))
-    few = SweepSettings(max_steps=4, relative_decrease=0.0, step_tolerance=0.0)  # so that both end alike
+    few = SweepSettings(max_steps=4, left=0.0, step_tolerance=0.0)  # so that both end alike
     blocked = this.solve(few)
     monkeypatch.setattr("scaling_service.kernels.sweep._BLOCK", 10_000)
     np.testing.assert_allclose(blocked.q, this.solve(few).q, rtol=0, atol=1e-12)

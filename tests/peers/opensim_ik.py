@@ -94,6 +94,44 @@ def run_opensim_ik(
         "accuracy": accuracy,
         "constraint_weight": constraint_weight,
     }
+    answer = _asked(request, time_limit_s)
+    result = OpenSimIk(
+        times=np.array(answer["times"]),
+        coordinates=tuple(answer["coordinates"]),
+        q=np.array(answer["q"]),
+        markers=tuple(answer["markers"]),
+        squared_errors=np.array(answer["squared_errors"], dtype=float),
+        weights=np.array(answer["weights"]),
+        cpu_s=np.array(answer["cpu_s"]),
+    )
+    if motion_file is not None:
+        _write_motion(motion_file, result)
+    return result
+
+
+def time_opensim_ik_tool(
+    model: Path,
+    trc: Path,
+    marker_weights: Mapping[str, float],
+    coordinate_weights: Mapping[str, float] | None = None,
+    *,
+    time_range: tuple[float, float],
+    time_limit_s: float = 600.0,
+) -> float:
+    """CPU seconds per frame of OpenSim's InverseKinematicsTool as a whole (accuracy 1e-5), model loaded."""
+    request = {
+        "tool": True,
+        "model": str(model.resolve()),
+        "trc": str(trc.resolve()),
+        "marker_weights": dict(marker_weights),
+        "coordinate_weights": dict(coordinate_weights or {}),
+        "time_range": time_range,
+    }
+    return float(_asked(request, time_limit_s)["cpu_s_per_frame"])
+
+
+def _asked(request: dict[str, Any], time_limit_s: float) -> dict[str, Any]:
+    """The worker's answer, from a process and a scratch folder of its own."""
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as scratch:
         done = subprocess.run(
@@ -108,19 +146,8 @@ def run_opensim_ik(
         )
     if done.returncode:
         raise RuntimeError(f"OpenSim's inverse kinematics failed: {done.stderr[-2000:]}")
-    answer = json.loads(done.stdout)
-    result = OpenSimIk(
-        times=np.array(answer["times"]),
-        coordinates=tuple(answer["coordinates"]),
-        q=np.array(answer["q"]),
-        markers=tuple(answer["markers"]),
-        squared_errors=np.array(answer["squared_errors"], dtype=float),
-        weights=np.array(answer["weights"]),
-        cpu_s=np.array(answer["cpu_s"]),
-    )
-    if motion_file is not None:
-        _write_motion(motion_file, result)
-    return result
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
 
 
 def _write_motion(path: Path, result: OpenSimIk) -> None:
@@ -188,6 +215,33 @@ def _solve(request: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _run_tool(request: dict[str, Any]) -> dict[str, Any]:
+    import opensim as osim
+
+    osim.Logger.setLevelString("Error")
+    tool = osim.InverseKinematicsTool()
+    model = osim.Model(request["model"])
+    for kind, weights in (
+        (osim.IKMarkerTask, request["marker_weights"]),
+        (osim.IKCoordinateTask, request["coordinate_weights"]),
+    ):
+        for name, weight in weights.items():
+            task = kind()
+            task.setName(name)
+            task.setApply(True)
+            task.setWeight(weight)
+            tool.getIKTaskSet().cloneAndAppend(task)
+    tool.setModel(model)
+    tool.setMarkerDataFileName(request["trc"])
+    tool.setStartTime(request["time_range"][0])
+    tool.setEndTime(request["time_range"][1])
+    tool.setOutputMotionFileName("motion.mot")
+    start = time.process_time()
+    tool.run()
+    cpu = time.process_time() - start
+    return {"cpu_s_per_frame": cpu / osim.Storage("motion.mot").getSize()}
+
+
 def _times(trc: str) -> Array:
     """The time column of a TRC file."""
     rows = (line.split("\t") for line in Path(trc).read_text().splitlines()[5:])
@@ -198,7 +252,7 @@ def _main() -> None:
     request = json.loads(sys.stdin.read())
     reply = os.dup(1)
     os.dup2(2, 1)  # OpenSim prints; only the answer may reach standard output
-    text = json.dumps(_solve(request))
+    text = json.dumps(_run_tool(request) if request.get("tool") else _solve(request))
     with os.fdopen(reply, "w") as out:
         out.write(text)
 

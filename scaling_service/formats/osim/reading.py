@@ -12,6 +12,7 @@ from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.formats.osim.chains import joint_chain
 from scaling_service.formats.osim.process import ask
 from scaling_service.formats.osim.shapes import NotPolynomial, substituted
+from scaling_service.formats.osim.xml_file import parse_xml
 from scaling_service.models.body import (
     GROUND,
     BodyModel,
@@ -85,14 +86,29 @@ def _version(path: Path) -> _Version:
 
 @lru_cache(maxsize=16)  # chosen: more models than one subject ever uses
 def _read(model: _Version, marker_set: _Version | None) -> BodyModel:
-    answer = ask(
-        {
-            "operation": "read",
-            "file": str(model.path.resolve()),
-            "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
-        }
-    )
+    try:
+        answer = ask(
+            {
+                "operation": "read",
+                "file": str(model.path.resolve()),
+                "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
+            }
+        )
+    except FileUnreadable:
+        # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
+        root = parse_xml(model.path)
+        if root.tag != "Model" and root.find("Model") is None:
+            raise _no_model(model.path) from None
+        if marker_set is not None:
+            parse_xml(marker_set.path)
+        raise
+    if not answer["bodies"]:
+        raise _no_model(model.path)
     return model_from(answer, source=str(model.path))
+
+
+def _no_model(path: Path) -> FileUnreadable:
+    return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
 
 
 def model_from(description: Json, *, source: str) -> BodyModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 
@@ -86,3 +87,24 @@ def test_the_calling_process_never_imports_opensim(tmp_path):
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
     )
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("", "empty"),
+        ("no markup", "not well-formed XML"),
+        ('<OpenSimDocument Version="40000"><ScaleTool/></OpenSimDocument>', "holds no OpenSim model"),
+        ("<html><body/></html>", "holds no OpenSim model"),
+        ('<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hosts">]><a>&b;</a>', "document type"),
+    ],
+)
+def test_a_file_that_is_no_model_says_so_in_plain_words(tmp_path, content, problem):
+    path = tmp_path / "model.osim"
+    path.write_text(content)
+    with pytest.raises(FileUnreadable, match=problem) as caught:
+        read_osim(path)
+    assert caught.value.file == str(path)
+    assert caught.value.remedy
+    assert "SimTK" not in str(caught.value)

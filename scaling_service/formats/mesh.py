@@ -1,0 +1,159 @@
+"""Surfaces of bones: STL, PLY and OBJ through trimesh, VTP through pyvista."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import FileUnreadable
+
+Array = NDArray[np.float64]
+
+MAX_BYTES = 400 * 2**20
+"""Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
+
+MAX_FACES = 3_000_000
+"""Most triangles used: chosen, landmarking takes about a minute with as many."""
+
+_REMEDY = "Export the surface again as binary STL"
+
+# What trimesh's readers raise on damaged files; they have no error of their own.
+_DAMAGED = (
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    AssertionError,
+    EOFError,
+    struct.error,
+    NotImplementedError,
+    OverflowError,
+    MemoryError,
+    trimesh.exchange.stl.HeaderError,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A surface as it is in the file.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        In the file's own unit and axes; STL repeats them for every face.
+    faces : ndarray of int, shape (m, 3)
+    """
+
+    vertices: Array
+    faces: NDArray[np.intp]
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """Read a surface of triangles by the suffix of its name.
+
+    Parameters
+    ----------
+    path : path
+        STL, PLY, OBJ or VTP; polygons are cut into triangles.
+
+    Returns
+    -------
+    Mesh
+
+    Raises
+    ------
+    FileUnreadable
+        Absent, empty, too large, damaged, without faces, or of another format.
+    """
+    file = Path(path)
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        said = f"'{file.suffix}' is not a format of surfaces" if file.suffix else "the name has no suffix"
+        raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
+    _check_size(file)
+    vertices, faces = reader(file)
+    if len(faces) == 0 or len(vertices) == 0:
+        raise FileUnreadable("there are no faces in it", file=file, remedy=_REMEDY)
+    if len(faces) > MAX_FACES:
+        raise FileUnreadable(
+            f"it has {len(faces)} faces, more than {MAX_FACES}",
+            file=file,
+            remedy="Reduce the surface; 60,000 faces are enough for a bone",
+        )
+    if not np.isfinite(vertices).all():
+        raise FileUnreadable("some vertices are not finite numbers", file=file, remedy=_REMEDY)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FileUnreadable("some faces name vertices that do not exist", file=file, remedy=_REMEDY)
+    return Mesh(vertices, faces)
+
+
+def _check_size(file: Path) -> None:
+    if not file.is_file():
+        raise FileUnreadable("there is no such file", file=file, remedy="Check the path")
+    try:
+        size = file.stat().st_size
+    except OSError as error:
+        raise FileUnreadable(f"it cannot be read: {error.strerror}", file=file, remedy=_REMEDY) from None
+    if size == 0:
+        raise FileUnreadable("the file is empty", file=file, remedy=_REMEDY)
+    if size > MAX_BYTES:
+        raise FileUnreadable(
+            f"it has {size / 2**20:.0f} MB, more than {MAX_BYTES / 2**20:.0f}",
+            file=file,
+            remedy="Reduce the surface; 60,000 faces are enough for a bone",
+        )
+
+
+def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
+    # A stream, not a path: an OBJ must not make other files be opened.
+    try:
+        with file.open("rb") as stream:
+            loaded = trimesh.load_mesh(
+                stream, file_type=file.suffix.lower()[1:], process=False, skip_materials=True
+            )
+    except OSError as error:
+        raise FileUnreadable(f"it cannot be read: {error.strerror}", file=file, remedy=_REMEDY) from None
+    except _DAMAGED as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise FileUnreadable(
+            f"it is damaged or no {file.suffix.upper()[1:]} file ({reason[:120]})", file=file, remedy=_REMEDY
+        ) from None
+    return np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.intp)
+
+
+def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
+    # Imported here: VTK takes a second and 100 MB, and few bones come as VTP.
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    shown = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(0)  # its parser writes to the terminal; the outcome is judged below
+    try:
+        surface = pyvista.read(file)
+    except (ValueError, TypeError, OSError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise FileUnreadable(
+            f"it is damaged or no VTP file ({reason[:120]})", file=file, remedy=_REMEDY
+        ) from None
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+    if not isinstance(surface, pyvista.PolyData) or surface.n_points == 0 or surface.n_cells == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.intp)
+    triangles = surface.triangulate()
+    faces = np.asarray(triangles.faces).reshape(-1, 4)[:, 1:].astype(np.intp)
+    return np.asarray(triangles.points, dtype=float), faces
+
+
+READERS: Mapping[str, Callable[[Path], tuple[Array, NDArray[np.intp]]]] = MappingProxyType(
+    {".stl": _with_trimesh, ".ply": _with_trimesh, ".obj": _with_trimesh, ".vtp": _with_pyvista}
+)
+"""Suffix (lower case) to reader. A new format is a function and a row."""

@@ -1,0 +1,315 @@
+"""Least-squares shapes through points: sphere, cylinder, line, plane. Weighted, in any unit of length."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_MAX_STEPS = 50  # chosen: Gauss-Newton needs 5 to 10 on real bones
+_RELATIVE_STEP = 1e-12  # chosen: a step below this share of the radius changes nothing that can be printed
+
+
+@dataclass(frozen=True, slots=True)
+class SphereFit:
+    """A sphere: ``centre`` (3,), ``radius`` and ``rms`` (weighted, of the distances to the sphere).
+
+    ``converged`` is False where the iteration ran out of steps or the points leave the sphere open,
+    as points on a plane do; the numbers are then the last ones and mean little.
+    """
+
+    centre: Array
+    radius: float
+    rms: float
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CylinderFit:
+    """An endless cylinder: a ``point`` on its axis, the unit ``direction``, ``radius`` and ``rms``.
+
+    The point is the one nearest to the points' weighted centroid; the sign of the direction follows
+    the start. ``converged`` as in :class:`SphereFit`.
+    """
+
+    point: Array
+    direction: Array
+    radius: float
+    rms: float
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LineFit:
+    """A line: a ``point`` on it (the centroid), the unit ``direction`` and ``rms`` distance."""
+
+    point: Array
+    direction: Array
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """A plane: a ``point`` in it (the centroid), the unit ``normal`` and ``rms`` distance."""
+
+    point: Array
+    normal: Array
+    rms: float
+
+
+def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | None = None) -> SphereFit:
+    """Sphere of least squared distances between points and surface (geometric, not algebraic).
+
+    An algebraic fit, which is biased to small radii where little of the sphere is covered, only starts
+    the iteration (Ahn, Rauh & Warnecke 2001, Pattern Recognition 34: 2283-2303).
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+    weights : ndarray, shape (n,), optional
+        Not negative, such as the area that each point stands for.
+    start : ndarray, shape (3,), optional
+        A first centre in place of the algebraic one.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 4 points with a weight.
+
+    Examples
+    --------
+    >>> fit = fit_sphere(np.array([[3.0, 0, 0], [-1, 0, 0], [1, 2, 0], [1, 0, 2]]))
+    >>> fit.centre.round(9).tolist(), round(fit.radius, 9)
+    ([1.0, 0.0, 0.0], 2.0)
+    """
+    points, w = _checked(points, weights, least=4)
+    centre = _algebraic_centre(points, w) if start is None else np.asarray(start, dtype=float)
+    x = np.append(centre, w @ np.linalg.norm(points - centre, axis=1))
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        offset = points - x[:3]
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
+        return distance - x[3], np.column_stack([-offset / distance[:, None], -np.ones(len(points))])
+
+    x, rms, converged = _least_squares(linearised, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
+    return SphereFit(centre=x[:3], radius=float(x[3]), rms=rms, converged=bool(converged and x[3] > 0))
+
+
+def fit_sphere_pair(
+    first: Array,
+    second: Array,
+    first_counts: Array,
+    second_counts: Array,
+    *,
+    starts: tuple[SphereFit, SphereFit],
+    alike: float,
+    noise: float,
+) -> tuple[SphereFit, SphereFit]:
+    """Two spheres whose radii are expected to be alike, by how much the points leave it open.
+
+    A little of a sphere hardly determines its radius, and a wrong radius displaces its centre. The
+    residuals of both spheres are weighed against the difference of the radii as independent
+    observations with known standard deviations (a least-squares estimate with a prior).
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n, 3), (m, 3)
+    first_counts, second_counts : ndarray, shape (n,), (m,)
+        How many independent observations each point stands for.
+    starts : tuple of SphereFit
+    alike : float
+        Standard deviation of the difference of the radii, in the points' unit.
+    noise : float
+        Standard deviation of one independent observation.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 4 points with a weight in either.
+    """
+    p, w = _checked(first, first_counts, least=4)
+    q, v = _checked(second, second_counts, least=4)
+    counts = np.concatenate([w * first_counts.sum(), v * second_counts.sum()]) / noise**2
+    weights = np.append(counts, 1.0 / alike**2)
+    n = len(p)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        jacobian = np.zeros((len(weights), 8))
+        residual = np.empty(len(weights))
+        for rows, points, k in ((slice(0, n), p, 0), (slice(n, -1), q, 4)):
+            offset = points - x[k : k + 3]
+            distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
+            residual[rows] = distance - x[k + 3]
+            jacobian[rows, k : k + 3] = -offset / distance[:, None]
+            jacobian[rows, k + 3] = -1.0
+        residual[-1] = x[3] - x[7]
+        jacobian[-1, 3], jacobian[-1, 7] = 1.0, -1.0
+        return residual, jacobian
+
+    x = np.concatenate([np.append(fit.centre, fit.radius) for fit in starts])
+    x, _, converged = _least_squares(
+        linearised, lambda x, step: x + step, x, weights, size=lambda x: min(abs(x[3]), abs(x[7]))
+    )
+    gaps = linearised(x)[0]
+    rms = float(np.sqrt(w @ gaps[:n] ** 2)), float(np.sqrt(v @ gaps[n:-1] ** 2))
+    good = bool(converged and min(x[3], x[7]) > 0)
+    return (
+        SphereFit(x[:3], float(x[3]), rms[0], good),
+        SphereFit(x[4:7], float(x[7]), rms[1], good),
+    )
+
+
+def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array | None = None) -> CylinderFit:
+    """Cylinder of least squared distances between points and surface (geometric).
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+    direction, point : ndarray, shape (3,)
+        A first axis; the basin is wide (tens of degrees) where half of the cylinder is covered.
+    weights : ndarray, shape (n,), optional
+
+    Raises
+    ------
+    ValueError
+        Fewer than 5 points with a weight.
+
+    References
+    ----------
+    Ahn, Rauh & Warnecke 2001; the direction moves in its tangent plane, so it has no singular pose.
+    """
+    points, w = _checked(points, weights, least=5)
+    centroid = w @ points
+    a = _unit(np.asarray(direction, dtype=float))
+    radial = _across(points - point, a)
+    x = np.concatenate([point, a, [w @ np.linalg.norm(radial, axis=1)]]).astype(float)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        a = x[3:6]
+        first, second = across(a)
+        offset = points - x[:3]
+        along = offset @ a
+        radial = offset - along[:, None] * a
+        distance = np.maximum(np.linalg.norm(radial, axis=1), 1e-300)
+        u1, u2 = radial @ first / distance, radial @ second / distance
+        return distance - x[6], np.column_stack([-u1, -u2, -along * u1, -along * u2, -np.ones(len(points))])
+
+    def moved(x: Array, step: Array) -> Array:
+        first, second = across(x[3:6])
+        point = x[:3] + step[0] * first + step[1] * second
+        a = _unit(x[3:6] + step[2] * first + step[3] * second)
+        # Turning about a far point would couple direction and position: the point stays near the data.
+        return np.concatenate([point + a * ((centroid - point) @ a), a, [x[6] + step[4]]])
+
+    x, rms, converged = _least_squares(linearised, moved, moved(x, np.zeros(5)), w, size=lambda x: abs(x[6]))
+    return CylinderFit(
+        point=x[:3], direction=x[3:6], radius=float(x[6]), rms=rms, converged=bool(converged and x[6] > 0)
+    )
+
+
+def fit_line(points: Array, weights: Array | None = None) -> LineFit:
+    """Line of least squared distances: through the centroid, along the largest principal axis.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 2 points with a weight.
+    """
+    points, w = _checked(points, weights, least=2)
+    centroid, values, vectors = _principal(points, w)
+    return LineFit(centroid, vectors[:, 2], float(np.sqrt(max(values[0] + values[1], 0.0))))
+
+
+def fit_plane(points: Array, weights: Array | None = None) -> PlaneFit:
+    """Plane of least squared distances: through the centroid, across the smallest principal axis.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 3 points with a weight.
+    """
+    points, w = _checked(points, weights, least=3)
+    centroid, values, vectors = _principal(points, w)
+    return PlaneFit(centroid, vectors[:, 0], float(np.sqrt(max(values[0], 0.0))))
+
+
+def across(direction: Array) -> tuple[Array, Array]:
+    """Two unit vectors that make a right-handed orthogonal frame with a unit vector (3,)."""
+    helper = np.zeros(3)
+    helper[int(np.argmin(np.abs(direction)))] = 1.0
+    first = _unit(np.cross(direction, helper))
+    return first, np.cross(direction, first)
+
+
+def _least_squares(
+    linearised: Callable[[Array], tuple[Array, Array]],
+    moved: Callable[[Array, Array], Array],
+    x: Array,
+    w: Array,
+    size: Callable[[Array], float],
+) -> tuple[Array, float, bool]:
+    """Damped Gauss-Newton (Levenberg-Marquardt); returns the best point, its rms, and whether it settled."""
+    residual, jacobian = linearised(x)
+    cost, damping = float(w @ residual**2), 0.0
+    for _ in range(_MAX_STEPS):
+        normal = jacobian.T @ (w[:, None] * jacobian)
+        slope = jacobian.T @ (w * residual)
+        diagonal = np.diag(normal)
+        step: Array = np.linalg.lstsq(normal + damping * np.diag(diagonal), -slope, rcond=None)[0]
+        candidate = moved(x, step)
+        new_residual, new_jacobian = linearised(candidate)
+        new_cost = float(w @ new_residual**2)
+        small = float(np.abs(candidate - x).max()) <= _RELATIVE_STEP * size(x)
+        if new_cost <= cost:
+            gain = cost - new_cost
+            x, residual, jacobian, cost = candidate, new_residual, new_jacobian, new_cost
+            damping *= 0.1
+            if small or gain <= 1e-15 * cost:
+                return x, float(np.sqrt(cost)), True
+        elif small or damping > 1e8:
+            return x, float(np.sqrt(cost)), True
+        else:
+            damping = max(10.0 * damping, 1e-6)
+    return x, float(np.sqrt(cost)), False
+
+
+def _algebraic_centre(points: Array, w: Array) -> Array:
+    """Centre from 2 p.c + (r2 - |c|2) = |p|2, about the centroid so that far points lose no digits."""
+    origin = w @ points
+    local = points - origin
+    root = np.sqrt(w)
+    system = np.column_stack([2.0 * local, np.ones(len(local))]) * root[:, None]
+    solution = np.linalg.lstsq(system, (local**2).sum(axis=1) * root, rcond=None)[0]
+    centre: Array = origin + solution[:3]
+    return centre
+
+
+def _principal(points: Array, w: Array) -> tuple[Array, Array, Array]:
+    """Centroid, and principal variances (ascending) with their directions in columns."""
+    centroid = w @ points
+    local = points - centroid
+    values, vectors = np.linalg.eigh(local.T @ (w[:, None] * local))
+    return centroid, values, vectors
+
+
+def _checked(points: Array, weights: Array | None, least: int) -> tuple[Array, Array]:
+    points = np.asarray(points, dtype=float)
+    w = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=float)
+    if len(w) != len(points) or np.any(w < 0) or int((w > 0).sum()) < least:
+        raise ValueError(f"at least {least} points with a weight are needed, and no negative weight")
+    kept = w > 0
+    return points[kept], w[kept] / w.sum()
+
+
+def _across(offset: Array, a: Array) -> Array:
+    radial: Array = offset - (offset @ a)[:, None] * a
+    return radial
+
+
+def _unit(v: Array) -> Array:
+    unit: Array = v / np.linalg.norm(v)
+    return unit

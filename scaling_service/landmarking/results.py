@@ -1,0 +1,100 @@
+"""What is found on bones: frozen, in m, in the image's own axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Side = Literal["r", "l"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How well a shape sits on the bone.
+
+    Parameters
+    ----------
+    rms : float, m
+        Of the distances between surface and shape, over what was fitted.
+    covered : float
+        Share of the whole shape that the surface covers, 0 to 1 (for a plane or a tip: 1).
+    confidence : float
+        0 (about to be refused) to 1, from the two others and what is usual; see :func:`confidence`.
+    """
+
+    rms: float
+    covered: float
+    confidence: float
+
+
+def confidence(value: float, poor: float, good: float) -> float:
+    """Where a measure lies between what is refused (0) and what is usual on a clean bone (1).
+
+    Examples
+    --------
+    >>> confidence(0.5, poor=0.4, good=0.6)
+    0.5
+    >>> confidence(0.01, poor=0.06, good=0.02)
+    1.0
+    """
+    return round(float(np.clip((value - poor) / (good - poor), 0.0, 1.0)), 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A sphere in the image: ``centre`` (3,) and ``radius`` in m, and its quality."""
+
+    centre: Array
+    radius: float
+    quality: Quality
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """A cylinder in the image: ``point`` (3,) on its ``axis`` (to the subject's right), and ``radius``."""
+
+    point: Array
+    axis: Array
+    radius: float
+    quality: Quality
+
+
+@dataclass(frozen=True, slots=True)
+class BoneLandmarks:
+    """What was found on one bone, and what was refused.
+
+    Parameters
+    ----------
+    bone : str
+        ``femur``, ``tibia``, ``talus`` or ``pelvis``.
+    side : {"r", "l"} or None
+        None for a pelvis.
+    side_from : str
+        ``"shape"``, or ``"name"`` where the bone is too incomplete to say and its name was believed.
+    points : mapping of str to ndarray, shape (3,), m
+    spheres, cylinders : mapping
+    axes : mapping of str to ndarray, shape (3,)
+        Unit vectors to the subject's right.
+    definitions : mapping of str to str
+        How each point is defined, in words.
+    refused : mapping of str to str
+        A point that could not be found, and why.
+    warnings : tuple of str
+    """
+
+    bone: str
+    side: Side | None
+    side_from: str
+    points: Mapping[str, Array]
+    spheres: Mapping[str, Sphere] = field(default_factory=lambda: MappingProxyType({}))
+    cylinders: Mapping[str, Cylinder] = field(default_factory=lambda: MappingProxyType({}))
+    axes: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    definitions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    refused: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,67 @@
+"""Areas and normals of vertices, and smoothing by a length rather than by a number of steps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.intp]
+
+_MOST_STEPS = 120  # chosen: enough for 2 mm on a mesh of 0.4 mm edges
+_UNSHRINK = -1.03  # Taubin 1995's second, swelling step as a share of the first
+
+
+def vertex_areas(points: Array, faces: Faces) -> Array:
+    """A third of the area of the faces around each vertex, shape (n,)."""
+    areas = 0.5 * np.linalg.norm(_doubled(points, faces), axis=1)
+    return np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), len(points)).astype(float)
+
+
+def vertex_normals(points: Array, faces: Faces) -> Array:
+    """Unit normals, the sum of the vector areas around each vertex, shape (n, 3)."""
+    vectors = np.repeat(_doubled(points, faces), 3, axis=0)
+    corner = faces.ravel()
+    total = np.column_stack([np.bincount(corner, vectors[:, k], len(points)) for k in range(3)])
+    normals: Array = total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+    return normals
+
+
+class Smoother:
+    """Averages over neighbouring vertices without shrinking (Taubin 1995, SIGGRAPH: 351-358).
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+    faces : ndarray of int, shape (m, 3)
+    """
+
+    def __init__(self, points: Array, faces: Faces) -> None:
+        n = len(points)
+        rows = faces[:, [0, 1, 1, 2, 2, 0]].ravel()
+        columns = faces[:, [1, 0, 2, 1, 0, 2]].ravel()
+        weights = csr_array((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+        weights.data[:] = 1.0
+        total = np.maximum(np.asarray(weights.sum(axis=1)).ravel(), 1.0)
+        weights.data /= np.repeat(total, np.diff(weights.indptr))
+        self._mean, self._points = weights, points
+        edges = points[rows] - points[columns]
+        self._edge = float(np.median(np.linalg.norm(edges, axis=1))) or 1.0
+
+    def smoothed(self, sigma: float) -> Array:
+        """The points with waves shorter than about ``sigma`` (their unit) taken off."""
+        # One half step spreads a point by a quarter of the squared edge along each direction.
+        steps = min(round(4.0 * (sigma / self._edge) ** 2), _MOST_STEPS)
+        moved = self._points
+        for _ in range(steps):
+            moved = moved + 0.5 * (self._mean @ moved - moved)
+            moved = moved + 0.5 * _UNSHRINK * (self._mean @ moved - moved)
+        return moved
+
+
+def _doubled(points: Array, faces: Faces) -> Array:
+    """Vector areas of the faces, doubled."""
+    a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
+    crossed: Array = np.cross(b - a, c - a)
+    return crossed

@@ -1,0 +1,112 @@
+"""``landmarks.json``: what was found on bones, mm, in the image's own axes."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+LANDMARKS_SCHEMA_VERSION = 1
+"""Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
+
+Vector = tuple[float, float, float]
+Side = Literal["r", "l"]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ShapeFit(_Frozen):
+    """A sphere or cylinder on a bone."""
+
+    shape: Literal["sphere", "cylinder"]
+    centre_mm: Vector = Field(description="A cylinder's is the point of its axis beside the joint centre.")
+    radius_mm: float
+    axis: Vector | None = Field(default=None, description="Of a cylinder, to the subject's right.")
+    rms_mm: float
+    covered: float = Field(description="Share of the sphere, or of the cylinder's turn, that is covered.")
+    confidence: float = Field(description="0, about to be refused, to 1, as on a clean bone.")
+
+
+class BoneDocument(_Frozen):
+    """What all bones have."""
+
+    side: Side | None = Field(description="Null for a pelvis.")
+    side_from: Literal["shape", "name"] = Field(description="name: too incomplete to tell; it was believed.")
+    fit_rms_mm: float | None = Field(description="The largest of the fits'; null without a fit.")
+    confidence: float | None = Field(description="The smallest of the fits'; null without a fit.")
+    fits: dict[str, ShapeFit]
+    definitions: dict[str, str] = Field(description="Landmark to how it is defined.")
+    refused: dict[str, str] = Field(description="Landmark that could not be found, and why.")
+    warnings: list[str]
+
+
+class FemurDocument(BoneDocument):
+    """A femur; what was refused is null."""
+
+    hip_centre_mm: Vector | None = None
+    head_radius_mm: float | None = None
+    knee_centre_mm: Vector | None = None
+    knee_axis: Vector | None = Field(default=None, description="Through the spheres, to the subject's right.")
+    knee_axis_cylinder: Vector | None = None
+    knee_axes_apart_deg: float | None = None
+    epicondyle_medial_mm: Vector | None = None
+    epicondyle_lateral_mm: Vector | None = None
+
+
+class TibiaDocument(BoneDocument):
+    """A tibia with or without its fibula."""
+
+    ankle_centre_mm: Vector | None = None
+    ankle_centre_from: Literal["talus", "malleoli"] | None = None
+    ankle_centre_malleoli_mm: Vector | None = Field(default=None, description="Where a talus was given too.")
+    ankle_axis: Vector | None = Field(default=None, description="Of the talus, to the subject's right.")
+    plateau_axis: Vector | None = Field(default=None, description="Across the plateau, to the right.")
+    malleolus_medial_mm: Vector | None = None
+    malleolus_lateral_mm: Vector | None = None
+    malleolus_medial_prominence_mm: Vector | None = None
+    malleolus_lateral_prominence_mm: Vector | None = None
+    fibula_head_mm: Vector | None = None
+    plateau_medial_mm: Vector | None = None
+    plateau_lateral_mm: Vector | None = None
+
+
+class TalusDocument(BoneDocument):
+    """A talus."""
+
+    ankle_centre_mm: Vector | None = None
+    ankle_axis: Vector | None = None
+
+
+class PelvisDocument(BoneDocument):
+    """Both hip bones."""
+
+    asis_r_mm: Vector | None = None
+    asis_l_mm: Vector | None = None
+    mid_asis_mm: Vector | None = None
+    psis_r_mm: Vector | None = None
+    psis_l_mm: Vector | None = None
+    acetabulum_r_mm: Vector | None = None
+    acetabulum_l_mm: Vector | None = None
+    pubic_tubercle_r_mm: Vector | None = None
+    pubic_tubercle_l_mm: Vector | None = None
+    asis_axis: Vector | None = Field(default=None, description="From the left ASIS to the right one.")
+
+
+class LandmarksDocument(_Frozen):
+    """``landmarks.json``; only bones that were given are in it."""
+
+    schema_version: int = LANDMARKS_SCHEMA_VERSION
+    code_version: str
+    settings: dict[str, Any]
+    input_hashes: dict[str, str]
+    seed: None = Field(default=None, description="Nothing in landmarking is random.")
+    wall_s: float
+    pelvis: PelvisDocument | None = None
+    femur_r: FemurDocument | None = None
+    tibia_r: TibiaDocument | None = None
+    talus_r: TalusDocument | None = None
+    femur_l: FemurDocument | None = None
+    tibia_l: TibiaDocument | None = None
+    talus_l: TalusDocument | None = None

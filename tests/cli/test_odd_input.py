@@ -1,0 +1,113 @@
+"""Models that cannot be used, requests to stop, and what is unusual but right."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from scaling_service.cli import main
+from scaling_service.jobs import saving, tasks
+from tests.cli.spoilt import PERSON, assert_refused, record, recorded
+from tests.jobs.laboratory import document, laboratory, write_recording, write_subject
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Writing .osim files takes a second each, and is tested elsewhere."""
+    monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
+
+
+LOOP = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000"><Model name="loop">
+<BodySet><objects>
+<Body name="a"><mass>1</mass><inertia>1 1 1 0 0 0</inertia></Body>
+<Body name="b"><mass>1</mass><inertia>1 1 1 0 0 0</inertia></Body>
+</objects></BodySet>
+<JointSet><objects>
+<PinJoint name="first"><socket_parent_frame>/ground</socket_parent_frame>
+<socket_child_frame>/bodyset/a</socket_child_frame>
+<coordinates><Coordinate name="q1"/></coordinates></PinJoint>
+<PinJoint name="second"><socket_parent_frame>/bodyset/a</socket_parent_frame>
+<socket_child_frame>/bodyset/b</socket_child_frame>
+<coordinates><Coordinate name="q2"/></coordinates></PinJoint>
+{third}
+</objects></JointSet>
+<ConstraintSet><objects>{constraint}</objects></ConstraintSet>
+</Model></OpenSimDocument>
+"""
+THIRD_JOINT = """<PinJoint name="third"><socket_parent_frame>/ground</socket_parent_frame>
+<socket_child_frame>/bodyset/b</socket_child_frame>
+<coordinates><Coordinate name="q3"/></coordinates></PinJoint>"""
+WELD = """<WeldConstraint name="weld"><socket_frame1>/ground</socket_frame1>
+<socket_frame2>/bodyset/b</socket_frame2></WeldConstraint>"""
+MODELS = {
+    "a joint too many": (LOOP.format(third=THIRD_JOINT, constraint=""), ("third: ", "closes a loop", "tree")),
+    "a weld constraint": (LOOP.format(third="", constraint=WELD), ("weld: ", "WeldConstraint", "Remove")),
+    "no XML": ("a model", ("not well-formed XML",)),
+    "entities": (
+        '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hosts">]><a>&b;</a>',
+        ("document type", "Remove"),
+    ),
+    "an empty file": ("", ("empty",)),
+}
+
+
+@pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_that_cannot_be_used(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content, says = MODELS[name]
+    (folder / "model.osim").write_text(content, encoding="utf-8")
+    file = write_subject(folder, document(model="model.osim"))
+    before = set(folder.rglob("*"))
+    assert main(["scale", str(file), "--method", "MB", "--out", str(folder / "out")]) == 2
+    assert_refused(folder, capsys.readouterr().err, "model.osim", says, before)
+
+
+def test_a_request_to_terminate_ends_as_an_interruption(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    original = tasks.load
+
+    def asked(*arguments: object) -> object:
+        os.kill(os.getpid(), signal.SIGTERM)
+        return original(*arguments)
+
+    handler = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(tasks, "load", asked)
+    before = set(folder.rglob("*"))
+    assert main(["scale", str(folder / "S01.yaml"), "--out", str(folder / "out")]) == 130
+    assert capsys.readouterr().err == "scaling-service: interrupted; nothing was written\n"
+    assert set(folder.rglob("*")) == before
+    assert signal.getsignal(signal.SIGTERM) is handler
+
+
+def test_labels_of_other_scripts_and_paths_with_spaces(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "Läufer 走"
+    place.mkdir()
+    laboratory(place, PERSON)
+    record(place, lambda trial: trial.relabelled({"RFH": "tête du péroné 走"}))
+    file = write_subject(place, document(markers={"RFH": "tête du péroné 走"}))
+    file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
+    assert main(["scale", str(file), "--method", "MB", "--out", str(place / "Ergebnis 1")]) == 0
+    assert "RFH = tête du péroné 走" in capsys.readouterr().out
+    assert (place / "Ergebnis 1" / "MB" / "walk_ik.mot").is_file()
+
+
+def test_trials_may_differ_in_rate_length_and_prefix(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walk = recorded("walk")
+    slow = replace(walk.frames(slice(None, None, 2)), rate_hz=0.5 * walk.rate_hz)
+    write_recording(folder / "walk.trc", slow.relabelled({"RFH": "Someone:RFH"}))
+    record(folder, lambda trial: trial.frames(slice(0, 1)), ("standing",))
+    record(folder, lambda trial: trial.frames(slice(0, 2)), ("hips",))
+    assert main(["scale", str(folder / "S01.yaml"), "--method", "MB", "--out", str(folder / "out")]) == 0
+    shown = capsys.readouterr().out
+    assert "RFH = RFH or Someone:RFH" in shown

@@ -1,0 +1,140 @@
+"""Inverse kinematics against OpenSim's own, on real recordings, in both directions.
+
+Given OpenSim's model, markers and weights, ours ends no worse than OpenSim; and a model scaled here
+and written for OpenSim leaves the same marker errors in OpenSim's inverse kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+from scaling_service.formats.osim import read_ik_tasks, read_osim
+from scaling_service.formats.trc import read_trc, write_trc
+from scaling_service.jobs.saving import save
+from scaling_service.jobs.tasks import Results, scale
+from scaling_service.models.results import Motion
+from tests.peers.opensim_ik import OpenSimIk, run_opensim_ik
+from tests.peers.opensim_scale import run_opensim_scale
+
+pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
+
+NO_WORSE = 1.001
+"""Room for OpenSim's couplings, which it holds as constraints and may leave by its tolerance."""
+SAME = 0.1e-3
+"""m; OpenSim at an accuracy of 1e-7, positions in the file rounded to 10 nm."""
+ROUNDED = 0.5e-3  # s: times stand in some files to the millisecond; we put them back on the clock
+FRAMES = 60
+FEW = 15  # frames: OpenSim takes its time at that accuracy
+
+
+def ours(model: Path, recording: Path, weights: Mapping[str, float] | None, frames: int | None) -> Motion:
+    return inverse_kinematics(read_osim(model), read_trc(recording).frames(slice(0, frames)), weights=weights)
+
+
+def assert_no_worse(
+    model: Path, recording: Path, tasks: Mapping[str, float] | None, frames: int | None
+) -> None:
+    motion = ours(model, recording, tasks, frames)
+    weights = {m.name: m.weight for m in read_osim(model).markers} | dict(tasks or {})
+    used = {name: weights[name] for name in motion.markers}
+    first, last = float(motion.times[0]), float(motion.times[-1])
+    peer = run_opensim_ik(model, recording, used, time_range=(first, last))
+    assert set(peer.markers) == set(motion.markers)
+    np.testing.assert_allclose(peer.times, motion.times, rtol=0, atol=ROUNDED)
+    error = np.nansum(np.array(list(used.values())) * motion.distances**2)
+    assert error <= NO_WORSE * peer.weighted_squared_errors.sum()
+
+
+def test_gait2354_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "gait2354"
+    model = tmp_path / "scaled.osim"
+    run_opensim_scale(
+        folder / "subject01_Setup_Scale.xml",
+        folder / "gait2354_simbody.osim",
+        folder / "subject01_static.trc",
+        marker_set=folder / "gait2354_Scale_MarkerSet.xml",
+        output=model,
+    )
+    tasks, _ = read_ik_tasks(folder / "subject01_Setup_IK.xml")
+    assert_no_worse(model, folder / "subject01_walk1.trc", tasks, None)
+
+
+def test_rajagopal_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "rajagopal_walk"
+    sizes, model = tmp_path / "sizes.osim", tmp_path / "scaled.osim"
+    run_opensim_scale(
+        folder / "scale_setup_walk_scaleOnly.xml",
+        folder / "Rajagopal2016.osim",
+        folder / "static_walk_1.trc",
+        marker_set=folder / "markerset_walk_preScale.xml",
+        output=sizes,
+    )
+    run_opensim_scale(folder / "scale_setup_walk.xml", sizes, folder / "static_walk_2.trc", output=model)
+    tasks, _ = read_ik_tasks(folder / "ik_setup_walk.xml")
+    assert_no_worse(model, folder / "motion_capture_walk.trc", tasks, FRAMES)
+
+
+def test_squats_are_followed_no_worse(shared_data: Path) -> None:
+    folder = shared_data / "opencap_squat"
+    assert_no_worse(folder / "manually_scaled.osim", folder / "squats1.trc", None, FRAMES)
+
+
+def scaled_here(folder: Path, content: dict[str, object]) -> Results:
+    """A subject file on disk, scaled and saved as a user would."""
+    file = folder / "subject.yaml"
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    results = scale(file, "MB_am")
+    save(results, folder / "out")
+    return results
+
+
+def assert_opensim_agrees(results: Results, folder: Path) -> OpenSimIk:
+    """OpenSim, given the model and the recording that were written, leaves every marker where we do."""
+    recording = results.session.calibration[0].frames(slice(0, FEW))
+    write_trc(folder / "seen.trc", recording)
+    motion = inverse_kinematics(results.scalings["MB_am"].calibration.model, recording)
+    written = folder / "out" / "MB_am" / "model.osim"
+    weights = {m.name: m.weight for m in read_osim(written).markers}
+    used = {name: weights.get(name, 1.0) for name in motion.markers}
+    peer = run_opensim_ik(written, folder / "seen.trc", used, accuracy=1e-7)
+    column = [motion.markers.index(name) for name in peer.markers]
+    assert len(column) == len(motion.markers)
+    difference = np.abs(np.sqrt(peer.squared_errors) - motion.distances[:, column])
+    assert np.nanmax(difference) < SAME
+    return peer
+
+
+def test_a_builtin_model_scaled_here_behaves_alike_in_opensim(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "jia_mri"
+    content = {
+        "subject": {"id": "walker", "height_m": 1.62, "mass_kg": 63.0},
+        "model": "lower_limb_14dof",
+        "trials": {
+            "static": str(folder / "Static.c3d"),
+            "calibration": [str(folder / "Walking02.c3d")],
+        },
+    }
+    peer = assert_opensim_agrees(scaled_here(tmp_path, content), tmp_path)
+    assert len(peer.markers) >= 10
+
+
+def test_an_opensim_model_scaled_here_behaves_alike_in_opensim(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "opencap_squat"
+    content = {
+        "subject": {"id": "squat", "height_m": 1.68, "mass_kg": 62.6},
+        "model": str(folder / "unscaled_generic.osim"),
+        "trials": {
+            "static": str(folder / "static1.trc"),
+            "calibration": [str(folder / "squats1.trc")],
+        },
+        "forces": {"squats1.trc": str(folder / "squats1_grf.mot")},
+    }
+    peer = assert_opensim_agrees(scaled_here(tmp_path, content), tmp_path)
+    assert len(peer.markers) >= 30

@@ -1,0 +1,87 @@
+"""Bones and image markers of a real person become joint centres, and those a model."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError
+from scaling_service.jobs.evidence import gather
+from scaling_service.jobs.subjects import load_subject
+from scaling_service.jobs.tasks import compare
+from scaling_service.models.builtin import builtin
+from scaling_service.models.subject import Subject
+
+MODEL = builtin("lower_limb_14dof")
+
+
+@pytest.fixture(scope="module")
+def document(shared_data: Path) -> dict[str, object]:
+    folder = shared_data / "jia_mri"
+    extra = {f"{s}{n}": f"{b}_{s.lower()}" for s in "RL" for n, b in (("THI", "femur"), ("TUB", "tibia"))}
+    return {
+        "subject": {"id": "imaged"},
+        "model": MODEL.name,
+        "extra_markers": extra,
+        "trials": {
+            "static": str(folder / "Static.c3d"),
+            "calibration": [str(folder / "Walking02.c3d")],
+            "evaluation": [str(folder / "Walking01.c3d")],
+        },
+        "bones": {
+            "units": "mm",
+            "pelvis": str(folder / "bones" / "pelvis_no_sacrum.stl"),
+            "femur_r": str(folder / "bones" / "femur_r.stl"),
+            "tibia_r": str(folder / "bones" / "tibia_r.stl"),
+        },
+        "image_markers": str(folder / "image_markers.csv"),
+    }
+
+
+def subject(document: dict[str, object], folder: Path) -> Subject:
+    file = folder / "subject.yaml"
+    file.write_text(json.dumps(document))
+    return load_subject(file)
+
+
+def test_centres_are_the_experts(document: dict[str, object], tmp_path: Path, shared_data: Path) -> None:
+    evidence, _ = gather(subject(document, tmp_path), MODEL)
+    assert evidence is not None
+    expert = json.loads((shared_data / "jia_mri" / "reference_joints.json").read_text())["manual"]
+    for joint, limit_mm in (
+        ("hip_r", 1.0),
+        ("knee_r", 4.0),
+        ("ankle_r", 12.0),
+    ):  # the expert's ankle is the talus
+        gap = 1e3 * np.array(evidence.centres[joint]) - expert[joint]["centre_mm"]
+        assert np.linalg.norm(gap) < limit_mm, joint
+    assert evidence.sides() == ("r",)
+    assert "hip_l" in evidence.centres  # the socket's
+    assert evidence.markers["RLFE"][0] == "femur_r"
+    assert not [name for name, (segment, _) in evidence.markers.items() if segment.startswith("calcn")]
+
+
+def test_the_image_based_model_follows_walking_that_it_never_saw(
+    document: dict[str, object], tmp_path: Path
+) -> None:
+    results = compare(subject(document, tmp_path), ("MB", "EB", "EB_am"))
+    error = {name: scaling.errors["Walking01"].mean for name, scaling in results.scalings.items()}
+    assert error["EB_am"] < error["EB"] < error["MB"]
+    assert error["EB_am"] < 0.005
+
+
+def test_bones_of_the_wrong_side_are_refused_by_name(document: dict[str, object], tmp_path: Path) -> None:
+    known = subject(document, tmp_path)
+    bones = {"femur_l": known.bones["femur_r"]}
+    with pytest.raises(InputError, match="femur_l"):
+        gather(replace(known, bones=bones), MODEL)
+
+
+def test_bones_are_left_alone_with_other_models(document: dict[str, object], tmp_path: Path) -> None:
+    evidence, told = gather(replace(subject(document, tmp_path), model="own.osim"), MODEL)
+    assert evidence is None
+    assert "built-in leg models only" in told[0]

@@ -274,7 +274,8 @@ def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> 
         names = " and ".join("right" if s == "r" else "left" for s in other)
         notes.append(
             f"EB: the {names} leg was not imaged whole: its lengths are the other leg's times the ratio of "
-            "their marker distances, its knee axis the other one mirrored, its markers from the standing trial"
+            "their marker distances, its knee axis the other one mirrored, its markers are from the "
+            "standing trial"
         )
     skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
     if skin:

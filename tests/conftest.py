@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.core.threads import use_one_thread
+
+use_one_thread()  # numpy is not imported yet
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

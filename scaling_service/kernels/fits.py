@@ -259,7 +259,8 @@ def _least_squares(
         normal = jacobian.T @ (w[:, None] * jacobian)
         slope = jacobian.T @ (w * residual)
         diagonal = np.diag(normal)
-        step: Array = np.linalg.lstsq(normal + damping * np.diag(diagonal), -slope, rcond=None)[0]
+        damped = normal + damping * np.diag(diagonal)
+        step = np.linalg.lstsq(damped, -slope, rcond=None)[0].astype(float)
         candidate = moved(x, step)
         new_residual, new_jacobian = linearised(candidate)
         new_cost = float(w @ new_residual**2)

@@ -23,6 +23,10 @@ from scaling_service.landmarking.whole_bone import one_bone, require_long
 
 Array = NDArray[np.float64]
 
+LONE_HEAD = 0.55
+"""Covered share from which a ball is a head although nothing at the other end tells: chosen, condyles
+reach 0.41, heads 0.66 and more on whole bones."""
+
 FLARE = 1.3
 """Largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2."""
 
@@ -63,12 +67,14 @@ def femur_landmarks(
     require_long(surface, "femur")
     refused: dict[str, str] = {}
     head = find_head(surface, refused)
-    ends = [-np.sign(head.centre[0])] if head is not None else [1.0, -1.0]
-    tried = [find_knee(surface, float(end)) for end in ends]
-    knees = [knee for knee in tried if not isinstance(knee, str)]
-    knee = max(knees, key=lambda k: k.least_covered) if knees else None
+    knee, reason = _knee(surface, head)
+    if head is not None and knee is None and head.covered < LONE_HEAD:
+        here = find_knee(surface, float(np.sign(head.centre[0])))
+        if not isinstance(here, str) and _is_condyle(head, here):
+            head = None
+            refused["hip_centre"] = "the only ball may be a head or a condyle"
     if knee is None:
-        refused["knee_centre"] = next(reason for reason in tried if isinstance(reason, str))
+        refused["knee_centre"] = reason
     elif head is None and _flares(surface, knee):
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
@@ -79,6 +85,22 @@ def femur_landmarks(
         )
     side, side_from = _side(surface, head, knee, named_side)
     return _collected(surface, head, knee, (side, side_from), refused, notes)
+
+
+def _knee(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
+    """The knee at the end without the head (at either without one), or why there is none."""
+    ends = [1.0, -1.0] if head is None else [-float(np.sign(head.centre[0]))]
+    tried = [find_knee(surface, end) for end in ends]
+    found = [knee for knee in tried if not isinstance(knee, str)]
+    if found:
+        return max(found, key=lambda knee: knee.least_covered), ""
+    return None, next(reason for reason in tried if isinstance(reason, str))
+
+
+def _is_condyle(ball: SphereOnBone, knee: Knee) -> bool:
+    """Whether the ball taken for a head is one of the condyles of a femur cut through its shaft."""
+    gaps = [float(np.linalg.norm(ball.centre - condyle.centre)) for condyle in (knee.low, knee.high)]
+    return min(gaps) < 0.5 * ball.radius
 
 
 def _flares(surface: Surface, knee: Knee) -> bool:

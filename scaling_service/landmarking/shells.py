@@ -83,7 +83,9 @@ def wound_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
     turned = label[:n] > label[n:]  # equal where a piece cannot be oriented (a Moebius strip)
     piece = np.minimum(label[:n], label[n:])
     # The majority of each piece stays as it is.
-    share = np.bincount(piece, turned, label.max() + 1) / np.maximum(np.bincount(piece), 1)
+    share = np.bincount(piece, turned, label.max() + 1) / np.maximum(
+        np.bincount(piece, minlength=label.max() + 1), 1
+    )
     turned ^= share[piece] > 0.5
     return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
 

@@ -328,3 +328,35 @@ def test_a_coordinate_in_two_links_is_refused() -> None:
 
 def _markers(*segments: str) -> list[Marker]:
     return [Marker.at(f"m_{name}", name, (0.1, 0.0, 0.0)) for name in segments]
+
+
+@pytest.mark.parametrize("left", [1e-4, 1e-6, 1e-8])
+def test_what_the_last_step_leaves_is_as_little_as_asked(left: float) -> None:
+    this = case(17, n=200)
+    least = this.solve().cost
+    found = this.solve(SweepSettings(left=left, step_tolerance=0.0))
+    true = np.array([(this.rows(q, frame) ** 2).sum() for frame, q in enumerate(found.q)])
+    assert found.converged.all()
+    too_much = (true - least) / least
+    assert (
+        np.quantile(too_much, 0.9) <= left
+    )  # an extrapolation: right for most, the order of it for nearly all
+    assert np.quantile(too_much, 0.99) <= 10.0 * left
+    assert found.steps.mean() < this.solve().steps.mean()
+
+
+def test_a_quorum_ends_the_solve_and_tells_who_stayed_behind() -> None:
+    this = case(18, n=100, noise=0.03)
+    whole, half = this.solve(SweepSettings()), this.solve(SweepSettings(quorum=0.5))
+    assert half.steps.max() < whole.steps.max()
+    assert 50 <= half.converged.sum() < 100
+    done = half.frames(half.converged)
+    np.testing.assert_allclose(done.q, whole.q[half.converged], rtol=0, atol=1e-12)
+    assert (half.cost[~half.converged] >= whole.cost[~half.converged]).all()
+
+
+def test_no_coordinate_moves_by_more_than_the_longest_step() -> None:
+    this = case(19, n=20)
+    this = Case(this.model, this.truth, this.truth + 0.5, this.measured, this.weights, {})
+    found = this.solve(SweepSettings(max_steps=2, longest=0.05))
+    assert np.abs(found.q - this.start).max() <= 2 * 0.05 + 1e-12

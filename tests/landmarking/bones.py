@@ -32,7 +32,9 @@ def rod(a: object, b: object, radius_a: float, radius_b: float | None = None) ->
 
     def distance(p: Array) -> Array:
         t = np.clip(((p - start) @ along) / square, 0.0, 1.0)
-        near: Array = np.linalg.norm(p - start - t[:, None] * along, axis=1) - radius_a - t * (last - radius_a)
+        near: Array = (
+            np.linalg.norm(p - start - t[:, None] * along, axis=1) - radius_a - t * (last - radius_a)
+        )
         return near
 
     return distance
@@ -50,7 +52,8 @@ def meshed(parts: list[Field], low: object, high: object, *, step: float = 2.0) 
     points = np.asarray(grid.points, dtype=float)
     field = np.min([part(points) for part in parts], axis=0)
     surface = grid.contour([0.0], scalars=field).triangulate()
-    faces = np.asarray(surface.faces).reshape(-1, 4)[:, 1:].astype(np.intp)
+    # The contour's triangles face the falling values, which is inwards.
+    faces = np.asarray(surface.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
     return np.asarray(surface.points, dtype=float), faces
 
 
@@ -63,9 +66,10 @@ def femur() -> Mesh:
         ball([5, 380, 10], 19),
         rod([16, 370, 2], [16, 80, 0], 14),
         rod([16, 90, 0], [18, 24, 0], 14, 27),
-        rod(CONDYLE_MEDIAL, CONDYLE_MEDIAL + [24, 4, 2], RADII["medial"], 20),
-        rod(CONDYLE_LATERAL, CONDYLE_LATERAL + [24, 4, -2], RADII["lateral"], 20),
+        rod(CONDYLE_MEDIAL, np.add(CONDYLE_MEDIAL, [24, 4, 2]), RADII["medial"], 20),
+        rod(CONDYLE_LATERAL, np.add(CONDYLE_LATERAL, [24, 4, -2]), RADII["lateral"], 20),
         rod([24, 8, -18], [24, 8, 18], 18),
+        rod([10, 8, -14], [10, 8, 14], 18),
         rod([8, 12, -30], [8, 12, -40], 9, 5),
         rod([8, 12, 30], [8, 12, 41], 9, 5),
     ]
@@ -103,7 +107,9 @@ def talus() -> Mesh:
         offset = p - TALUS_POINT
         along = offset @ axis
         radial = np.linalg.norm(offset - along[:, None] * axis, axis=1)
-        inside: Array = np.maximum(np.maximum(radial - TALUS_RADIUS, np.abs(along) - 14.0), -6.0 - offset[:, 1])
+        inside: Array = np.maximum(
+            np.maximum(radial - TALUS_RADIUS, np.abs(along) - 14.0), -6.0 - offset[:, 1]
+        )
         return inside
 
     parts = [drum, rod([12, -412, 0], [34, -416, -6], 9, 12), rod([-12, -416, 2], [14, -418, 2], 9)]

@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+
+from scaling_service.core.errors import FileUnreadable
+from scaling_service.formats import mesh as module
+from scaling_service.formats.mesh import READERS, read_mesh
+
+BALL = trimesh.creation.icosphere(2, 30.0)
+
+
+def written(path: Path) -> Path:
+    if path.suffix == ".vtp":
+        pyvista.make_tri_mesh(np.asarray(BALL.vertices), np.asarray(BALL.faces)).save(path)
+    else:
+        BALL.export(path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_every_format_gives_the_same_triangles(tmp_path: Path, suffix: str) -> None:
+    mesh = read_mesh(written(tmp_path / f"ball{suffix}"))
+    corners = mesh.vertices[mesh.faces]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert len(mesh.faces) == len(BALL.faces)
+    assert volume == pytest.approx(BALL.volume, rel=1e-5)
+
+
+def test_text_formats(tmp_path: Path) -> None:
+    (tmp_path / "b.stl").write_text(trimesh.exchange.stl.export_stl_ascii(BALL))
+    (tmp_path / "b.ply").write_bytes(trimesh.exchange.ply.export_ply(BALL, encoding="ascii"))
+    for name in ("b.stl", "b.ply"):
+        assert len(read_mesh(tmp_path / name).faces) == len(BALL.faces)
+
+
+def test_polygons_become_triangles(tmp_path: Path) -> None:
+    (tmp_path / "q.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert len(read_mesh(tmp_path / "q.obj").faces) == 2
+
+
+def test_an_obj_opens_no_other_file(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("mtllib /etc/passwd\nusemtl x\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    assert len(read_mesh(tmp_path / "m.obj").faces) == 1
+
+
+@pytest.mark.parametrize("suffix", READERS)
+@pytest.mark.parametrize("content", [b"", b"\x00" * 300, b"no mesh at all\n" * 20, b"solid x\nfacet normal"])
+def test_damaged_files_are_refused(tmp_path: Path, suffix: str, content: bytes) -> None:
+    path = tmp_path / f"bad{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(FileUnreadable) as refusal:
+        read_mesh(path)
+    assert refusal.value.file == str(path)
+    assert refusal.value.remedy
+
+
+@pytest.mark.parametrize("suffix", READERS)
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_cut_files_are_refused_or_read_as_triangles(tmp_path: Path, suffix: str, share: float) -> None:
+    path = written(tmp_path / f"ball{suffix}")
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    try:
+        mesh = read_mesh(path)
+    except FileUnreadable:
+        return
+    assert np.isfinite(mesh.vertices).all()
+    assert mesh.faces.max() < len(mesh.vertices)
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(FileUnreadable, match="no such file"):
+        read_mesh(tmp_path / "none.stl")
+    with pytest.raises(FileUnreadable, match=r"'\.step' is not a format"):
+        read_mesh(tmp_path / "bone.step")
+    path = written(tmp_path / "ball.stl")
+    monkeypatch.setattr(module, "MAX_FACES", 10)
+    with pytest.raises(FileUnreadable, match="more than 10"):
+        read_mesh(path)
+    monkeypatch.setattr(module, "MAX_BYTES", 10)
+    with pytest.raises(FileUnreadable, match="MB, more than"):
+        read_mesh(path)
+
+
+def test_vertices_that_are_not_numbers(tmp_path: Path) -> None:
+    (tmp_path / "n.obj").write_text("v nan 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    with pytest.raises(FileUnreadable, match="not finite"):
+        read_mesh(tmp_path / "n.obj")

@@ -1,0 +1,121 @@
+"""Against experts' models of real bones; absent data skip."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from scaling_service.formats.mesh import read_mesh
+from scaling_service.landmarking.results import BoneLandmarks
+from scaling_service.landmarking.whole import Mesh, find_landmarks
+
+FILES = {
+    "pelvis": "pelvis_no_sacrum.stl",
+    "femur_r": "femur_r.stl",
+    "tibia_r": "tibia_r.stl",
+    "talus_r": "talus_r.stl",
+}
+
+
+@dataclass(frozen=True)
+class Person:
+    rough: bool
+    meshes: dict[str, Mesh]
+    found: dict[str, BoneLandmarks]
+    expert: dict[str, dict[str, object]]
+
+    def centre(self, joint: str) -> np.ndarray:
+        return np.asarray(self.expert[joint]["centre_mm"])
+
+    def right(self, joint: str) -> np.ndarray:
+        axes = self.expert[joint]["axes_in_image_frame"]
+        assert isinstance(axes, dict)
+        return np.asarray(axes["Z"])
+
+
+@pytest.fixture(scope="module", params=["bones/LHDL_CT", "bones/TLEM2_CT", "jia_mri"])
+def person(request: pytest.FixtureRequest, shared_data: Path) -> Person:
+    folder = shared_data / request.param
+    if not (folder / "reference_joints.json").is_file():
+        pytest.skip(f"no bones at {folder}")
+    bones = folder / "bones" if (folder / "bones").is_dir() else folder
+    meshes = {}
+    for name, file in FILES.items():
+        if (bones / file).is_file():
+            mesh = read_mesh(bones / file)
+            meshes[name] = (mesh.vertices * 1e-3, mesh.faces)
+    expert = json.loads((folder / "reference_joints.json").read_text())["manual"]
+    return Person("mri" in request.param, meshes, find_landmarks(meshes), expert)
+
+
+def degrees(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.rad2deg(np.arccos(min(1.0, float(a @ b)))))
+
+
+def test_hip_and_knee(person: Person) -> None:
+    femur = person.found["femur_r"]
+    assert (femur.side, femur.side_from, femur.refused) == ("r", "shape", {})
+    hip = np.linalg.norm(femur.points["hip_centre"] * 1e3 - person.centre("hip_r"))
+    assert hip <= (1.0 if person.rough else 0.5)
+    offset = femur.points["knee_centre"] * 1e3 - person.centre("knee_r")
+    right = person.right("knee_r")
+    assert np.linalg.norm(offset) <= 4.0
+    assert np.linalg.norm(offset - (offset @ right) * right) <= 3.5
+    assert degrees(femur.axes["knee"], right) <= (7.0 if person.rough else 2.5)
+    assert degrees(femur.cylinders["condyles"].axis, right) <= (4.0 if person.rough else 1.0)
+
+
+def test_ankle(person: Person) -> None:
+    ankle = person.found["tibia_r"].points["ankle_centre"] * 1e3 - person.centre("ankle_r")
+    assert np.linalg.norm(ankle) <= 2.5
+    assert degrees(person.found["talus_r"].axes["ankle"], person.right("ankle_r")) <= 5.0
+    malleoli = person.found["tibia_r"].points["ankle_centre_malleoli"] * 1e3 - person.centre("ankle_r")
+    assert 3.0 < np.linalg.norm(malleoli) < 12.0  # tips lie lateral, proximal and behind
+
+
+def test_pelvis(person: Person) -> None:
+    if "pelvis" not in person.found:
+        pytest.skip("no pelvis of this person")
+    pelvis = person.found["pelvis"]
+    middle = pelvis.points["mid_asis"] * 1e3
+    assert np.linalg.norm(middle - person.centre("ground_pelvis")) <= 4.0
+    assert degrees(pelvis.axes["asis"], person.right("ground_pelvis")) <= 2.0
+    socket = pelvis.points["acetabulum_r"] * 1e3
+    assert np.linalg.norm(socket - person.centre("hip_r")) <= 2.0
+
+
+def test_pose_and_side(person: Person) -> None:
+    rng = np.random.default_rng(7)
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    R, shift = q * np.sign(np.linalg.det(q)), rng.normal(size=3)
+    turned = find_landmarks(
+        {n: ((v @ R.T + shift).astype(np.float32), f) for n, (v, f) in person.meshes.items()}
+    )
+    for bone, landmarks in person.found.items():
+        for name, point in landmarks.points.items():
+            back = (turned[bone].points[name] - shift) @ R
+            assert np.linalg.norm(back - point) <= 5e-5, (bone, name)
+    left = {n.replace("_r", "_l"): (v * [-1.0, 1, 1], f) for n, (v, f) in person.meshes.items()}
+    assert find_landmarks(left)["femur_l"].side == "l"
+
+
+def test_sacrum_in(person: Person) -> None:
+    if "pelvis" not in person.found:
+        pytest.skip("no pelvis of this person")
+    points = person.found["pelvis"].points
+    rear = 0.5 * (points["psis_r"] + points["psis_l"])
+    centre = rear + 0.15 * (points["mid_asis"] - rear)
+    rng = np.random.default_rng(8)
+    cloud = rng.normal(size=(3000, 3))
+    cloud *= [0.045, 0.05, 0.03] / np.linalg.norm(cloud, axis=1)[:, None]
+    sacrum = centre + cloud, ConvexHull(cloud).simplices
+    vertices, faces = person.meshes["pelvis"]
+    both = np.vstack([vertices, sacrum[0]]), np.vstack([faces, sacrum[1] + len(vertices)])
+    found = find_landmarks({"pelvis": both})["pelvis"]
+    for name in ("acetabulum_r", "acetabulum_l", "mid_asis"):
+        assert np.linalg.norm(found.points[name] - points[name]) < 2e-3, name

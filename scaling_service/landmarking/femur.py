@@ -23,10 +23,6 @@ from scaling_service.landmarking.whole_bone import one_bone, require_long
 
 Array = NDArray[np.float64]
 
-LONE_HEAD = 0.55
-"""Covered share from which a ball is a head although nothing at the other end tells: chosen, condyles
-reach 0.41, heads 0.66 and more on whole bones."""
-
 FLARE = 1.3
 """Largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2."""
 
@@ -68,11 +64,6 @@ def femur_landmarks(
     refused: dict[str, str] = {}
     head = find_head(surface, refused)
     knee, reason = _knee(surface, head)
-    if head is not None and knee is None and head.covered < LONE_HEAD:
-        here = find_knee(surface, float(np.sign(head.centre[0])))
-        if not isinstance(here, str) and _is_condyle(head, here):
-            head = None
-            refused["hip_centre"] = "the only ball may be a head or a condyle"
     if knee is None:
         refused["knee_centre"] = reason
     elif head is None and _flares(surface, knee):
@@ -95,12 +86,6 @@ def _knee(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str
     if found:
         return max(found, key=lambda knee: knee.least_covered), ""
     return None, next(reason for reason in tried if isinstance(reason, str))
-
-
-def _is_condyle(ball: SphereOnBone, knee: Knee) -> bool:
-    """Whether the ball taken for a head is one of the condyles of a femur cut through its shaft."""
-    gaps = [float(np.linalg.norm(ball.centre - condyle.centre)) for condyle in (knee.low, knee.high)]
-    return min(gaps) < 0.5 * ball.radius
 
 
 def _flares(surface: Surface, knee: Knee) -> bool:

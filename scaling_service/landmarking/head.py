@@ -41,6 +41,9 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
     if best.rms > HEAD_RMS * best.radius:
         refused["hip_centre"] = f"the head is off its sphere by {1e3 * best.rms:.1f} mm rms"
         return None
+    if any(_twins(best, other) for other in found[1:]):
+        refused["hip_centre"] = "there are two balls alike side by side, as condyles"
+        return None
     offset = _set_off(surface, best)
     if offset < SET_OFF_M:
         refused["hip_centre"] = (
@@ -48,6 +51,16 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
         )
         return None
     return best
+
+
+def _twins(a: SphereOnBone, b: SphereOnBone) -> bool:
+    """Whether two balls are alike and as far apart as condyles; a trochanter covers half of a head."""
+    apart = float(np.linalg.norm(a.centre - b.centre))
+    return (
+        min(a.covered, b.covered) > 0.75 * max(a.covered, b.covered)
+        and max(a.radius, b.radius) < 1.25 * min(a.radius, b.radius)
+        and 0.03 < apart < 0.07
+    )
 
 
 def _set_off(surface: Surface, head: SphereOnBone) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.landmarking.refining import refined_mesh
 from scaling_service.landmarking.refusals import MeshRefused
 from scaling_service.landmarking.shells import (
     boundary_share,
@@ -30,6 +31,9 @@ STRAY_SHARE = 0.05
 SMOOTHING_M = 5.0e-3
 """Length of the waves that are taken off before points are selected: chosen, above voxels of MRI (1-2 mm),
 so that stairs and noise do not turn normals, and far below the radius of a condyle (20 mm)."""
+
+COARSE_M = 3e-3
+"""Median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices."""
 
 OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a word."""
@@ -119,6 +123,8 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _facing_out(points, triangles, label, notes)
+    points, triangles = refined_mesh(points, triangles, COARSE_M)
+    label = shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
     points = (points - origin) @ axes
     smooth = Smoother(points, triangles).smoothed(SMOOTHING_M)
@@ -173,6 +179,16 @@ def _without_strays(
     number = np.cumsum(kept) - 1
     triangles = number[triangles[kept[triangles[:, 0]]]]
     return points[kept], triangles, rank[label][kept]
+
+
+def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
+    """Number of the connected piece of each vertex, the largest area first."""
+    label = shells(len(points), triangles)
+    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    rank = np.empty(len(areas), dtype=np.intp)
+    rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
+    numbers: NDArray[np.intp] = rank[label]
+    return numbers
 
 
 def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:

@@ -73,7 +73,8 @@ def tibia_landmarks(
         It is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
-    tibia, fibula, notes = without_fibula(surface)
+    shank = without_fibula(surface)
+    tibia, fibula = shank.tibia, shank.fibula
     require_long(tibia, "tibia")
     if fibula is None:
         _refuse_femur(tibia)
@@ -96,6 +97,9 @@ def tibia_landmarks(
         points["malleolus_medial"] = tip(tibia, -up, ankle & _medial(tibia, outwards, ankle))
         points["malleolus_medial_prominence"] = tip(tibia, -outwards, ankle)
         _add_fibula(fibula, up, outwards, points, refused)
+    if shank.joined and points.pop("fibula_head", None) is not None:
+        # Along the shafts it is clear what is fibula; under the plateau it is not.
+        refused["fibula_head"] = "the fibula is grown to the tibia, so its upper end cannot be told"
     image = {name: surface.to_image(point) for name, point in points.items()}
     landmarks = BoneLandmarks(
         bone="tibia",
@@ -105,7 +109,7 @@ def tibia_landmarks(
         axes={"plateau": surface.turned(frame.z)},
         definitions=_DEFINITIONS,
         refused=refused,
-        warnings=(*surface.notes, *notes),
+        warnings=(*surface.notes, *shank.notes),
     )
     turned = TibiaFrame(surface.turned(frame.x), surface.turned(frame.y), surface.turned(frame.z))
     return landmarks, turned

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -19,8 +21,18 @@ _FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
 _FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen
 
 
-def without_fibula(surface: Surface) -> tuple[Surface, Surface | None, list[str]]:
-    """Tibia, fibula (None if there is none), and what was noticed.
+@dataclass(frozen=True, slots=True)
+class Shank:
+    """Tibia, fibula (None if there is none), whether they were grown together, and what was noticed."""
+
+    tibia: Surface
+    fibula: Surface | None
+    joined: bool
+    notes: list[str]
+
+
+def without_fibula(surface: Surface) -> Shank:
+    """A shank's surface into its bones.
 
     Raises
     ------
@@ -43,7 +55,7 @@ def without_fibula(surface: Surface) -> tuple[Surface, Surface | None, list[str]
     if others:
         notes.append(f"{len(others)} pieces that are neither tibia nor fibula were left out")
     fibula = surface.part(surface.shell == fibulas[0]) if fibulas else None
-    return tibia, fibula, notes
+    return Shank(tibia, fibula, joined=False, notes=notes)
 
 
 def _is_fibula(tibia: Surface, piece: Surface) -> bool:
@@ -58,7 +70,7 @@ def _is_fibula(tibia: Surface, piece: Surface) -> bool:
     )
 
 
-def _parted(surface: Surface, notes: list[str]) -> tuple[Surface, Surface | None, list[str]]:
+def _parted(surface: Surface, notes: list[str]) -> Shank:
     """One piece: two bones if the middle of it runs as two shafts."""
     main = surface.shell == 0
     length, axis = _long_axis(surface.part(main))
@@ -74,16 +86,13 @@ def _parted(surface: Surface, notes: list[str]) -> tuple[Surface, Surface | None
     names, counts = np.unique(label[between], return_counts=True)
     large = names[counts > 0.15 * counts.max()]
     if len(large) != 2:
-        return surface.part(main), None, notes
+        return Shank(surface.part(main), None, joined=False, notes=notes)
     weights = [float(surface.areas[between & (label == name)].sum()) for name in large]
     order = np.argsort(weights)[::-1]
     shafts = [between & (label == large[k]) for k in order]
     fibula = main & _nearer_to_fibula(surface, shafts, axis)
-    return (
-        surface.part(main & ~fibula),
-        surface.part(fibula),
-        [*notes, "tibia and fibula are joined in one surface and were parted along their shafts"],
-    )
+    said = "tibia and fibula are joined in one surface and were parted along their shafts"
+    return Shank(surface.part(main & ~fibula), surface.part(fibula), joined=True, notes=[*notes, said])
 
 
 def _nearer_to_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: Array) -> NDArray[np.bool_]:

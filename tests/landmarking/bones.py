@@ -77,8 +77,8 @@ def femur() -> Mesh:
 
 
 @cache
-def tibia() -> Mesh:
-    """The right tibia and fibula below that femur, two shells."""
+def tibia(*, grown_together: bool = False) -> Mesh:
+    """The right tibia and fibula below that femur, two shells, or one."""
     parts = [
         rod([-6, -36, -22], [-6, -36, 22], 17),
         rod([6, -40, -14], [6, -40, 14], 18),
@@ -93,6 +93,9 @@ def tibia() -> Mesh:
         rod([-20, -80, 36], [-10, -370, 32], 6),
         rod([-10, -370, 32], MALLEOLUS_LATERAL, 8, 7),
     ]
+    if grown_together:
+        bridges = [rod(FIBULA_HEAD, [-5, -45, 15], 5), rod([-10, -385, 32], [0, -380, 8], 5)]
+        return meshed([*parts, *fibula, *bridges], [-40, -420, -55], [50, -5, 60])
     vertices, faces = meshed(parts, [-40, -420, -55], [50, -5, 60])
     more, others = meshed(fibula, [-40, -420, 10], [10, -25, 60])
     return np.vstack([vertices, more]), np.vstack([faces, others + len(vertices)])

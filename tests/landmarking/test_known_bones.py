@@ -63,6 +63,16 @@ def test_tibia() -> None:
     assert tibia.points["ankle_centre"] * 1e3 == pytest.approx(middle, abs=0.7)
 
 
+def test_a_fibula_grown_to_the_tibia_is_parted() -> None:
+    apart = one(bones.tibia(), "tibia_r")
+    found = one(bones.tibia(grown_together=True), "tibia_r")
+    assert found.side == "r"
+    assert any("parted" in warning for warning in found.warnings)
+    assert "grown" in found.refused["fibula_head"]
+    for name in ("ankle_centre", "malleolus_lateral", "malleolus_medial"):
+        assert np.linalg.norm(found.points[name] - apart.points[name]) < 1e-3, name
+
+
 def test_a_talus_gives_the_ankle() -> None:
     found = find_landmarks({"tibia_r": bones.metres(bones.tibia()), "talus_r": bones.metres(bones.talus())})
     assert found["tibia_r"].points["ankle_centre"] * 1e3 == pytest.approx(bones.TALUS_POINT, abs=0.3)

@@ -24,7 +24,7 @@ from scaling_service.core.text import few
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.rigid import rotation_about
 from scaling_service.models.body import BodyModel, Joint, Law, Marker, Vector
-from scaling_service.models.images import ImageEvidence
+from scaling_service.models.images import ImageEvidence, ImagePose
 from scaling_service.models.parameters import fold, free_axis
 from scaling_service.models.results import Calibration
 from scaling_service.models.scaling import scaled
@@ -97,6 +97,7 @@ def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | N
         tilts,
         wall_s=time.perf_counter() - clock,
         warnings=tuple(notes),
+        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
     )
 
 

@@ -73,6 +73,7 @@ def optimise(
         solution.steps,
         time.perf_counter() - clock,
         (*start.warnings, *_warnings(method, estimated, solution, doubt)),
+        start.image_poses,
     )
 
 

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from scaling_service.anatomy.markers import match_labels
+from scaling_service.calibration.evidence import evidence_of
 from scaling_service.formats.image_markers import read_image_markers
 from scaling_service.formats.mesh import read_mesh
 from scaling_service.landmarking.refusals import MeshRefused
-from scaling_service.landmarking.results import Array, BoneLandmarks
+from scaling_service.landmarking.results import BoneLandmarks
 from scaling_service.landmarking.whole import UNITS, find_landmarks
 from scaling_service.models.body import BodyModel, Vector
 from scaling_service.models.builtin import BUILTIN_NAMES
-from scaling_service.models.images import ImageEvidence
+from scaling_service.models.images import Bone, ImageEvidence
 from scaling_service.models.subject import Subject
-
-_CENTRES = {"femur": {"hip_centre": "hip", "knee_centre": "knee"}, "tibia": {"ankle_centre": "ankle"}}
-_LANDMARKS = {
-    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
-    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
-    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
-}
-"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
 
 
 def gather(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:
@@ -51,39 +44,14 @@ def gather(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tu
         file = subject.bones.get(error.field or "")
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    evidence = ImageEvidence(
-        dict(_centres(found)),
-        {f"knee_{b.side}": _vector(b.axes["knee"]) for b in found.values() if "knee" in b.axes},
-        dict(_landmarks(found)),
-        _markers(subject, model),
-        "landmarks of bone meshes",
-    )
+    bones = {name: Bone(*shape) for name, shape in shapes.items()}
+    evidence = evidence_of(found, _markers(subject, model), bones)
     told = [f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone))]
     return evidence, tuple(told)
 
 
 def _refused(bone: BoneLandmarks) -> Iterator[str]:
     return (f"{point} was not taken: {why}" for point, why in bone.refused.items())
-
-
-def _centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
-    """Joint centres; a hip whose femur is not there is the centre of its socket."""
-    pelvis = found.get("pelvis")
-    for side in "rl" if pelvis is not None else "":
-        if pelvis is not None and f"acetabulum_{side}" in pelvis.points:
-            yield f"hip_{side}", _vector(pelvis.points[f"acetabulum_{side}"])
-    for bone in found.values():
-        for point, joint in _CENTRES.get(bone.bone, {}).items():
-            if point in bone.points:
-                yield f"{joint}_{bone.side}", _vector(bone.points[point])
-
-
-def _landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
-    for bone in found.values():
-        letter = (bone.side or "").upper()
-        for point, marker in _LANDMARKS.get(bone.bone, {}).items():
-            if point in bone.points:
-                yield f"{letter}{marker}", _vector(bone.points[point])
 
 
 def _markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
@@ -95,8 +63,3 @@ def _markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]
     explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
     names = match_labels(list(seen), wanted, explicit).mapped
     return {m: seen[label] for m, label in names.items() if seen[label][0] in model.segment_names}
-
-
-def _vector(point: Array) -> Vector:
-    x, y, z = point.tolist()
-    return (x, y, z)

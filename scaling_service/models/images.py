@@ -5,7 +5,46 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from scaling_service.models.body import Vector
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bone:
+    """A bone's surface in the image's frame.
+
+    Parameters
+    ----------
+    vertices : (n_vertices, 3), m
+    faces : (n_faces, 3)
+        Indices of each triangle's corners.
+    """
+
+    vertices: Array
+    faces: NDArray[np.integer]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePose:
+    """Where a segment's frame lies in the image: ``point_image = rotation @ point_segment + origin``.
+
+    Parameters
+    ----------
+    rotation : (3, 3)
+    origin : (3,), m
+    """
+
+    rotation: Array
+    origin: Array
+
+    def to_local(self, points: Array) -> Array:
+        """Points of the image, (n, 3) or (3,), in the segment's frame, m."""
+        local: Array = (points - self.origin) @ self.rotation
+        return local
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +63,8 @@ class ImageEvidence:
         Skin markers seen in the image: model marker to (segment, position).
     source : str
         How they were found.
+    bones : mapping
+        Segment to the surface of its bone, as far as imaged.
     """
 
     centres: Mapping[str, Vector] = field(default_factory=dict)
@@ -31,6 +72,7 @@ class ImageEvidence:
     landmarks: Mapping[str, Vector] = field(default_factory=dict)
     markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)
     source: str = ""
+    bones: Mapping[str, Bone] = field(default_factory=dict)
 
     def sides(self) -> tuple[str, ...]:
         """The legs of which hip, knee and ankle centre are known."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.models.body import BodyModel, Vector
+from scaling_service.models.images import ImagePose
 
 Array = NDArray[np.float64]
 
@@ -88,6 +89,8 @@ class Calibration:
     iterations : int
     wall_s : float
     warnings : tuple of str
+    image_poses : mapping
+        Segment to where its frame lies in the image, for those that were imaged.
     """
 
     method: str
@@ -100,3 +103,4 @@ class Calibration:
     iterations: int = 0
     wall_s: float = 0.0
     warnings: tuple[str, ...] = ()
+    image_poses: Mapping[str, ImagePose] = field(default_factory=dict)

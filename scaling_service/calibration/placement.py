@@ -30,6 +30,7 @@ _PACES = (
     replace(_EXACT, damping=0.3),
 )  # chosen: long, short, cautious steps
 _MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
+_FOLLOWER = 1e-3  # chosen: a thousandth of a known marker's weight, so that it cannot move the pose by 0.1 mm
 
 
 def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> BodyModel:
@@ -92,11 +93,13 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyModel:
     """The markers of some segments moved to where a standing trial shows them.
 
-    The model is posed by all its markers.
+    The model is posed by the markers of the other segments, whose places are known; those to be placed
+    decide only what these leave open, such as the pose of a leg that was not imaged.
     """
     few = trial.frames(_some_frames(trial))
-    q = solve_task(Task.of(model, few), few.times).q
     own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
+    weights = {m.name: m.weight * (_FOLLOWER if m.name in own else 1.0) for m in model.markers}
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
     return moved(model, _local_means(model, few, q, own))
 
 

@@ -76,6 +76,14 @@ def test_one_leg_imaged_leaves_the_other_to_its_markers() -> None:
     assert any("left leg was not imaged whole" in w for w in found.warnings)
 
 
+def test_the_leg_that_was_not_imaged_does_not_bend_the_imaged_one() -> None:
+    who = known(44)
+    found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG, "r")), "EB")
+    assert who.session.static is not None
+    standing = inverse_kinematics(found.model, who.session.static)
+    assert float(np.nanmax(standing.distances)) < 1e-4
+
+
 def test_without_markers_in_the_image_they_come_from_the_standing_trial() -> None:
     who = known(45)
     found = calibrate(replace(who.session, images=imaged(who, TILTS_DEG, markers=False)), "EB")

@@ -23,7 +23,7 @@ _BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Damping:
+class DampingShares:
     """Shares of each curvature: of every frame's coordinates (n_frames,), and of the parameters."""
 
     frames: Array
@@ -117,7 +117,7 @@ def _times(left: Array, right: Array) -> Array:
 
 
 def trial_step(
-    problem: Problem, q: Array, p: Array, p0: Array, damping: Damping
+    problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
 ) -> tuple[Array, Array, float]:
     """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
 
@@ -134,7 +134,7 @@ def trial_step(
 
 
 def _step(
-    problem: Problem, border: Border, q: Array, p: Array, damping: Damping, pins: Array | None
+    problem: Problem, border: Border, q: Array, p: Array, damping: DampingShares, pins: Array | None
 ) -> tuple[Array, Array, float]:
     step, curvature = _bounded_step(problem, border, p, damping.parameters)
     trial_p, trial_q = p.copy(), q.copy()

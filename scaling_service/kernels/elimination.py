@@ -167,7 +167,7 @@ def _directions(moves: _Moves, poses: Poses) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Damping:
+class PivotDamping:
     """What is added to every pivot: a share of it, and a least pivot, each (n,)."""
 
     share: Array
@@ -194,7 +194,7 @@ def step(
     plan: Elimination,
     mass: Array,
     twist: Array,
-    damping: Damping,
+    damping: PivotDamping,
     *,
     second: Array,
     pull: Pull | None = None,
@@ -207,7 +207,7 @@ def step(
     mass : ndarray, shape (n_rows, 6, 7, n)
         Curvature and wrench of every link's own markers; overwritten.
     twist : ndarray, shape (c, 6, n)
-    damping : Damping
+    damping : PivotDamping
     second : ndarray, shape (n,)
         One where second derivatives are used, else zero.
     pull, limits : optional

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from scaling_service.kernels.border import Damping, linearise, trial_step
+from scaling_service.kernels.border import DampingShares, linearise, trial_step
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.noise import residual_variance
 from scaling_service.kernels.problem import Problem, frame_costs, prior_cost, total_cost
@@ -123,7 +123,7 @@ def _descend(
 ) -> Solution:
     q, p = problem.clipped(q0.copy(), start.copy())
     cost, raise_by = total_cost(problem, q, p, p0), 2.0
-    damping = Damping(np.full(problem.n_frames, settings.damping), settings.damping)
+    damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
         trial_q, trial_p, promised = trial_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
@@ -138,7 +138,7 @@ def _descend(
         else:
             shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
-        damping = Damping(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
+        damping = DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
     return Solution(q, p, cost, settings.max_steps, Outcome.MAX_STEPS)
 
 

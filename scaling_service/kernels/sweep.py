@@ -32,9 +32,9 @@ from scaling_service.kernels.clusters import (
     misfit_of,
 )
 from scaling_service.kernels.elimination import (
-    Damping,
     Elimination,
     Limits,
+    PivotDamping,
     Pull,
     elimination_of,
     step,
@@ -323,7 +323,7 @@ def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[
         part.plan,
         curvature_and_wrench(part.clusters, misfit, state.near),
         twists(part.plan, poses),
-        Damping(state.damping, part.floor),
+        PivotDamping(state.damping, part.floor),
         second=state.near,
         pull=part.pull(state.best),
         limits=part.limits(state.best),

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from scaling_service.estimation.inverse_kinematics import inverse_kinematics
 from scaling_service.formats.osim import read_ik_tasks, read_osim
@@ -20,8 +20,10 @@ from scaling_service.formats.trc import read_trc, write_trc
 from scaling_service.jobs.saving import save
 from scaling_service.jobs.tasks import Results, scale
 from scaling_service.models.results import Motion
+from tests.jobs.laboratory import write_subject
+from tests.jobs.recorded import squatter_document, walker_document
 from tests.peers.opensim_ik import OpenSimIk, run_opensim_ik
-from tests.peers.opensim_scale import run_opensim_scale
+from tests.peers.scaled_models import scaled_gait2354, scaled_rajagopal
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
@@ -54,30 +56,14 @@ def assert_no_worse(
 
 def test_gait2354_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "gait2354"
-    model = tmp_path / "scaled.osim"
-    run_opensim_scale(
-        folder / "subject01_Setup_Scale.xml",
-        folder / "gait2354_simbody.osim",
-        folder / "subject01_static.trc",
-        marker_set=folder / "gait2354_Scale_MarkerSet.xml",
-        output=model,
-    )
     tasks, _ = read_ik_tasks(folder / "subject01_Setup_IK.xml")
-    assert_no_worse(model, folder / "subject01_walk1.trc", tasks, None)
+    assert_no_worse(scaled_gait2354(shared_data, tmp_path), folder / "subject01_walk1.trc", tasks, None)
 
 
 def test_rajagopal_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "rajagopal_walk"
-    sizes, model = tmp_path / "sizes.osim", tmp_path / "scaled.osim"
-    run_opensim_scale(
-        folder / "scale_setup_walk_scaleOnly.xml",
-        folder / "Rajagopal2016.osim",
-        folder / "static_walk_1.trc",
-        marker_set=folder / "markerset_walk_preScale.xml",
-        output=sizes,
-    )
-    run_opensim_scale(folder / "scale_setup_walk.xml", sizes, folder / "static_walk_2.trc", output=model)
     tasks, _ = read_ik_tasks(folder / "ik_setup_walk.xml")
+    model = scaled_rajagopal(shared_data, tmp_path)
     assert_no_worse(model, folder / "motion_capture_walk.trc", tasks, FRAMES)
 
 
@@ -86,11 +72,9 @@ def test_squats_are_followed_no_worse(shared_data: Path) -> None:
     assert_no_worse(folder / "manually_scaled.osim", folder / "squats1.trc", None, FRAMES)
 
 
-def scaled_here(folder: Path, content: dict[str, object]) -> Results:
+def scaled_here(folder: Path, content: dict[str, Any]) -> Results:
     """A subject file on disk, scaled and saved as a user would."""
-    file = folder / "subject.yaml"
-    file.write_text(yaml.safe_dump(content), encoding="utf-8")
-    results = scale(file, "MB_am")
+    results = scale(write_subject(folder, content), "MB_am")
     save(results, folder / "out")
     return results
 
@@ -112,29 +96,10 @@ def assert_opensim_agrees(results: Results, folder: Path) -> OpenSimIk:
 
 
 def test_a_builtin_model_scaled_here_behaves_alike_in_opensim(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / "jia_mri"
-    content = {
-        "subject": {"id": "walker", "height_m": 1.62, "mass_kg": 63.0},
-        "model": "lower_limb_14dof",
-        "trials": {
-            "static": str(folder / "Static.c3d"),
-            "calibration": [str(folder / "Walking02.c3d")],
-        },
-    }
-    peer = assert_opensim_agrees(scaled_here(tmp_path, content), tmp_path)
+    peer = assert_opensim_agrees(scaled_here(tmp_path, walker_document(shared_data)), tmp_path)
     assert len(peer.markers) >= 10
 
 
 def test_an_opensim_model_scaled_here_behaves_alike_in_opensim(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / "opencap_squat"
-    content = {
-        "subject": {"id": "squat", "height_m": 1.68, "mass_kg": 62.6},
-        "model": str(folder / "unscaled_generic.osim"),
-        "trials": {
-            "static": str(folder / "static1.trc"),
-            "calibration": [str(folder / "squats1.trc")],
-        },
-        "forces": {"squats1.trc": str(folder / "squats1_grf.mot")},
-    }
-    peer = assert_opensim_agrees(scaled_here(tmp_path, content), tmp_path)
+    peer = assert_opensim_agrees(scaled_here(tmp_path, squatter_document(shared_data)), tmp_path)
     assert len(peer.markers) >= 30

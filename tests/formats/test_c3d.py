@@ -7,20 +7,17 @@ import subprocess
 import ezc3d
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
 from scaling_service.formats import c3d
 from scaling_service.formats.c3d import read_c3d, read_c3d_file, write_c3d
-from scaling_service.models.trial import Trial
+from tests.formats.made import SHARED_FOLDER, outcome, random_trial
 
 
 def _trial(n=8, labels=("S1:RASI", "LASI", "SACR"), missing=0.2):
-    rng = np.random.default_rng(0)
-    markers = rng.uniform(-2, 2, (n, len(labels), 3))
-    markers[rng.random(markers.shape[:2]) < missing] = np.nan
-    return Trial("walk", np.arange(n) / 100, tuple(labels), markers, 100.0)
+    return random_trial(n, labels, missing=missing)
 
 
 def _raw(path, labels, points, units="mm", parameters=None, analogs=None):
@@ -138,16 +135,8 @@ def test_a_crash_or_a_hang_of_the_library_is_an_answer(tmp_path, monkeypatch):
         read_c3d(tmp_path / "walk.c3d")
 
 
-def _outcome(read, path):
-    """What reading gives: a value, or the refusal; any other exception fails the test."""
-    try:
-        return read(path)
-    except InputError as error:
-        return error
-
-
 @given(st.data())
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(SHARED_FOLDER, max_examples=25)
 def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, monkeypatch, data):
     monkeypatch.setattr(c3d, "TIME_LIMIT_S", 2.0)  # damaged headers can keep the library busy for long
     write_c3d(tmp_path / "w.c3d", _trial())
@@ -157,7 +146,7 @@ def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, monkeypatch, data):
     if data.draw(st.booleans()):
         content = content[: data.draw(st.integers(0, len(content)))]
     (tmp_path / "w.c3d").write_bytes(content)
-    trial = _outcome(read_c3d, tmp_path / "w.c3d")
+    trial = outcome(read_c3d, tmp_path / "w.c3d")
     if isinstance(trial, InputError):
         assert trial.file
         assert trial.remedy

@@ -59,6 +59,24 @@ def test_damaged_files_are_refused(tmp_path: Path, suffix: str, content: bytes) 
     assert refusal.value.remedy
 
 
+VERTEX = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+FACE = "element face 1\nproperty list uchar int corners\n"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        f"ascii 1.0\n{VERTEX}{FACE}",  # the corners of faces by an unknown name
+        f"binary_little_endian 1.0\nelement face 1\n{VERTEX}",  # a first element without properties
+    ],
+)
+def test_ply_headers_that_its_reader_trips_over(tmp_path: Path, header: str) -> None:
+    content = f"ply\nformat {header}end_header\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n"
+    (tmp_path / "bone.ply").write_text(content)
+    with pytest.raises(FileUnreadable, match="damaged or no PLY file"):
+        read_mesh(tmp_path / "bone.ply")
+
+
 @pytest.mark.parametrize("suffix", READERS)
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 def test_cut_files_are_refused_or_read_as_triangles(tmp_path: Path, suffix: str, share: float) -> None:

@@ -8,15 +8,12 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
 from scaling_service.formats.sto import Table, motion_table, motion_values, read_sto, write_sto
-
-SHARED_FOLDER = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+from tests.formats.made import SHARED_FOLDER, outcome
 
 
 def _read(tmp_path, text):
@@ -93,14 +90,6 @@ def test_wrong_tables_are_refused(tmp_path, text, problem):
     assert caught.value.remedy
 
 
-def _outcome(read, path):
-    """What reading gives: a value, or the refusal; any other exception fails the test."""
-    try:
-        return read(path)
-    except InputError as error:
-        return error
-
-
 @given(st.data())
 @settings(SHARED_FOLDER, max_examples=150)
 def test_damage_gives_a_table_or_a_clear_refusal(tmp_path, data):
@@ -111,7 +100,7 @@ def test_damage_gives_a_table_or_a_clear_refusal(tmp_path, data):
             st.one_of(st.integers(0, 255), st.sampled_from(b"\t\n ,.e9-_"))
         )
     (tmp_path / "a.sto").write_bytes(content[: data.draw(st.integers(0, len(content)))])
-    table = _outcome(read_sto, tmp_path / "a.sto")
+    table = outcome(read_sto, tmp_path / "a.sto")
     if isinstance(table, InputError):
         assert table.file
         assert table.remedy

@@ -1,31 +1,21 @@
-"""TRC: what is written comes back, what is odd is repaired and said, what is wrong is refused."""
+"""TRC: what is odd is repaired and said, what is wrong is refused."""
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
 from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
-
-SHARED_FOLDER = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+from tests.formats.made import SHARED_FOLDER, outcome, random_trial
 
 
-def _trial(n=6, labels=("RASI", "S1:L.ASIS", "V Sacral"), rate=100.0, seed=0, missing=0.0):
-    rng = np.random.default_rng(seed)
-    markers = rng.uniform(-2, 2, (n, len(labels), 3))
-    markers[rng.random(markers.shape[:2]) < missing] = np.nan
-    return Trial("walk", np.arange(n) / rate, tuple(labels), markers, rate)
+def _trial(n=6, labels=("RASI", "S1:L.ASIS", "V Sacral"), **options):
+    return random_trial(n, labels, **options)
 
 
 def _kinds(trial):
@@ -44,26 +34,6 @@ def lines(tmp_path):
         return read_trc(path)
 
     return content, read
-
-
-@given(
-    n=st.integers(1, 30),
-    m=st.integers(1, 6),
-    seed=st.integers(0, 999),
-    rate=st.sampled_from([50.0, 59.94, 60.0, 100.0, 120.0, 333.3, 1000.0]),
-    start=st.sampled_from([0.0, 0.5, 17.25]),
-    units=st.sampled_from(["m", "mm"]),
-)
-@SHARED_FOLDER
-def test_round_trip(tmp_path, n, m, seed, rate, start, units):
-    trial = _trial(n, [f"M{k}" for k in range(m)], rate, seed, missing=0.2)
-    trial = Trial(trial.name, start + trial.times, trial.labels, trial.markers, rate)
-    write_trc(tmp_path / "walk.trc", trial, units)
-    back = read_trc(tmp_path / "walk.trc")
-    assert back.repairs == ()
-    assert (back.name, back.labels, back.rate_hz) == (trial.name, trial.labels, pytest.approx(rate))
-    np.testing.assert_allclose(back.markers, trial.markers, atol=5.1e-9)  # m: 5 decimals of a millimetre
-    np.testing.assert_allclose(back.times, trial.times, atol=1e-9)
 
 
 def test_spaces_and_prefixes_in_labels_are_kept(lines):
@@ -107,12 +77,6 @@ def test_exact_zeros_are_lost_markers(lines):
     assert np.isnan(trial.markers).all(-1).sum() == 1
     (repair,) = trial.repairs
     assert (repair.what, repair.where, repair.frames) == ("lost_marker", "RASI", 1)
-
-
-def test_a_marker_at_the_origin_survives_writing(tmp_path):
-    trial = Trial("origin", np.array([0.0]), ("A",), np.zeros((1, 1, 3)), 100.0)
-    write_trc(tmp_path / "o.trc", trial)
-    np.testing.assert_allclose(read_trc(tmp_path / "o.trc").markers, 0, atol=1.1e-8)
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
@@ -294,14 +258,6 @@ def test_files_without_frames_markers_or_order_are_refused(lines):
     assert caught.value.field == "V Sacral Z"
 
 
-def _outcome(read, path):
-    """What reading gives: a value, or the refusal; any other exception fails the test."""
-    try:
-        return read(path)
-    except InputError as error:
-        return error
-
-
 @given(st.data())
 @settings(SHARED_FOLDER, max_examples=150)
 def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, data):
@@ -312,7 +268,7 @@ def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, data):
         content[place] = data.draw(st.one_of(st.integers(0, 255), st.sampled_from(b"\t\n ,.e9-_")))
     content = content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content
     (tmp_path / "w.trc").write_bytes(content)
-    trial = _outcome(read_trc, tmp_path / "w.trc")
+    trial = outcome(read_trc, tmp_path / "w.trc")
     if isinstance(trial, InputError):
         assert trial.file
         assert trial.remedy
@@ -320,35 +276,6 @@ def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, data):
         assert (np.diff(trial.times) > 0).all()
         assert not np.isinf(trial.markers).any()
         assert len(set(trial.labels)) == len(trial.labels)
-
-
-def test_labels_that_would_break_the_table_are_refused(tmp_path):
-    for label in ("A\tB", "", " A"):
-        with pytest.raises(TrialUnusable, match="label"):
-            write_trc(tmp_path / "a.trc", _trial(1, (label,)))
-
-
-@pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="opensim is not installed")
-def test_opensim_reads_what_is_written(tmp_path):
-    trial = _trial(5, ("RASI", "LASI", "SACR"), missing=0.3)
-    write_trc(tmp_path / "w.trc", trial)
-    script = (
-        "import opensim, sys, numpy as np\n"
-        "opensim.Logger.setLevelString('Off')\n"
-        "t = opensim.TimeSeriesTableVec3(sys.argv[1])\n"
-        "d = t.flatten()\n"
-        "np.save(sys.argv[2], d.getMatrix().to_numpy())\n"
-        "print(','.join(t.getColumnLabels()), t.getNumRows(), t.getTableMetaDataAsString('Units'))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script, "w.trc", "w.npy"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.split() == ["RASI,LASI,SACR", "5", "mm"]
-    np.testing.assert_allclose(np.load(tmp_path / "w.npy").reshape(5, 3, 3), 1e3 * trial.markers, atol=1e-5)
 
 
 def test_real_files_are_read_whole(shared_data):

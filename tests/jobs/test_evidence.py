@@ -15,6 +15,7 @@ from scaling_service.jobs.subjects import load_subject
 from scaling_service.jobs.tasks import compare
 from scaling_service.models.builtin import builtin
 from scaling_service.models.subject import Subject
+from tests.jobs.recorded import walker_document
 
 MODEL = builtin("lower_limb_14dof")
 
@@ -22,16 +23,8 @@ MODEL = builtin("lower_limb_14dof")
 @pytest.fixture(scope="module")
 def document(shared_data: Path) -> dict[str, object]:
     folder = shared_data / "jia_mri"
-    extra = {f"{s}{n}": f"{b}_{s.lower()}" for s in "RL" for n, b in (("THI", "femur"), ("TUB", "tibia"))}
-    return {
+    return walker_document(shared_data) | {
         "subject": {"id": "imaged"},
-        "model": MODEL.name,
-        "extra_markers": extra,
-        "trials": {
-            "static": str(folder / "Static.c3d"),
-            "calibration": [str(folder / "Walking02.c3d")],
-            "evaluation": [str(folder / "Walking01.c3d")],
-        },
         "bones": {
             "units": "mm",
             "pelvis": str(folder / "bones" / "pelvis_no_sacrum.stl"),

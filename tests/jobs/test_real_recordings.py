@@ -12,6 +12,7 @@ from scaling_service.formats.osim import read_osim
 from scaling_service.jobs.saving import save
 from scaling_service.jobs.tasks import Results, compare, scale
 from tests.jobs.laboratory import write_subject
+from tests.jobs.recorded import squatter_document, walker_document
 
 SANE = 15e-3
 """m; chosen: twice the 6.5 mm of Puchaud 2019 (table 5, MB_a,m*) plus room for other bodies and markers."""
@@ -19,18 +20,7 @@ SANE = 15e-3
 
 @pytest.fixture(scope="module")
 def walker(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
-    folder = shared_data / "jia_mri"
-    content = {
-        "subject": {"id": "walker", "height_m": 1.62, "mass_kg": 63.0},
-        "model": "lower_limb_14dof",
-        "extra_markers": {"RTHI": "femur_r", "RTUB": "tibia_r", "LTHI": "femur_l", "LTUB": "tibia_l"},
-        "trials": {
-            "static": str(folder / "Static.c3d"),
-            "calibration": [str(folder / "Walking02.c3d")],
-            "evaluation": [str(folder / "Walking01.c3d")],
-        },
-    }
-    return compare(write_subject(tmp_path_factory.mktemp("walker"), content))
+    return compare(write_subject(tmp_path_factory.mktemp("walker"), walker_document(shared_data)))
 
 
 def test_a_walker_is_followed_on_a_trial_that_was_not_fitted(walker: Results) -> None:
@@ -48,18 +38,7 @@ def test_the_laboratorys_names_and_the_extra_markers_are_used(walker: Results) -
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 def test_an_opensim_model_is_scaled_and_loads_again(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / "opencap_squat"
-    content = {
-        "subject": {"id": "squat", "height_m": 1.68, "mass_kg": 62.6},
-        "model": str(folder / "unscaled_generic.osim"),
-        "trials": {
-            "static": str(folder / "static1.trc"),
-            "calibration": [str(folder / "squats1.trc")],
-            "evaluation": [str(folder / "walking1.trc")],
-        },
-        "forces": {"squats1.trc": str(folder / "squats1_grf.mot")},
-    }
-    results = scale(write_subject(tmp_path, content), "MB_am")
+    results = scale(write_subject(tmp_path, squatter_document(shared_data)), "MB_am")
     save(results, tmp_path / "out")
     written = json.loads((tmp_path / "out" / "MB_am" / "scaling.json").read_text(encoding="utf-8"))
     assert all(error["mean"] < 1e3 * SANE for error in written["kinematic_error_mm"].values())

@@ -2,17 +2,13 @@
 
 For benchmarks only. nimblephysics wants an older numpy than ours, so it lives in another environment,
 whose interpreter ``SCALING_SERVICE_NIMBLE`` names (``pip install 'numpy<2'`` and
-``pip install --no-deps nimblephysics`` are enough: what is used here needs no torch). Run as a script
-it is the worker; :func:`run_nimble_ik` starts it.
+``pip install --no-deps nimblephysics`` are enough: what is used here needs no torch). Run as a module
+it is the worker; :func:`run_nimble_ik` asks it.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +17,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tests.peers.worker import ask, serve
 
 Array = NDArray[np.float64]
 
@@ -54,28 +52,13 @@ def run_nimble_ik(
     The first frame starts from the default pose and from nine more, untimed.
     """
     chosen = [name for name in labels if name in weights]
-    with tempfile.TemporaryDirectory() as scratch:
-        measured = Path(scratch) / "markers.npy"
-        np.save(measured, markers[:, [list(labels).index(name) for name in chosen]])
-        request = {
-            "model": str(model.resolve()),
-            "measured": str(measured),
-            "markers": chosen,
-            "weights": [weights[name] for name in chosen],
-        }
-        done = subprocess.run(
-            [str(python), str(Path(__file__).resolve())],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            cwd=scratch,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            timeout=time_limit_s,
-            check=False,
-        )
-    if done.returncode:
-        raise RuntimeError(f"nimblephysics failed: {done.stderr[-2000:]}")
-    answer = json.loads(done.stdout)
+    request = {
+        "model": str(model.resolve()),
+        "measured": markers[:, [list(labels).index(name) for name in chosen]].tolist(),
+        "markers": chosen,
+        "weights": [weights[name] for name in chosen],
+    }
+    answer = ask("tests.peers.nimble_ik", request, python=python, time_limit_s=time_limit_s)
     return NimbleIk(
         tuple(answer["markers"]), np.array(answer["squared_errors"], dtype=float), np.array(answer["cpu_s"])
     )
@@ -86,7 +69,7 @@ def _solve(request: dict[str, Any]) -> dict[str, Any]:
 
     parsed = nimble.biomechanics.OpenSimParser.parseOsim(request["model"], ignoreGeometry=True)
     body, places = parsed.skeleton, parsed.markersMap
-    measured = np.load(request["measured"])
+    measured = np.array(request["measured"])
     kept = [k for k, name in enumerate(request["markers"]) if name in places]
     names = [request["markers"][k] for k in kept]
     weights = np.array(request["weights"])[kept]
@@ -107,14 +90,5 @@ def _solve(request: dict[str, Any]) -> dict[str, Any]:
     return {"markers": names, "squared_errors": errors, "cpu_s": cpu[1:]}
 
 
-def _main() -> None:
-    request = json.loads(sys.stdin.read())
-    reply = os.dup(1)
-    os.dup2(2, 1)  # nimblephysics prints; only the answer may reach standard output
-    text = json.dumps(_solve(request))
-    with os.fdopen(reply, "w") as out:
-        out.write(text)
-
-
 if __name__ == "__main__":
-    _main()
+    serve(_solve)

@@ -1,15 +1,10 @@
 """OpenSim's inverse kinematics as a peer: its errors, motion and time, one thread, its own process.
 
-For tests and benchmarks only. Run as a script it is the worker; :func:`run_opensim_ik` starts it.
+For tests and benchmarks only. Run as a module it is the worker; :func:`run_opensim_ik` asks it.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.peers.worker import ask, serve
+
 Array = NDArray[np.float64]
+
+_WORKER = "tests.peers.opensim_ik"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,11 +49,6 @@ class OpenSimIk:
     cpu_s: Array
 
     @property
-    def marker_rms(self) -> Array:
-        """Root mean square distance over the markers seen, (n_frames,), m."""
-        return np.sqrt(np.nanmean(self.squared_errors, axis=1))
-
-    @property
     def weighted_squared_errors(self) -> Array:
         """Sum of weight times squared distance, (n_frames,), m2."""
         return np.nansum(self.weights * self.squared_errors, axis=1)
@@ -69,7 +63,6 @@ def run_opensim_ik(
     time_range: tuple[float, float] | None = None,
     accuracy: float = 1e-5,
     constraint_weight: float = float("inf"),
-    motion_file: Path | None = None,
     time_limit_s: float = 600.0,
 ) -> OpenSimIk:
     """Track a TRC file frame by frame with OpenSim's InverseKinematicsSolver.
@@ -82,8 +75,6 @@ def run_opensim_ik(
         The whole file by default. (OpenSim's own tool stops at 2.0 s without one.)
     accuracy, constraint_weight : float
         As in the InverseKinematicsTool; its defaults.
-    motion_file : Path, optional
-        Where to write the motion, in OpenSim's MOT format, radians and metres.
     """
     request = {
         "model": str(model.resolve()),
@@ -94,8 +85,8 @@ def run_opensim_ik(
         "accuracy": accuracy,
         "constraint_weight": constraint_weight,
     }
-    answer = _asked(request, time_limit_s)
-    result = OpenSimIk(
+    answer = ask(_WORKER, request, time_limit_s=time_limit_s)
+    return OpenSimIk(
         times=np.array(answer["times"]),
         coordinates=tuple(answer["coordinates"]),
         q=np.array(answer["q"]),
@@ -104,9 +95,6 @@ def run_opensim_ik(
         weights=np.array(answer["weights"]),
         cpu_s=np.array(answer["cpu_s"]),
     )
-    if motion_file is not None:
-        _write_motion(motion_file, result)
-    return result
 
 
 def time_opensim_ik_tool(
@@ -127,42 +115,7 @@ def time_opensim_ik_tool(
         "coordinate_weights": dict(coordinate_weights or {}),
         "time_range": time_range,
     }
-    return float(_asked(request, time_limit_s)["cpu_s_per_frame"])
-
-
-def _asked(request: dict[str, Any], time_limit_s: float) -> dict[str, Any]:
-    """The worker's answer, from a process and a scratch folder of its own."""
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    with tempfile.TemporaryDirectory() as scratch:
-        done = subprocess.run(
-            [sys.executable, str(Path(__file__).resolve())],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            cwd=scratch,
-            env={**os.environ, **threads},
-            timeout=time_limit_s,
-            check=False,
-        )
-    if done.returncode:
-        raise RuntimeError(f"OpenSim's inverse kinematics failed: {done.stderr[-2000:]}")
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer
-
-
-def _write_motion(path: Path, result: OpenSimIk) -> None:
-    table = np.column_stack([result.times, result.q])
-    header = [
-        "Coordinates",
-        "version=1",
-        f"nRows={len(table)}",
-        f"nColumns={table.shape[1]}",
-        "inDegrees=no",
-        "endheader",
-        "\t".join(["time", *result.coordinates]),
-    ]
-    rows = ["\t".join(f"{value:.12g}" for value in row) for row in table]
-    path.write_text("\n".join([*header, *rows]) + "\n")
+    return float(ask(_WORKER, request, time_limit_s=time_limit_s)["cpu_s_per_frame"])
 
 
 def _references(osim: Any, request: dict[str, Any], model: Any) -> tuple[Any, Any]:
@@ -248,14 +201,9 @@ def _times(trc: str) -> Array:
     return np.array([float(row[1]) for row in rows if len(row) > 2 and row[0].strip().isdigit()])
 
 
-def _main() -> None:
-    request = json.loads(sys.stdin.read())
-    reply = os.dup(1)
-    os.dup2(2, 1)  # OpenSim prints; only the answer may reach standard output
-    text = json.dumps(_run_tool(request) if request.get("tool") else _solve(request))
-    with os.fdopen(reply, "w") as out:
-        out.write(text)
+def _answer(request: dict[str, Any]) -> dict[str, Any]:
+    return _run_tool(request) if request.get("tool") else _solve(request)
 
 
 if __name__ == "__main__":
-    _main()
+    serve(_answer)

@@ -1,19 +1,16 @@
 """OpenSim's ScaleTool as a peer: its factors, markers, static pose and model, in a process of its own.
 
-For tests and benchmarks only. Run as a script it is the worker; :func:`run_opensim_scale` starts it.
+For tests and benchmarks only. Run as a module it is the worker; :func:`run_opensim_scale` asks it.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tests.peers.worker import ask, serve
 
 Vector = tuple[float, float, float]
 _UNASSIGNED = "Unassigned"
@@ -64,30 +61,15 @@ def run_opensim_scale(
     output : Path, optional
         Where to keep the model that the tool wrote.
     """
-    with tempfile.TemporaryDirectory() as scratch:
-        request = {
-            "setup": str(setup.resolve()),
-            "model": str(model.resolve()),
-            "static": str(static.resolve()),
-            "marker_set": str(marker_set.resolve()) if marker_set is not None else _UNASSIGNED,
-            "accuracy": accuracy,
-            "scratch": scratch,
-        }
-        done = subprocess.run(
-            [sys.executable, str(Path(__file__).resolve())],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            cwd=scratch,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            timeout=time_limit_s,
-            check=False,
-        )
-        if done.returncode:
-            raise RuntimeError(f"OpenSim's scale tool failed: {done.stderr[-2000:]}")
-        answer = json.loads(done.stdout)
-        if output is not None:
-            output.write_bytes(Path(answer["written"]).read_bytes())
+    request = {
+        "setup": str(setup.resolve()),
+        "model": str(model.resolve()),
+        "static": str(static.resolve()),
+        "marker_set": str(marker_set.resolve()) if marker_set is not None else _UNASSIGNED,
+        "accuracy": accuracy,
+        "output": str(output.resolve()) if output is not None else None,
+    }
+    answer = ask("tests.peers.opensim_scale", request, time_limit_s=time_limit_s)
     return OpenSimScale(
         factors={body: _vector(values) for body, values in answer["factors"].items()},
         markers={name: (body, _vector(place)) for name, (body, place) in answer["markers"].items()},
@@ -102,8 +84,11 @@ def _vector(values: list[float]) -> Vector:
     return (x, y, z)
 
 
-def _scaled(osim: Any, request: dict[str, Any]) -> dict[str, Any]:
-    scratch = Path(request["scratch"])
+def _scaled(request: dict[str, Any]) -> dict[str, Any]:
+    import opensim as osim
+
+    osim.Logger.setLevelString("Error")
+    scratch = Path.cwd()
     copy = scratch / "setup.xml"  # the tool reads everything relative to its set-up
     copy.write_bytes(Path(request["setup"]).read_bytes())
     tool = osim.ScaleTool(str(copy))
@@ -126,6 +111,8 @@ def _scaled(osim: Any, request: dict[str, Any]) -> dict[str, Any]:
     cpu = time.process_time() - start
     pose = _place_again(osim, request, placer, scratch) if again else _pose(osim, scratch / "pose.mot")
     written = next(p for p in (scratch / "placed.osim", scratch / "scaled.osim") if p.is_file())
+    if request["output"] is not None:
+        Path(request["output"]).write_bytes(written.read_bytes())
     model = osim.Model(str(written))
     model.initSystem()
     bodies = [model.getBodySet().get(k) for k in range(model.getBodySet().getSize())]
@@ -139,7 +126,6 @@ def _scaled(osim: Any, request: dict[str, Any]) -> dict[str, Any]:
         "masses": {b.getName(): b.getMass() for b in bodies},
         "pose": pose,
         "cpu_s": cpu,
-        "written": str(written),
     }
 
 
@@ -225,17 +211,5 @@ def _pose(osim: Any, path: Path) -> dict[str, float]:
     return {label.split("/")[-2]: value for label, value in values.items() if label.endswith("/value")}
 
 
-def _main() -> None:
-    request = json.loads(sys.stdin.read())
-    reply = os.dup(1)
-    os.dup2(2, 1)  # OpenSim prints; only the answer may reach standard output
-    import opensim as osim
-
-    osim.Logger.setLevelString("Error")
-    text = json.dumps(_scaled(osim, request))
-    with os.fdopen(reply, "w") as out:
-        out.write(text)
-
-
 if __name__ == "__main__":
-    _main()
+    serve(_scaled)

@@ -3,43 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
-import json
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from scaling_service.models.body import BodyModel
+from tests.peers.worker import ask
 
 Oracle = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
-def oracle(tmp_path_factory: pytest.TempPathFactory) -> Oracle:
+def oracle() -> Oracle:
     """Ask OpenSim directly, past the code under test."""
     if importlib.util.find_spec("opensim") is None:
         pytest.skip("opensim is not installed")
-    scratch = tmp_path_factory.mktemp("oracle")
-
-    def ask(request: dict[str, Any]) -> dict[str, Any]:
-        done = subprocess.run(
-            [sys.executable, str(Path(__file__).with_name("oracle_worker.py"))],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            cwd=scratch,
-            timeout=120,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        answer: dict[str, Any] = json.loads(done.stdout)
-        return answer
-
-    return ask
+    return lambda request: ask("tests.formats.osim.oracle_worker", request, time_limit_s=120.0)
 
 
 @pytest.fixture(scope="session")

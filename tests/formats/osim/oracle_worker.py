@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import os
-import sys
-
 import opensim as osim
+
+from tests.peers.worker import serve
 
 AXES = ("x", "y", "z")
 
@@ -195,16 +193,11 @@ def build(request):
     return {"version": osim.GetVersion()}
 
 
-def main():
-    request = json.loads(sys.stdin.read())
-    reply = os.dup(1)
-    os.dup2(2, 1)
+def answer(request):
     osim.Logger.setLevelString("Error")
     operations = {"positions": positions, "scaled": scaled, "build": build}
-    text = json.dumps(operations[request["operation"]](request))
-    with os.fdopen(reply, "w") as out:
-        out.write(text)
+    return operations[request["operation"]](request)
 
 
 if __name__ == "__main__":
-    main()
+    serve(answer)

@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.core.errors import ModelRefused
 from scaling_service.formats.osim import read_osim, write_osim
 from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.models.body import BodyModel, Joint, Law, Marker
 from scaling_service.models.builtin import BUILTIN_NAMES, builtin
 from scaling_service.models.compile import compile_model
 from scaling_service.models.scaling import scaled
-
-X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+from tests.formats.osim.hand_made import X, Y, hand_made
 
 
 def tilted(model: BodyModel, joint_name: str, x: float, y: float) -> BodyModel:
@@ -156,57 +155,6 @@ def test_oblique_translations_keep_our_scaling(oracle, agrees, tmp_path, reverse
     agrees(path, model)
 
 
-def hand_made() -> BodyModel:
-    """The kinds of chain of a built-in model."""
-    bend = Shape((-0.5, 0.5, 2.0), ((0.1, 0.0), (0.3, 0.1)))
-    arch = Shape((-0.5, 2.0), ((0.02, -0.01, 0.3),))
-    pelvis = (
-        *(Joint("translation", a, Law.of(f"pelvis_t{n}")) for n, a in zip("xyz", (X, Y, Z), strict=True)),
-        Joint("rotation", Z, Law.of("tilt")),
-        Joint("rotation", X, Law.of("list")),
-        Joint("rotation", Y, Law.of("rotation", 1.0, 0.1)),
-    )
-    hip = (
-        Joint("translation", X, Law.constant(-0.07), "pelvis"),
-        Joint("translation", Z, Law.constant(0.08), "pelvis"),
-        Joint("rotation", (0.6, 0.0, 0.8), Law.constant(0.3)),
-        Joint("rotation", Z, Law.of("flexion")),
-        Joint("rotation", X, Law.of("adduction")),
-    )
-    knee = (
-        Joint("translation", Y, Law.constant(-0.4), "femur_r"),
-        Joint("translation", X, Law((Term(0.05, coordinate="knee", shape=bend),)), "femur_r"),
-        Joint("translation", Y, Law.constant(0.01), "femur_r"),
-        Joint("translation", Y, Law((Term(0.05, coordinate="knee", shape=arch), Term(0.01))), "femur_r"),
-        Joint("rotation", Y, Law.constant(0.05)),
-        Joint("rotation", X, Law.constant(-0.03)),
-        Joint("rotation", Z, Law.of("knee", -1.0)),
-        Joint("rotation", X, Law.constant(0.03)),
-        Joint("rotation", Y, Law.constant(-0.05)),
-        Joint("rotation", X, Law.constant(0.02)),
-        Joint("translation", Y, Law.constant(-0.02), "tibia_r"),
-    )
-    patella = (Joint("rotation", Z, Law.of("knee", 0.5)), Joint("rotation", Z, Law.of("knee", 0.1)))
-    weld = (Joint("translation", Y, Law.constant(-0.4), "tibia_r"), Joint("rotation", X, Law.constant(0.2)))
-    inertia = (0.1, 0.05, 0.12, 0.001, 0.002, -0.001)
-    segments = (
-        Segment("pelvis", "ground", "root", pelvis, 10.0, (0.0, 0.01, 0.0), inertia),
-        Segment("femur_r", "pelvis", "hip_r", hip, 8.0, (0.0, -0.2, 0.0), inertia),
-        Segment("tibia_r", "femur_r", "knee_r", knee, 3.0, (0.0, -0.2, 0.0), inertia),
-        Segment(
-            "patella_r", "femur_r", "patella_r", patella, 0.1, inertia=(0.001, 0.001, 0.001, 0.0, 0.0, 0.0)
-        ),
-        Segment("foot_r", "tibia_r", "weld_r", weld),
-    )
-    names = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "tilt", "list", "rotation", "flexion", "adduction")
-    coordinates = (
-        *(Coordinate(n, "translation" if "_t" in n else "rotation", 0.1, -1.0, 1.0) for n in names),
-        Coordinate("knee", default=0.2, lower=-0.4, upper=1.9, clamped=True),
-    )
-    markers = tuple(Marker.at(f"m_{s.name}", s.name, (0.1, 0.05, 0.02)) for s in segments)
-    return BodyModel("hand made", segments, coordinates, markers)
-
-
 def test_without_a_source(agrees, tmp_path):
     path = tmp_path / "built.osim"
     model = hand_made()
@@ -231,95 +179,6 @@ def test_imported_models_without_their_source(shared_data, agrees, tmp_path, fil
     assert {c.dependent for c in written.couplers} == {c.dependent for c in model.couplers}
 
 
-@pytest.mark.parametrize(
-    "joints",
-    [
-        (
-            Joint("rotation", Z, Law.of("a")),
-            Joint("translation", X, Law.of("b")),
-            Joint("rotation", X, Law.of("c")),
-        ),
-        (
-            Joint("rotation", Z, Law.of("a")),
-            Joint("rotation", X, Law.of("b")),
-            Joint("rotation", Z, Law.of("c")),
-        ),
-        (Joint("rotation", Z, Law.of("a") + Law.of("b")),),
-        tuple(Joint("rotation", axis, Law.of(n)) for axis, n in zip((X, Y, Z, X), "abcd", strict=True)),
-        # a cubic without zero curvature at its ends is no SimmSpline
-        (
-            Joint(
-                "rotation",
-                Z,
-                Law(
-                    (
-                        Term(
-                            1.0,
-                            coordinate="a",
-                            shape=Shape((-1.0, 0.0, 1.0), ((1.0, 0, 0, 0), (0.2, 0, 3.0, 1.0))),
-                        ),
-                    )
-                ),
-            ),
-        ),
-    ],
-)
-def test_chains_that_do_not_fit_are_refused(oracle, tmp_path, joints):
-    coordinates = tuple(Coordinate(n, lower=-1.0, upper=1.0) for n in "abcd")
-    model = BodyModel("odd", (Segment("s", "ground", "odd_joint", joints, 1.0),), coordinates)
-    with pytest.raises(ModelRefused) as caught:
-        write_osim(tmp_path / "odd.osim", model)
-    assert caught.value.field == "odd_joint"
-    assert not list(tmp_path.iterdir())
-
-
-def test_what_a_source_cannot_hold_is_refused_and_the_old_file_stays(oracle, tmp_path):
-    source, path = tmp_path / "source.osim", tmp_path / "written.osim"
-    pin = {"kind": "PinJoint", "name": "j", "parent": "ground", "child": "a"}
-    oracle({"operation": "build", "file": str(source), "joints": [pin]})
-    path.write_text("before")
-    model = read_osim(source)
-    longer = replace(
-        model,
-        segments=tuple(
-            replace(s, joints=(*s.joints, Joint("translation", X, Law.constant(0.001))))
-            for s in model.segments
-        ),
-    )
-    with pytest.raises(ModelRefused, match="mm away") as caught:
-        write_osim(path, longer, source=source)
-    assert caught.value.field == "j"
-    freer = replace(
-        model,
-        segments=tuple(
-            replace(s, joints=(*s.joints, Joint("rotation", X, Law.of("new")))) for s in model.segments
-        ),
-        coordinates=(*model.coordinates, Coordinate("new")),
-    )
-    with pytest.raises(ModelRefused) as caught:
-        write_osim(path, freer, source=source)
-    assert caught.value.field == "new"
-    wobbling = model.with_markers(
-        (replace(model.markers[0], laws=(Law.of(model.coordinate_names[0]), Law(), Law())),)
-    )
-    with pytest.raises(ModelRefused) as caught:
-        write_osim(path, wobbling, source=source)
-    assert caught.value.field == model.marker_names[0]
-    with pytest.raises(ModelRefused) as caught:
-        write_osim(path, model, source=source, factors={"nobody": (1.0, 1.0, 1.0)})
-    assert caught.value.field == "nobody"
-    assert path.read_text() == "before"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["source.osim", "written.osim"]
-
-
-def test_names_that_opensim_refuses_are_named(tmp_path):
-    model = hand_made()
-    spaced = model.with_markers((Marker.at("R ASI", "pelvis", (0.0, 0.0, 0.0)),))
-    with pytest.raises(ModelRefused) as caught:
-        write_osim(tmp_path / "a.osim", spaced)
-    assert caught.value.field == "R ASI"
-
-
 def test_inertia_may_come_from_the_model(oracle, tmp_path):
     source, path = tmp_path / "source.osim", tmp_path / "written.osim"
     pin = {"kind": "PinJoint", "name": "j", "parent": "ground", "child": "a"}
@@ -335,12 +194,6 @@ def test_inertia_may_come_from_the_model(oracle, tmp_path):
         identified.com,
         identified.inertia,
     )
-
-
-def test_a_folder_that_does_not_exist(oracle, tmp_path):
-    with pytest.raises(InputError) as caught:
-        write_osim(tmp_path / "none" / "a.osim", hand_made())
-    assert caught.value.file == str(tmp_path / "none" / "a.osim")
 
 
 @pytest.mark.parametrize("name", BUILTIN_NAMES)

@@ -1,0 +1,36 @@
+"""Our inverse kinematics of one recording: the least CPU time of several calls, and the error reached."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+from scaling_service.formats.osim import read_osim
+from scaling_service.formats.trc import read_trc
+from tests.peers.worker import serve
+
+
+def _solve(request: dict[str, Any]) -> dict[str, Any]:
+    model, trial = read_osim(Path(request["model"])), read_trc(Path(request["trc"]))
+    spent = []
+    for _ in range(request["repeats"]):
+        start = time.process_time()
+        motion = inverse_kinematics(model, trial, weights=request["weights"])
+        spent.append(time.process_time() - start)
+    squared = motion.distances**2
+    weights = np.array([request["weights"][name] for name in motion.markers])
+    return {
+        "s_per_frame": min(spent) / trial.n_frames,
+        "markers": motion.markers,
+        "coordinates": len(motion.estimated),
+        "rms": float(np.sqrt(np.nanmean(squared))),
+        "weighted": float(np.nansum(weights * squared)),
+    }
+
+
+if __name__ == "__main__":
+    serve(_solve)

@@ -10,22 +10,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from scaling_service.anatomy.frames import Frames, femur_frame, pelvis_frame
-from scaling_service.anatomy.lengths import segment_lengths
+from scaling_service.anatomy.lengths import segment_lengths, segment_of
 from scaling_service.anatomy.markers import canonical
 from scaling_service.calibration.axes import Tilt, tilt_of, tilt_rotation
+from scaling_service.calibration.joints import with_axis, with_centre
 from scaling_service.calibration.placement import moved, place_on
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.rigid import rotation_about
-from scaling_service.models.body import BodyModel, Joint, Law, Marker, Vector
+from scaling_service.models.body import BodyModel, Marker, Vector
 from scaling_service.models.images import ImageEvidence, ImagePose
-from scaling_service.models.parameters import fold, free_axis
 from scaling_service.models.results import Calibration
 from scaling_service.models.scaling import scaled
 from scaling_service.models.trial import Trial
@@ -170,16 +170,17 @@ def _carried(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames:
 
 
 def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
-    """The model with a leg's joint centres, ankle landmark and knee axis."""
-    model = _with_centre(model, f"femur_{side}", _vector(hip))
-    model = _with_centre(model, f"tibia_{side}", leg.knee)
+    """The model with a leg's joint centres and knee axis; without a foot its ankle is a landmark."""
+    model = with_centre(model, f"femur_{side}", _vector(hip))
+    model = with_centre(model, f"tibia_{side}", leg.knee)
+    foot = segment_of(model, "foot", side)
+    if foot is not None:
+        model = with_centre(model, foot, leg.ankle)
     return moved(_with_axis(model, leg.tilt, side), {f"{side.upper()}AJC": leg.ankle})
 
 
 def _with_axis(model: BodyModel, tilt: Tilt, side: str) -> BodyModel:
-    joint = model.segment(f"tibia_{side}").joint_name
-    freed = free_axis(model, joint, np.pi, np.pi)
-    return fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
+    return with_axis(model, model.segment(f"tibia_{side}").joint_name, tilt)
 
 
 def _with_other_leg(
@@ -195,7 +196,7 @@ def _with_other_leg(
     own = evidence.centres.get(f"hip_{side}")
     x, y, z = _vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
     hips = {imaged: (x, y, z), side: _vector(pelvis.to_local(own)[0]) if own is not None else (x, y, -z)}
-    model = _with_centre(model, f"femur_{side}", hips[side])
+    model = with_centre(model, f"femur_{side}", hips[side])
     lengths = segment_lengths(model)
     for name, segment in (("femur", "femur"), ("shank", "tibia")):
         theirs, ours = (_marker_length(name, s, hips[s], standing) for s in (imaged, side))
@@ -217,25 +218,6 @@ def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) ->
     centre = pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
     distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
-
-
-def _with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
-    """The model with a segment's joint elsewhere in its parent: its three leading shifts replaced."""
-    joints = model.segment(segment).joints
-    leading = [j for j in joints[:3] if j.kind == "translation" and j.law.is_constant]
-    if len(leading) != 3:
-        raise SubjectInvalid(
-            f"the centre of '{model.segment(segment).joint_name}' is not three plain shifts",
-            field="model",
-            remedy="Use a built-in model for image-based scaling",
-        )
-    new: tuple[Joint, ...] = tuple(
-        replace(j, law=Law.constant(value)) for j, value in zip(leading, centre, strict=True)
-    )
-    segments = tuple(
-        replace(s, joints=(*new, *joints[3:])) if s.name == segment else s for s in model.segments
-    )
-    return replace(model, segments=segments)
 
 
 def _image_markers(evidence: ImageEvidence, frames: Mapping[str, Frames]) -> dict[str, Vector]:

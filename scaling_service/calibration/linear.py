@@ -4,32 +4,34 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.anatomy.hip_centre import hip_centres
-from scaling_service.anatomy.markers import canonical
-from scaling_service.calibration.measurements import MEASUREMENTS, Points, ratio
+from scaling_service.calibration.axes import Tilt
+from scaling_service.calibration.functional import FunctionalJoints
+from scaling_service.calibration.functional_model import joints_of, with_functional
+from scaling_service.calibration.measurements import MEASUREMENTS, ratio
+from scaling_service.calibration.per_axis import per_axis
 from scaling_service.calibration.placement import (
     add_markers,
     frames_around,
     place_markers,
     place_tracking_markers,
 )
+from scaling_service.calibration.points import model_points, person_points
 from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
-from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Vector
 from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.neutral import neutral_frames
+from scaling_service.models.knees import with_knee
 from scaling_service.models.results import Calibration
 from scaling_service.models.scaling import scaled
 from scaling_service.models.subject import Measurement, ScaleSetup, Session
 from scaling_service.models.trial import Trial
 
-_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
 
@@ -39,36 +41,97 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used;
     otherwise the measurements of :data:`~scaling_service.calibration.measurements.MEASUREMENTS`.
-    Extra markers are then placed from the standing trial.
+    Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
+    and knee axes come from the functional movements; a side that these do not determine keeps
+    regression and epicondyles, and a warning says why.
 
     Raises
     ------
     TrialUnusable
-        No recording, or none of the measurements can be taken.
+        No recording, or none of the measurements can be taken, or no side's movements determine a joint
+        that was asked for.
+    SubjectInvalid
+        A setting that is not for this kind of model.
     """
     clock = time.perf_counter()
     standing = _standing(session)
+    session = _with_knee(session, settings)
     notes: list[str] = []
     if session.static is None:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
     setup = session.scale_setup
+    joints = joints_of(session, settings)
     if setup is not None:
+        _refuse_own_axes(settings)
         factors = setup_factors(session.model, standing, setup)
     else:
-        factors, more = anatomical_factors(session.model, session.static, session.calibration, settings)
+        factors, more = anatomical_factors(
+            session.model, session.static, session.calibration, settings, joints
+        )
         notes.extend(more)
     keep = setup is None or setup.preserve_mass_distribution
     model = scaled(session.model, factors, preserve_mass_distribution=keep)
+    tilts: dict[str, Tilt] = {}
+    if joints is not None:
+        model, tilts, more = _functional(model, joints, session, settings)
+        notes.extend(more)
+    model, more = _with_markers(model, session, standing)
+    notes.extend(more)
+    return Calibration(
+        "MB",
+        model,
+        session.model,
+        factors,
+        tilts,
+        wall_s=time.perf_counter() - clock,
+        warnings=tuple(notes),
+    )
+
+
+def _with_markers(model: BodyModel, session: Session, standing: Trial) -> tuple[BodyModel, tuple[str, ...]]:
+    """Tracking and extra markers where the standing trial shows them."""
+    setup, notes = session.scale_setup, list[str]()
     if setup is not None and setup.placement is not None:
         model = place_markers(model, standing, setup.placement)
     elif setup is None:
         model, placed = place_tracking_markers(model, standing)
         if placed:
             notes.append(f"MB: {len(placed)} tracking markers placed from '{standing.name}': {few(placed)}")
-    model = add_markers(model, session.subject.extra_markers, standing)
-    return Calibration(
-        "MB", model, session.model, factors, wall_s=time.perf_counter() - clock, warnings=tuple(notes)
+    return add_markers(model, session.subject.extra_markers, standing), tuple(notes)
+
+
+def _functional(
+    model: BodyModel, joints: FunctionalJoints, session: Session, settings: CalibrationSettings
+) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
+    points = person_points(
+        joints.posture.as_trial(),
+        standing=session.static is not None,
+        regression=settings.hip_regression,
+        joints=joints,
     )
+    model, tilts, doubts = with_functional(model, joints, points, settings)
+    return model, tilts, (*joints.notes, *doubts)
+
+
+def _with_knee(session: Session, settings: CalibrationSettings) -> Session:
+    if settings.knee == "hinge":
+        return session
+    if session.subject.model.lower().endswith(".osim"):
+        raise SubjectInvalid(
+            "an .osim model keeps its own knee",
+            field="knee",
+            remedy="Leave the knee as it is, or choose a built-in leg model",
+        )
+    return replace(session, model=with_knee(session.model, settings.knee))
+
+
+def _refuse_own_axes(settings: CalibrationSettings) -> None:
+    if settings.scaling != "uniform":
+        raise SubjectInvalid(
+            "a scale set-up says itself along which axes it scales",
+            field="scale_setup",
+            remedy="Leave out either the set-up or the per-axis scaling",
+        )
 
 
 def _standing(session: Session) -> Trial:
@@ -83,9 +146,13 @@ def _standing(session: Session) -> Trial:
 
 
 def anatomical_factors(
-    model: BodyModel, standing: Trial | None, moving: Sequence[Trial], settings: CalibrationSettings
+    model: BodyModel,
+    standing: Trial | None,
+    moving: Sequence[Trial],
+    settings: CalibrationSettings,
+    joints: FunctionalJoints | None = None,
 ) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """One factor per segment from anatomical landmarks.
+    """Factors of each segment from anatomical landmarks: one, or one along each axis.
 
     Each measurement is taken on the first trial that shows all its points. Segments without a
     measurement take the mean factor of the others.
@@ -96,6 +163,8 @@ def anatomical_factors(
         The static trial; it is measured first.
     moving : sequence of Trial
         Measured where the static trial lacks a landmark.
+    joints : FunctionalJoints, optional
+        Hip centres that take the regression's place.
 
     Returns
     -------
@@ -111,7 +180,7 @@ def anatomical_factors(
     """
     ours = model_points(model)
     people = [
-        person_points(trial, standing=trial is standing, regression=settings.hip_regression)
+        person_points(trial, standing=trial is standing, regression=settings.hip_regression, joints=joints)
         for trial in ((standing, *moving) if standing is not None else moving)
     ]
     found: dict[str, float] = {}
@@ -137,7 +206,14 @@ def anatomical_factors(
     if rest:
         notes.append(f"MB: no landmarks to measure {', '.join(rest)}: scaled by the mean factor {mean:.3f}")
     every = {s: found.get(s, mean) for s in model.segment_names}
-    return {s: (f, f, f) for s, f in every.items()}, tuple(notes)
+    factors: dict[str, Vector] = {s: (f, f, f) for s, f in every.items()}
+    if settings.scaling == "per-axis":
+        factors, more = per_axis(factors, people, ours)
+        notes.extend(more)
+        for segment, along in factors.items():
+            for factor in along:
+                _check(factor, segment)
+    return factors, tuple(notes)
 
 
 def _check(factor: float, segment: str) -> None:
@@ -147,50 +223,6 @@ def _check(factor: float, segment: str) -> None:
             field="markers",
             remedy="Check the unit of the recording and that the labels mean the right landmarks",
         )
-
-
-def person_points(trial: Trial, *, standing: bool, regression: str) -> Points:
-    """Landmarks of a recording by canonical name, with the hip centres that a regression gives.
-
-    Only a standing trial gives the leg length that the fuller regressions use.
-    """
-    points: dict[str, Array] = {}
-    for label in trial.labels:
-        landmark = canonical(label)
-        if landmark is not None:
-            points.setdefault(landmark, trial.position(label))
-    sacrum = points.get("SACR")  # stands for both PSIS where they were not marked
-    pelvis = [points.get(name, sacrum if name.endswith("PSIS") else None) for name in _PELVIS]
-    known = [p for p in pelvis if p is not None]
-    if len(known) == len(_PELVIS):
-        legs = [_leg_length(points, side) if standing else None for side in "RL"]
-        hips = hip_centres(*known, regression=regression, leg_length_r=legs[0], leg_length_l=legs[1])
-        points |= {"hip_r": hips.right_ground, "hip_l": hips.left_ground}
-    return points
-
-
-def _leg_length(points: Points, side: str) -> float | None:
-    """ASIS to medial malleolus, mean over the frames that show both (m)."""
-    ends = (points.get(f"{side}ASIS"), points.get(f"{side}MM"))
-    if ends[0] is None or ends[1] is None:
-        return None
-    distance = np.linalg.norm(ends[0] - ends[1], axis=1)
-    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
-
-
-def model_points(model: BodyModel) -> Points:
-    """The same points on the model in its neutral pose, one frame."""
-    points: dict[str, Array] = {}
-    frames = neutral_frames(model)
-    for marker in model.markers:
-        landmark = canonical(marker.name)
-        if landmark is not None:
-            rotation, origin = frames[marker.segment]
-            points.setdefault(landmark, (origin + rotation @ np.array(marker.nominal))[None])
-    for side in "rl":
-        if f"femur_{side}" in frames:
-            points[f"hip_{side}"] = frames[f"femur_{side}"][1][None]
-    return points
 
 
 def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:

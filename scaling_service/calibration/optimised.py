@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from scaling_service.calibration.axes import after
 from scaling_service.calibration.fitting import STRATEGIES, Fit, Progress
 from scaling_service.calibration.frames import calibration_frames
-from scaling_service.calibration.freedom import Freedom, knee_joints
+from scaling_service.calibration.freedom import Freedom, tiltable_knees
+from scaling_service.calibration.per_axis import fitted_factor
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.kernels.estimator import Outcome, Solution, Uncertainty, uncertainty
@@ -103,17 +104,18 @@ def _factors(start: Calibration, values: dict[str, float]) -> dict[str, tuple[fl
     factors = {}
     for segment in start.model.segment_names:
         x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
-        k = values.get(f"scale.{segment}", 1.0)
-        factors[segment] = (k * x, k * y, k * z)
+        kx, ky, kz = fitted_factor(values, segment)
+        factors[segment] = (kx * x, ky * y, kz * z)
     return factors
 
 
 def _tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
     fitted = {
         joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
-        for joint in knee_joints(start.model)
+        for joint in tiltable_knees(start.model)
     }
-    return {joint: after(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()}
+    turned = {joint: after(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()}
+    return {**start.axis_tilts, **turned}
 
 
 def _warnings(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from scaling_service.models.knees import KneeKind
+
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
@@ -38,6 +40,18 @@ class CalibrationSettings:
     hip_regression : str
         Which regression gives the person's hip centres for linear scaling (a name known to
         :func:`scaling_service.anatomy.hip_centre.hip_centres`).
+    hip_centre : 'regression' or 'functional'
+        Whether the hip centres are predicted from the pelvis markers, or found where pelvis and
+        thigh turn against each other in the calibration trials (SCoRE).
+    knee_axis : 'epicondyles' or 'functional'
+        Whether the knees' axes start along the epicondyles, or where thigh and shank turn against
+        each other (SARA).
+    scaling : 'uniform' or 'per-axis'
+        One factor for each segment, as the paper has it, or factors along its axes where markers
+        determine them.
+    knee : 'hinge', 'universal' or 'spherical'
+        The knees of a built-in leg model: flexion alone, as the paper has it, with inward rotation, or
+        with varus and valgus as well.
     """
 
     strategy: Literal["joint", "alternating"] = "joint"
@@ -54,6 +68,15 @@ class CalibrationSettings:
     max_loops: int = 200
     robust_m: float | None = None
     hip_regression: str = "harrington2007"
+    hip_centre: Literal["regression", "functional"] = "regression"
+    knee_axis: Literal["epicondyles", "functional"] = "epicondyles"
+    scaling: Literal["uniform", "per-axis"] = "uniform"
+    knee: KneeKind = "hinge"
+
+    @property
+    def uses_movements(self) -> bool:
+        """Whether linear scaling looks at functional movements."""
+        return self.hip_centre == "functional" or self.knee_axis == "functional"
 
 
 PAPER = CalibrationSettings()

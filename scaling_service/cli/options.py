@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +23,35 @@ class Strategy(StrEnum):
     ALTERNATING = "alternating"
 
 
+class HipCentre(StrEnum):
+    """Where hip centres come from."""
+
+    REGRESSION = "regression"
+    FUNCTIONAL = "functional"
+
+
+class KneeAxis(StrEnum):
+    """Where knee axes start."""
+
+    EPICONDYLES = "epicondyles"
+    FUNCTIONAL = "functional"
+
+
+class Sizes(StrEnum):
+    """How many factors a segment takes."""
+
+    UNIFORM = "uniform"
+    PER_AXIS = "per-axis"
+
+
+class Knee(StrEnum):
+    """How a knee turns."""
+
+    HINGE = "hinge"
+    UNIVERSAL = "universal"
+    SPHERICAL = "spherical"
+
+
 # Whether a path can be read is asked where it is read, with file and remedy in the answer.
 SubjectFile = Annotated[
     Path,
@@ -28,11 +59,15 @@ SubjectFile = Annotated[
 ]
 
 
-def _folder(text: str) -> Path:
-    """A folder as typed; an empty text, as of an unset shell variable, is none."""
-    if not text.strip():
-        raise InputError("no folder is given", field="--out", remedy="Name a folder")
-    return Path(text)
+def folder(option: str) -> Callable[[str], Path]:
+    """The parser of an option that names a folder; an empty text, as of an unset shell variable, is none."""
+
+    def parse(text: str) -> Path:
+        if not text.strip():
+            raise InputError("no folder is given", field=option, remedy="Name a folder")
+        return Path(text)
+
+    return parse
 
 
 Out = Annotated[
@@ -43,7 +78,7 @@ Out = Annotated[
         metavar="DIR",
         help="Folder for the results.",
         show_default=False,
-        parser=_folder,
+        parser=folder("--out"),
     ),
 ]
 StrategyOption = Annotated[
@@ -55,6 +90,7 @@ Frames = Annotated[
     typer.Option(min=1, metavar="N", help="Frames used to fit, equally spaced over the calibration trials."),
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed of everything random.")]
+Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
 Up = Annotated[
     str | None,
     typer.Option(
@@ -74,6 +110,38 @@ SmoothHz = Annotated[
         help="Smooth by a Butterworth filter with this cutoff, not by a moving average; 0: not at all.",
     ),
 ]
+_BEYOND = "Beyond the paper"
+HipCentreOption = Annotated[
+    HipCentre,
+    typer.Option(
+        help="From the pelvis markers by regression, or where pelvis and thigh turn against each other in "
+        "the calibration trials (three markers on each).",
+        rich_help_panel=_BEYOND,
+    ),
+]
+KneeAxisOption = Annotated[
+    KneeAxis,
+    typer.Option(
+        help="Along the epicondyles, or where thigh and shank turn against each other in the calibration "
+        "trials (three markers on each).",
+        rich_help_panel=_BEYOND,
+    ),
+]
+SizesOption = Annotated[
+    Sizes,
+    typer.Option(
+        "--scaling",
+        help="One factor for each segment, or factors along its axes where markers determine them.",
+        rich_help_panel=_BEYOND,
+    ),
+]
+KneeOption = Annotated[
+    Knee,
+    typer.Option(
+        help="Flexion alone, with inward rotation (universal), or with varus and valgus as well (spherical).",
+        rich_help_panel=_BEYOND,
+    ),
+]
 
 DEFAULT_FRAMES = CalibrationSettings().n_frames
 
@@ -89,6 +157,20 @@ def resolve(
         forward=forward,
         seed=seed,
     )
+
+
+def beyond(
+    settings: Settings, hip_centre: HipCentre, knee_axis: KneeAxis, scaling: Sizes, knee: Knee
+) -> Settings:
+    """Settings with the options that go beyond Puchaud 2019."""
+    calibration = replace(
+        settings.calibration,
+        hip_centre=hip_centre.value,
+        knee_axis=knee_axis.value,
+        scaling=scaling.value,
+        knee=knee.value,
+    )
+    return replace(settings, calibration=calibration)
 
 
 def _processing(smooth_hz: float | None) -> ProcessingSettings:

@@ -22,6 +22,7 @@ def demo(
     strategy: options.StrategyOption = options.Strategy.JOINT,
     frames: options.Frames = options.DEFAULT_FRAMES,
     seed: options.Seed = 0,
+    report: options.Report = True,
 ) -> None:
     """Compare all methods on a built-in virtual person, whose true body is known.
 
@@ -31,7 +32,7 @@ def demo(
     settings = options.resolve(strategy, frames, seed, None, None, None)
     with progress_bar() as progress:
         results, truth = run_demo(settings, progress=progress)
-        document = save(results, out, truth=truth)
+        document = save(results, out, truth=truth, report=report, progress=progress)
     show(document, out)
 
 
@@ -45,6 +46,10 @@ def scale(
     up: options.Up = None,
     forward: options.Forward = None,
     smooth_hz: options.SmoothHz = None,
+    hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
+    knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
+    scaling: options.SizesOption = options.Sizes.UNIFORM,
+    knee: options.KneeOption = options.Knee.HINGE,
 ) -> None:
     """Scale a subject's model by one method.
 
@@ -54,6 +59,7 @@ def scale(
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
+    settings = options.beyond(settings, hip_centre, knee_axis, scaling, knee)
     _scale(subject, out, (method,), settings, comparison=False)
 
 
@@ -70,10 +76,16 @@ def compare(
     up: options.Up = None,
     forward: options.Forward = None,
     smooth_hz: options.SmoothHz = None,
+    hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
+    knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
+    scaling: options.SizesOption = options.Sizes.UNIFORM,
+    knee: options.KneeOption = options.Knee.HINGE,
+    report: options.Report = True,
 ) -> None:
     """Scale a subject's model by several methods and compare them.
 
-    Writes under --out what `scale` writes for each method, and comparison.json.
+    Writes under --out what `scale` writes for each method, comparison.json, and report.html: which method to
+    use for this person, why, and how far to trust it.
 
     [bold]Examples[/bold]: scaling-service compare S01.yaml --out results
 
@@ -81,15 +93,22 @@ def compare(
     """
     chosen = None if methods is None else tuple(name.strip() for name in methods.split(","))
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    _scale(subject, out, chosen, settings, comparison=True)
+    settings = options.beyond(settings, hip_centre, knee_axis, scaling, knee)
+    _scale(subject, out, chosen, settings, comparison=True, report=report)
 
 
 def _scale(
-    subject: Path, out: Path, methods: tuple[str, ...] | None, settings: Settings, *, comparison: bool
+    subject: Path,
+    out: Path,
+    methods: tuple[str, ...] | None,
+    settings: Settings,
+    *,
+    comparison: bool,
+    report: bool = False,
 ) -> ComparisonDocument:
     check_folder(out)
     with progress_bar() as progress:
         results = tasks.compare(subject, methods, settings, progress=progress)
-        document = save(results, out, comparison=comparison)
+        document = save(results, out, comparison=comparison, report=report, progress=progress)
     show(document, out)
     return document

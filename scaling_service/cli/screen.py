@@ -34,19 +34,22 @@ def progress_bar() -> Iterator[Report]:
 
 def show(document: ComparisonDocument, out: Path) -> None:
     """The table of methods, the warnings, and what was written."""
-    console = _console()
+    console = console_of_results()
     console.print(f"Subject [bold]{escape(document.subject)}[/bold]", highlight=False)
     for line in _understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
     console.print(_table(document))
     for warning in _warnings(document):
         console.print(f"[yellow]Note[/yellow]  {escape(warning)}", highlight=False, soft_wrap=True)
+    if document.verdict is not None and (out / "comparison.json").is_file():
+        console.print(f"[bold]Verdict[/bold]  {escape(document.verdict.headline)}", highlight=False)
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     for line in written(document, out):
         console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
 
 
-def _console() -> Console:
+def console_of_results() -> Console:
+    """The terminal as it is; elsewhere wide enough for the tables."""
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)
 
@@ -54,7 +57,7 @@ def _console() -> Console:
 def written(document: ComparisonDocument, out: Path) -> list[str]:
     """The files of this run, one line for each folder."""
     lines = [f"{m.method}/  {', '.join([*m.files, 'scaling.json'])}" for m in document.methods.values()]
-    return [*lines, *(name for name in ("comparison.json",) if (out / name).is_file())]
+    return [*lines, *(name for name in ("comparison.json", "report.html") if (out / name).is_file())]
 
 
 def _understood(document: ComparisonDocument) -> Iterator[str]:
@@ -119,6 +122,9 @@ def _errors(methods: Sequence[MethodResult]) -> Iterator[tuple[str, Cells]]:
     if any(e.tracking_mean is not None for m in methods for e in m.kinematic_error_mm.values()):
         yield "all, on bony landmarks", [_pooled(m, "anatomical_mean") for m in methods]
         yield "all, tracking markers", [_pooled(m, "tracking_mean") for m in methods]
+    yield "mean, used to fit", [_number(m.fitted_mean_mm) or "none" for m in methods]
+    yield "mean, held out", [_number(m.held_out_mean_mm) or "none" for m in methods]
+    yield "held out over used to fit", [_ratio(m.held_out_ratio) for m in methods]
 
 
 def _pooled(method: MethodResult, key: str) -> str:
@@ -162,6 +168,10 @@ def _distances(
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.1f}"
+
+
+def _ratio(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
 
 
 def _union(mappings: Iterable[Mapping[str, object]]) -> list[str]:

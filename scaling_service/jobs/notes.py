@@ -30,6 +30,11 @@ def notes(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterat
         With the model's names, before gaps are filled and positions smoothed.
     """
     shown = {trial.name: _shown(trial) for trial in trials}
+    if subject.calibration and not subject.evaluation:
+        yield (
+            "there is no evaluation trial: nothing says how well the models follow recordings that were "
+            "not used to fit"
+        )
     yield from _unseen(model, subject, set().union(*shown.values()), trials)
     for trial in trials:
         yield from _repaired(trial)

@@ -17,8 +17,13 @@ from scaling_service.core.errors import InputError
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compact import GenericPerson, expand
 
-BUILTIN_NAMES: tuple[str, ...] = ("lower_limb_14dof", "full_body_35dof", "squat_4dof")
-"""Puchaud 2019 (section 2.2.1), Muller 2017 (section 2.3) and Futamure (section II.A)."""
+BUILTIN_NAMES: tuple[str, ...] = (
+    "lower_limb_14dof",
+    "lower_limb_feet_18dof",
+    "full_body_35dof",
+    "squat_4dof",
+)
+"""Puchaud 2019 (section 2.2.1), the same with feet, Muller 2017 (section 2.3) and Futamure (section II.A)."""
 
 
 def builtin(name: str) -> BodyModel:

@@ -13,6 +13,7 @@ from scaling_service.models.body import BodyModel, Joint, Law, Marker, Parameter
 
 _X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _LETTERS = "xyz"
+_UNITS = (_X, _Y, (0.0, 0.0, 1.0))
 
 
 def free_scale(
@@ -42,6 +43,63 @@ def free_scale(
     bounds = (1.0 - relative_bound, 1.0 + relative_bound)
     added = Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
     return _with(_mapped(model, joint, marker), added)
+
+
+def free_scale_axes(
+    model: BodyModel, segment: str, axes: str, relative_bound: float, prior_sd: float | None = None
+) -> BodyModel:
+    """Free one factor for a segment's size along each of some of its axes.
+
+    Parameters are ``scale.<segment>.<axis>``; the other axes take the mean of those freed. Otherwise
+    as :func:`free_scale`. Translations along oblique axes become one for each axis of their frame.
+
+    Parameters
+    ----------
+    axes : str
+        Of ``xyz``, such as ``"yz"``.
+    """
+    names = {letter: f"scale.{segment}.{letter}" for letter in axes}
+    mean = {name: 1.0 / len(names) for name in names.values()}
+    shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in _LETTERS}
+
+    def joints(item: Joint) -> tuple[Joint, ...]:
+        if item.scales_with != segment:
+            return (item,)
+        return tuple(
+            replace(item, axis=unit, law=_shared(item.law.scaled(part), shares[letter], plain_only=False))
+            for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
+            if part
+        )
+
+    def marker(item: Marker) -> Marker:
+        if item.segment != segment or not item.follows_size:
+            return item
+        x, y, z = (
+            _shared(law, shares[letter], plain_only=True)
+            for letter, law in zip(_LETTERS, item.laws, strict=True)
+        )
+        return replace(item, laws=(x, y, z))
+
+    bounds = (1.0 - relative_bound, 1.0 + relative_bound)
+    added = tuple(
+        Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
+        for name in names.values()
+    )
+    segments = tuple(replace(s, joints=tuple(j for k in s.joints for j in joints(k))) for s in model.segments)
+    return _with(replace(model, segments=segments, markers=tuple(map(marker, model.markers))), *added)
+
+
+def _shared(law: Law, shares: Mapping[str, float], *, plain_only: bool) -> Law:
+    """The law times a weighted sum of parameters: each term once for each of them."""
+    terms: list[Term] = []
+    for term in law.terms:
+        if plain_only and not _plain(term):
+            terms.append(term)
+        else:
+            terms += [
+                replace(_multiplied(term, name), gain=share * term.gain) for name, share in shares.items()
+            ]
+    return Law(tuple(terms))
 
 
 def _plain(term: Term) -> bool:

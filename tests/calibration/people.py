@@ -61,10 +61,11 @@ def person(
     shift_m: float = 0.0,
     noise_m: float = 0.0,
     seconds: float = 12.0,
+    model: str = "lower_limb_14dof",
 ) -> Person:
-    """A person of the built-in leg model: scaled, with turned knee axes and shifted markers."""
+    """A person of a built-in leg model: scaled, with turned knee axes and shifted markers."""
     rng = np.random.default_rng(seed)
-    generic = builtin("lower_limb_14dof")
+    generic = builtin(model)
     truth = scaled(generic, factors or {})
     values: dict[str, float] = {}
     for joint, (x, y, *_) in (tilts_deg or {}).items():
@@ -106,7 +107,8 @@ def imaged(
     for side in sides:
         centres[f"hip_{side}"] = there(frames[f"femur_{side}"][1])
         centres[f"knee_{side}"] = there(frames[f"tibia_{side}"][1])
-        centres[f"ankle_{side}"] = there(placed[f"{side.upper()}AJC"])
+        foot = frames.get(f"calcn_{side}")
+        centres[f"ankle_{side}"] = there(placed[f"{side.upper()}AJC"] if foot is None else foot[1])
         thigh = frames[f"femur_{side}"][0]
         x, y = np.radians(tilts_deg[f"knee_{side}"][:2])
         dx, dy, dz = turn @ thigh @ axis_of((x, y))

@@ -18,6 +18,7 @@ from scaling_service.models.compile import compile_model, parameter_values
 from scaling_service.models.neutral import neutral_frames, neutral_markers, shape_value
 
 models = pytest.mark.parametrize("name", BUILTIN_NAMES)
+legs = pytest.mark.parametrize("name", ["lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"])
 
 
 def compared(model: BodyModel) -> list[str]:
@@ -26,7 +27,12 @@ def compared(model: BodyModel) -> list[str]:
 
 @pytest.mark.parametrize(
     ("name", "segments", "dof", "markers"),
-    [("lower_limb_14dof", 5, 14, 14), ("full_body_35dof", 16, 35, 47), ("squat_4dof", 5, 4, 13)],
+    [
+        ("lower_limb_14dof", 5, 14, 14),
+        ("lower_limb_feet_18dof", 7, 18, 22),
+        ("full_body_35dof", 16, 35, 47),
+        ("squat_4dof", 5, 4, 13),
+    ],
 )
 def test_counts_of_the_papers(name: str, segments: int, dof: int, markers: int) -> None:
     model = builtin(name)
@@ -50,7 +56,7 @@ def test_every_number_has_a_source(name: str) -> None:
     assert all(len(place["source"]) > 5 for place in places)
 
 
-@pytest.mark.parametrize("name", ["lower_limb_14dof", "full_body_35dof"])
+@legs
 def test_puchaud_markers_sit_on_the_segments_of_table_1(name: str) -> None:
     table = {
         "PSIS": "pelvis",
@@ -96,7 +102,7 @@ def mirrored_name(name: str) -> str:
     )
 
 
-@pytest.mark.parametrize("name", ["lower_limb_14dof", "full_body_35dof"])
+@legs
 def test_mirror(name: str) -> None:
     """Exchanging the coordinates of both sides gives the mirror image of the posture."""
     model = builtin(name)
@@ -117,7 +123,7 @@ def test_mirror(name: str) -> None:
             assert np.array(other.inertia) == pytest.approx(np.array(segment.inertia) * [1, 1, 1, 1, -1, -1])
 
 
-@pytest.mark.parametrize("name", ["lower_limb_14dof", "full_body_35dof"])
+@legs
 def test_looks_like_a_person(name: str) -> None:
     at = neutral_markers(builtin(name))
     for marker, place in at.items():
@@ -184,6 +190,24 @@ def test_rotation_inward_turns_the_toes_inward() -> None:
     for side, inward in (("r", -1), ("l", 1)):
         moved = neutral_markers(model, {f"hip_rotation_{side}": 0.2})[f"{side.upper()}TOE"]
         assert inward * (moved - neutral_markers(model)[f"{side.upper()}TOE"])[2] > 0
+
+
+@pytest.mark.parametrize(("side", "inward"), [("r", -1.0), ("l", 1.0)])
+def test_inversion_turns_the_sole_inward(side: str, inward: float) -> None:
+    model = builtin("lower_limb_feet_18dof")
+    turned = neutral_frames(model, {f"ankle_inversion_{side}": 0.3})[f"calcn_{side}"][0]
+    sole = turned @ np.array([0.0, -1.0, 0.0])
+    assert inward * sole[2] == pytest.approx(math.sin(0.3))
+
+
+def test_feet_are_the_whole_bodys() -> None:
+    feet, whole = builtin("lower_limb_feet_18dof"), builtin("full_body_35dof")
+    for name in ("RHEE", "RTOE", "RMT1", "RMT5", "LMT5"):
+        assert feet.marker(name) == whole.marker(name)
+    ours, theirs = feet.segment("calcn_l"), whole.segment("calcn_l")
+    assert (ours.mass, ours.com, ours.inertia) == (theirs.mass, theirs.com, theirs.inertia)
+    bent = {"ankle_angle_r": 0.3, "knee_angle_r": 0.5}
+    np.testing.assert_allclose(neutral_markers(feet, bent)["RTOE"], neutral_markers(whole, bent)["RTOE"])
 
 
 @models

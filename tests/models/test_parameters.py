@@ -14,7 +14,8 @@ from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import compile_model, parameter_values
 from scaling_service.models.neutral import neutral_frames
-from scaling_service.models.parameters import fold, free_axis, free_marker, free_scale
+from scaling_service.models.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
+from scaling_service.models.scaling import scaled
 from tests.kernels.bodies import leg, leg_motion
 
 FACTORS = st.floats(0.8, 1.2)
@@ -128,3 +129,23 @@ def test_a_joint_without_a_turn_has_no_axis() -> None:
     still = replace(root, joints=root.joints[:3])
     with pytest.raises(ValueError, match="no rotation"):
         free_axis(replace(body(), segments=(still, *body().segments[1:])), "root", 0.1, 0.1)
+
+
+@given(y=FACTORS, z=FACTORS)
+def test_factors_along_axes_are_those_of_scaling(y: float, z: float) -> None:
+    model = body()
+    freed = free_scale_axes(model, "femur", "yz", 0.2)
+    folded = fold(freed, {"scale.femur.y": y, "scale.femur.z": z})
+    q = leg_motion(np.random.default_rng(1), 4)
+    expected = scaled(model, {"femur": (0.5 * (y + z), y, z)})
+    np.testing.assert_allclose(placed(folded, q), placed(expected, q), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(placed(freed, q), placed(model, q), rtol=0, atol=1e-13)
+
+
+def test_three_axes_alike_are_one_factor() -> None:
+    freed = free_scale_axes(body(), "tibia", "xyz", 0.2)
+    assert [p.name for p in freed.parameters] == [f"scale.tibia.{a}" for a in "xyz"]
+    q = leg_motion(np.random.default_rng(1), 4)
+    apart = fold(freed, {f"scale.tibia.{a}": 1.1 for a in "xyz"})
+    together = fold(free_scale(body(), "tibia", 0.2), {"scale.tibia": 1.1})
+    np.testing.assert_allclose(placed(apart, q), placed(together, q), rtol=0, atol=1e-13)

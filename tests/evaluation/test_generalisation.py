@@ -1,0 +1,71 @@
+"""Held-out beside fitted: means over trials, and nothing where nothing was held out."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from scaling_service.cli import main
+from scaling_service.evaluation.generalisation import generalisation
+from scaling_service.evaluation.kinematic_error import KinematicError
+from scaling_service.jobs import saving
+from scaling_service.jobs.documents import method_document
+from scaling_service.jobs.tasks import compare
+from tests.jobs.laboratory import document, laboratory, write_subject
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Writing .osim files takes a second each, and is tested elsewhere."""
+    monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
+
+
+def error(mean: float, frames: int = 10) -> KinematicError:
+    return KinematicError(mean, 0.0, mean, mean, {}, mean, mean, frames)
+
+
+def test_every_trial_counts_once() -> None:
+    errors = {"hip": error(0.002, 1000), "knee": error(0.006, 10), "walk": error(0.005), "run": error(0.011)}
+    found = generalisation(errors, {"hip", "knee"})
+    assert (found.fitted, found.held_out, found.ratio) == pytest.approx((0.004, 0.008, 2.0))
+
+
+def test_nothing_held_out_is_nothing_known() -> None:
+    found = generalisation({"hip": error(0.002)}, {"hip"})
+    assert math.isnan(found.held_out)
+    assert math.isnan(found.ratio)
+    assert math.isnan(generalisation({"walk": error(0.002)}, ()).ratio)
+
+
+def test_a_trial_that_shows_no_marker_does_not_count() -> None:
+    found = generalisation({"hip": error(0.002), "knee": error(float("nan"))}, {"hip", "knee"})
+    assert found.fitted == 0.002
+
+
+def test_the_document_holds_both_means(tmp_path: Path) -> None:
+    results = compare(laboratory(tmp_path), ("MB", "MB_am"))
+    for scaling in results.scalings.values():
+        written = method_document(scaling, results)
+        errors = written.kinematic_error_mm
+        assert written.fitted_mean_mm == errors["hips"].mean
+        assert written.held_out_mean_mm == errors["walk"].mean
+        assert written.held_out_ratio == pytest.approx(errors["walk"].mean / errors["hips"].mean, abs=1e-3)
+    alone = replace(results, loaded=replace(results.loaded, session=replace(results.session, calibration=())))
+    assert method_document(results.scalings["MB"], alone).fitted_mean_mm is None
+
+
+def test_what_is_missing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    laboratory(tmp_path)
+    file = write_subject(tmp_path, document(trials={"static": "standing.trc", "calibration": ["hips.trc"]}))
+    assert main(["compare", str(file), "--methods", "MB,MB_am", "--out", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr().out
+    assert "there is no evaluation trial" in shown
+    (row,) = (line for line in shown.splitlines() if "mean, held out" in line)
+    assert row.split()[-2:] == ["none", "none"]
+    written = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
+    assert written["methods"]["MB_am"]["held_out_mean_mm"] is None
+    assert any("no evaluation trial" in warning for warning in written["warnings"])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from scaling_service.evaluation.generalisation import generalisation
 from scaling_service.evaluation.kinematic_error import KinematicError
 from scaling_service.jobs.hashes import input_hashes
 from scaling_service.jobs.tasks import Results, Scaling
@@ -23,6 +24,7 @@ from scaling_service.schemas.results import (
     ScalingDocument,
     TrialError,
     TruthDocument,
+    VerdictDocument,
     WallTime,
 )
 
@@ -38,11 +40,15 @@ def code_version() -> str:
 
 
 def comparison_document(
-    results: Results, documents: dict[str, MethodResult], truth: TruthDocument | None = None
+    results: Results,
+    documents: dict[str, MethodResult],
+    truth: TruthDocument | None = None,
+    verdict: VerdictDocument | None = None,
 ) -> ComparisonDocument:
     """``comparison.json``."""
     return ComparisonDocument(
         **_fields(provenance(results)),
+        verdict=verdict,
         methods=documents,
         warnings=list(results.warnings),
         wall_s=_rounded(results.wall_s, 3),
@@ -77,9 +83,13 @@ def method_document(
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
     fitted = {trial.name for trial in results.session.calibration}
+    overall = generalisation(scaling.errors, fitted)
     return MethodResult(
         method=calibration.method,
         kinematic_error_mm={name: _error(error, name in fitted) for name, error in scaling.errors.items()},
+        fitted_mean_mm=_mm_or_none(overall.fitted),
+        held_out_mean_mm=_mm_or_none(overall.held_out),
+        held_out_ratio=None if math.isnan(overall.ratio) else _rounded(overall.ratio, 4),
         segment_lengths_mm={name: _mm(length) for name, length in shape.lengths.items()},
         joint_centres_mm={
             name: JointCentre(frame=frame, xyz=(_mm(x), _mm(y), _mm(z)))

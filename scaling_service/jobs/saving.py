@@ -14,8 +14,12 @@ from pydantic import BaseModel
 
 from scaling_service.core.errors import DependencyMissing, InputError
 from scaling_service.formats.osim import write_osim
+from scaling_service.jobs.bones import FOLDER as BONES
+from scaling_service.jobs.bones import SKELETON, write_bones
 from scaling_service.jobs.documents import comparison_document, method_document, scaling_document
+from scaling_service.jobs.judging import verdict_document, verdict_of
 from scaling_service.jobs.motions import write_motion
+from scaling_service.jobs.reporting import REPORT, report_html
 from scaling_service.jobs.tasks import Progress, Results, Scaling
 from scaling_service.models.document import to_document
 from scaling_service.schemas.results import ComparisonDocument, MethodResult, TruthDocument
@@ -26,21 +30,25 @@ def save(
     folder: str | Path,
     *,
     comparison: bool = True,
+    report: bool = True,
     truth: TruthDocument | None = None,
     progress: Progress | None = None,
 ) -> ComparisonDocument:
     """Write results into a folder.
 
     Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot`` and
-    ``scaling.json``; ``comparison.json`` stands beside them. All is written elsewhere first, so that a
-    failure leaves the folder as it was. Other files in it stay.
+    ``scaling.json``, and with its bones where it is made from images; ``comparison.json`` and ``report.html``
+    stand beside them. All is written elsewhere first, so that a failure leaves the folder as it was. Other
+    files in it stay.
 
     Parameters
     ----------
     folder : path
         Made if it does not exist.
     comparison : bool
-        Whether to write ``comparison.json``.
+        Whether to write ``comparison.json`` and, with it, the report.
+    report : bool
+        Whether to write ``report.html``.
     truth : TruthDocument, optional
         Of a virtual subject.
     progress : callable, optional
@@ -55,15 +63,20 @@ def save(
     InputError
         The folder cannot be made or written to.
     """
-    with _all_or_nothing(Path(folder)) as scratch:
+    with all_or_nothing(Path(folder)) as scratch:
         written: dict[str, MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             if progress is not None:
                 progress(f"{method}: writing", k / len(results.scalings))
             written[method] = _write_method(scratch / method, scaling, results)
-        document = comparison_document(results, written, truth)
+        verdict = verdict_of(results)
+        document = comparison_document(results, written, truth, verdict_document(verdict))
         if comparison:
             write_json(scratch / "comparison.json", document)
+        if comparison and report:
+            if progress is not None:
+                progress("writing the report", 1.0)
+            (scratch / REPORT).write_text(report_html(results, document, verdict), encoding="utf-8")
     return document
 
 
@@ -86,7 +99,9 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         _write_osim(folder / "model.osim", scaling, results)
     except DependencyMissing as error:
         warnings.append(f"model.osim was not written: {error}")
-    files = sorted(path.name for path in folder.iterdir())
+    if results.session.images is not None:
+        write_bones(folder, calibration, results.session.images.bones)
+    files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     document = method_document(scaling, results, files, warnings)
     write_json(folder / "scaling.json", scaling_document(results, document))
     return document
@@ -137,7 +152,7 @@ def _existing(folder: Path) -> Path:
 
 
 @contextmanager
-def _all_or_nothing(folder: Path) -> Iterator[Path]:
+def all_or_nothing(folder: Path) -> Iterator[Path]:
     """A scratch folder on the target's disk, whose content moves to the target at the end."""
     check_folder(folder)
     try:
@@ -163,8 +178,10 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
     targets = [folder / source.relative_to(new) for source in sources]
     for target in targets:
         _refuse_in_the_way(target, folder)
-    # Motions of an earlier run belong to a model that is no longer there.
-    stale = [motion for place in sorted({t.parent for t in targets} - {folder}) for motion in _motions(place)]
+    # Motions and bones of an earlier run belong to a model that is no longer there, a report to its numbers.
+    stale = [p for place in sorted({t.parent for t in targets} - {folder}) for p in _of_a_model(place)]
+    if folder / "comparison.json" in targets:
+        stale += [path for path in (folder / REPORT,) if path.is_file()]
     replaced = list(dict.fromkeys([*stale, *(target for target in targets if target.exists())]))
     moves = [(path, old / path.relative_to(folder)) for path in replaced]
     moves += list(zip(sources, targets, strict=True))
@@ -187,8 +204,10 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
         raise
 
 
-def _motions(place: Path) -> list[Path]:
-    return sorted(place.glob("*_ik.mot"))
+def _of_a_model(place: Path) -> list[Path]:
+    return [
+        path for pattern in ("*_ik.mot", SKELETON, f"{BONES}/*.stl") for path in sorted(place.glob(pattern))
+    ]
 
 
 def _refuse_in_the_way(target: Path, folder: Path) -> None:

@@ -135,7 +135,7 @@ def compare(
     clock = time.perf_counter()
     report = progress or _silent
     file = None if isinstance(subject, Subject) else Path(subject)
-    _check_methods(methods or ())
+    check_methods(methods or ())
     check_axes(settings.up, settings.forward)
     known = load_subject(file) if file is not None else subject
     assert isinstance(known, Subject)
@@ -162,7 +162,7 @@ def run(
         Value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    _check_methods(methods or ())
+    check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _possible(session)
     report = progress or _silent
@@ -201,7 +201,8 @@ def _doubts(scalings: Mapping[str, Scaling], session: Session) -> tuple[str, ...
     )
 
 
-def _check_methods(methods: Sequence[str]) -> None:
+def check_methods(methods: Sequence[str]) -> None:
+    """Refuse a method that there is not (SubjectInvalid)."""
     for method in methods:
         if method not in METHODS:
             raise SubjectInvalid(

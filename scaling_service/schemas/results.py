@@ -67,6 +67,13 @@ class MethodResult(_Result):
 
     method: str
     kinematic_error_mm: dict[str, TrialError]
+    fitted_mean_mm: float | None = Field(
+        default=None, description="Mean kinematic error of the calibration trials, each counting once."
+    )
+    held_out_mean_mm: float | None = Field(
+        default=None, description="Of the evaluation trials; null where none was held out."
+    )
+    held_out_ratio: float | None = Field(default=None, description="Held out over fitted; null without both.")
     segment_lengths_mm: dict[str, float]
     joint_centres_mm: dict[str, JointCentre]
     knee_axis_deg: dict[str, KneeAxis]
@@ -115,9 +122,30 @@ class TruthDocument(_Result):
     errors: dict[str, dict[str, float]] = Field(description="Method to measure to value.")
 
 
+class TrustNote(_Result):
+    """How far to trust one thing of a model."""
+
+    topic: str
+    level: Literal["good", "fair", "poor", "unknown"]
+    text: str
+
+
+class VerdictDocument(_Result):
+    """Which method to use for this person, why, and how far to trust it."""
+
+    method: str
+    strength: Literal["decided", "leaning", "undecided"]
+    headline: str
+    why: list[str]
+    trust: list[TrustNote]
+
+
 class ComparisonDocument(Provenance):
     """``comparison.json``: all methods."""
 
+    verdict: VerdictDocument | None = Field(
+        default=None, description="Which method to use for this person, by stated rules; null if not judged."
+    )
     methods: dict[str, MethodResult]
     warnings: list[str]
     wall_s: float

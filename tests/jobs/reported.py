@@ -1,0 +1,44 @@
+"""Reports of results in memory, read back, and results with trials taken away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scaling_service.jobs.documents import comparison_document, method_document
+from scaling_service.jobs.judging import verdict_document, verdict_of
+from scaling_service.jobs.reporting import report_html
+from scaling_service.jobs.tasks import Results
+from scaling_service.schemas.results import ComparisonDocument, TruthDocument
+from tests.reports.reading import Node, read
+
+MOST_BYTES = 8e6
+"""Of a report: chosen, what a mail server takes; plotly alone has 4.8 MB."""
+
+
+def document_of(results: Results, truth: TruthDocument | None = None) -> ComparisonDocument:
+    methods = {name: method_document(scaling, results) for name, scaling in results.scalings.items()}
+    return comparison_document(results, methods, truth, verdict_document(verdict_of(results)))
+
+
+def page_of(results: Results, truth: TruthDocument | None = None) -> Node:
+    return read(report_html(results, document_of(results, truth), verdict_of(results)))
+
+
+def without(results: Results, *, calibration: bool = False, evaluation: bool = False) -> Results:
+    """The results as if those trials had not been recorded."""
+    session = results.session
+    session = replace(
+        session,
+        calibration=() if calibration else session.calibration,
+        evaluation=() if evaluation else session.evaluation,
+    )
+    kept = {trial.name for trial in session.dynamic}
+    scalings = {
+        name: replace(
+            s,
+            motions={t: m for t, m in s.motions.items() if t in kept},
+            errors={t: e for t, e in s.errors.items() if t in kept},
+        )
+        for name, s in results.scalings.items()
+    }
+    return replace(results, loaded=replace(results.loaded, session=session), scalings=scalings)

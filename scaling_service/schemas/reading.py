@@ -35,9 +35,14 @@ def read_document(path: str | Path) -> SubjectDocument:
         It does not follow the contract.
     """
     file = Path(path)
-    text = _read_text(file)
-    content = _parse_json(text, file) if file.suffix.lower() == ".json" else _parse_yaml(text, file)
-    return check_document(content, file=file)
+    return check_document(read_content(file), file=file)
+
+
+def read_content(path: str | Path) -> object:
+    """What YAML or JSON gives, not checked against any contract; raises as :func:`read_document` does."""
+    file = Path(path)
+    text = read_text(file)
+    return _parse_json(text, file) if file.suffix.lower() == ".json" else _parse_yaml(text, file)
 
 
 def check_document(content: object, *, file: str | Path | None = None) -> SubjectDocument:
@@ -68,7 +73,8 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
         raise _invalid(error.errors(include_url=False), file) from None
 
 
-def _read_text(file: Path) -> str:
+def read_text(file: Path, kind: str = "a subject file") -> str:
+    """The text of a file that people write; FileUnreadable if it is absent, too large or no text."""
     try:
         content = file.read_bytes() if file.stat().st_size <= MAX_BYTES else None
     except FileNotFoundError:
@@ -77,7 +83,7 @@ def _read_text(file: Path) -> str:
         reason = error.strerror or type(error).__name__
         raise FileUnreadable(f"it cannot be read: {reason}", file=file, remedy="Check the path") from None
     if content is None:
-        raise FileUnreadable("it is too large for a subject file", file=file, remedy="Check the path")
+        raise FileUnreadable(f"it is too large for {kind}", file=file, remedy="Check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

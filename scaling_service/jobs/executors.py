@@ -1,0 +1,123 @@
+"""Where a batch's work runs: in this process, or spread over worker processes that tell how far they are."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
+from multiprocessing.synchronize import Event
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+from scaling_service.core.threads import use_one_thread
+
+if TYPE_CHECKING:
+    from multiprocessing.queues import Queue
+
+    Messages = Queue[tuple[str, str, float] | None]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+Listener = Callable[[str, str, float], None]
+"""Called with a subject's name, what is being done, and the share that is done, 0 to 1."""
+
+_LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+def tell(name: str, what: str, share: float) -> None:
+    """Say from within a task how far it is; nothing where nobody listens.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        The batch is being stopped: the task should end tidily.
+    """
+    listener = _LISTENER.get()
+    if listener is not None:
+        listener(name, what, share)
+
+
+class Serial(Executor):
+    """Does every task at once, in the thread that submits it."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Run the task; its error is kept in the future, but for one that stops the program."""
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 (an executor hands every error to whoever asks for the result)
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
+    """An executor for a batch: this process for one worker, else a pool of spawned processes.
+
+    Worker processes use one thread of linear algebra each, unless the environment says otherwise. When
+    the block is left by an interruption, tasks under way end at the next :func:`tell`.
+
+    Parameters
+    ----------
+    count : int
+        At least 1.
+    listener : callable, optional
+        Told how far each task is, perhaps from another thread.
+    """
+    inside = _here(listener) if count == 1 else _pool(count, listener)
+    with inside as executor:
+        yield executor
+
+
+@contextmanager
+def _here(listener: Listener | None) -> Iterator[Executor]:
+    token = _LISTENER.set(listener)
+    try:
+        yield Serial()
+    finally:
+        _LISTENER.reset(token)
+
+
+@contextmanager
+def _pool(count: int, listener: Listener | None) -> Iterator[Executor]:
+    use_one_thread()  # inherited by the workers, before they import numpy
+    context = multiprocessing.get_context("spawn")
+    messages: Messages = context.Queue()
+    stop = context.Event()
+    relay = threading.Thread(target=_relay, args=(messages, listener), daemon=True)
+    executor = ProcessPoolExecutor(
+        count, mp_context=context, initializer=_prepare_worker, initargs=(messages, stop)
+    )
+    relay.start()
+    try:
+        yield executor
+    except BaseException:
+        stop.set()
+        raise
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+        messages.put(None)
+        relay.join()
+        messages.close()
+
+
+def _relay(messages: Messages, listener: Listener | None) -> None:
+    while (message := messages.get()) is not None:
+        if listener is not None:
+            listener(*message)
+
+
+def _prepare_worker(messages: Messages, stop: Event) -> None:
+    """Let a worker tell how far it is, and leave an interruption to the process that started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def send(name: str, what: str, share: float) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        messages.put((name, what, share))
+
+    _LISTENER.set(send)

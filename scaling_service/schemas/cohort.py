@@ -1,0 +1,197 @@
+"""``cohort.json``: how every subject of a batch ended, and the methods compared over all of them."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+COHORT_SCHEMA_VERSION = 1
+"""Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
+
+
+class _Part(BaseModel):
+    """Frozen, checked on the way out, and refusing what JSON has no number for."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class SubjectEntry(_Part):
+    """How one subject ended."""
+
+    id: str = Field(description="The subject's id; its file where that could not be read.")
+    file: str = Field(description="The subject file as the cohort names it.")
+    groups: dict[str, str] = Field(description="Further columns of the cohort file.")
+    status: Literal["done", "skipped", "failed"]
+    reason: str = Field(description="Why it was skipped or failed; empty where it is done.")
+    kept: bool = Field(description="Done in an earlier run and unchanged since.")
+    folder: str | None = Field(description="Where its results are, relative to this document.")
+    methods: list[str]
+    left_out: dict[str, str] = Field(description="Method that was not done to the reason.")
+    strides: dict[str, int] = Field(description="Leg (r, l) to the strides that angles are averaged over.")
+    no_strides: dict[str, str] = Field(description="Leg to why it has none.")
+    wall_s: float
+
+
+class Compared(_Part):
+    """Whose values a comparison counts."""
+
+    methods: list[str]
+    subjects: list[str]
+    excluded: dict[str, str] = Field(description="Every other subject to the reason.")
+
+
+class RankedPairEntry(_Part):
+    """Two methods after Friedman's test, by Tukey's HSD on mean ranks."""
+
+    methods: tuple[str, str]
+    difference_mean: float = Field(description="First minus second, in the quantity's unit.")
+    difference_sd: float
+    p: float = Field(description="Family-wise over the pairs of this quantity.")
+    significant: bool
+
+
+class FriedmanEntry(_Part):
+    """Friedman's test of one quantity."""
+
+    chi_square: float
+    degrees_of_freedom: int
+    p: float = Field(description="From the chi-square distribution; approximate for few subjects.")
+    kendall_w: float = Field(description="0: subjects rank methods without agreement; 1: all alike.")
+    alpha: float
+    significant: bool
+    pairs: list[RankedPairEntry]
+
+
+class QuantityEntry(_Part):
+    """A number per subject and method; the unit stands in the name of the list that it is in."""
+
+    quantity: str
+    compared: Compared
+    mean: dict[str, float] = Field(description="Method to the mean over subjects.")
+    sd: dict[str, float] = Field(description="As mean (n - 1); empty for one subject.")
+    values: dict[str, dict[str, float]] = Field(description="Subject to method to value.")
+    friedman: FriedmanEntry | None
+    note: str = Field(description="Why there is no test.")
+
+
+class ClusterEntry(_Part):
+    """A stretch of the gait cycle in which methods differ."""
+
+    start_percent: float
+    end_percent: float
+    p: float
+
+
+class CurveTestEntry(_Part):
+    """A statistic along the gait cycle against its rearrangements."""
+
+    statistic: list[float]
+    threshold: float | None = Field(description="Null where no outcome could be significant.")
+    p: float
+    alpha: float = Field(description="After correction for the number of pairs.")
+    significant: bool
+    clusters: list[ClusterEntry]
+    rearrangements: int
+    exact: bool = Field(description="Whether these are all.")
+    can_decide: bool = Field(description="False where there are too few subjects for alpha.")
+
+
+class CurvePairEntry(_Part):
+    """Two methods along the gait cycle, by a paired t test."""
+
+    methods: tuple[str, str]
+    difference_mean_deg: list[float] = Field(description="First minus second.")
+    test: CurveTestEntry
+
+
+class CurveEntry(_Part):
+    """A joint angle over the gait cycle, 0 to 100 %."""
+
+    coordinate: str
+    compared: Compared
+    strides: dict[str, int] = Field(description="Subject to the strides behind its curve.")
+    reference: str | None = Field(description="Pairs are with this method; null: all pairs.")
+    mean_deg: dict[str, list[float]]
+    sd_deg: dict[str, list[float]]
+    anova: CurveTestEntry | None
+    pairs: list[CurvePairEntry] = Field(description="Empty unless the analysis of variance is significant.")
+    note: str
+
+
+class Interval(_Part):
+    """A number with its confidence interval; null where it is not defined."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+class AgreementEntry(_Part):
+    """A method against a reference, mm."""
+
+    quantity: str = Field(description="A segment length, or a joint centre's coordinate such as hip_r.x.")
+    method: str
+    reference: str
+    subjects: list[str]
+    excluded: list[str]
+    bias_mm: Interval = Field(description="Mean of method minus reference.")
+    sd_mm: float = Field(description="Of the differences.")
+    lower_mm: Interval = Field(description="Lower limit of agreement, bias - 1.96 SD.")
+    upper_mm: Interval
+    rmse_mm: float
+    icc_agreement: Interval | None = Field(description="ICC(2,1); null where the reference does not vary.")
+    icc_consistency: Interval | None = Field(description="ICC(3,1).")
+    confidence: float
+
+
+class GateEntry(_Part):
+    """Subjects that keep OpenSim's limits in all their trials: necessary, not sufficient."""
+
+    method: str
+    subjects: int
+    subjects_passed: int
+    trials: int
+    trials_passed: int
+
+
+class Gates(_Part):
+    """OpenSim's limits of inverse kinematics."""
+
+    rms_below_mm: float
+    max_below_mm: float
+    meaning: Literal["necessary, not sufficient"] = "necessary, not sufficient"
+    methods: list[GateEntry]
+
+
+class StatisticsDocument(_Part):
+    """The methods compared over the subjects that are done."""
+
+    segment_lengths_mm: list[QuantityEntry]
+    kinematic_error_mm: list[QuantityEntry] = Field(
+        description="Mean over the trials of a role: calibration, evaluation."
+    )
+    knee_axis_deg: list[QuantityEntry]
+    marker_shift_mm: list[QuantityEntry]
+    from_truth_mm: list[QuantityEntry] = Field(description="Of virtual persons only.")
+    from_truth_deg: list[QuantityEntry]
+    joint_angles: list[CurveEntry]
+    agreement: list[AgreementEntry]
+    opensim_limits: Gates
+    notes: list[str]
+
+
+class CohortDocument(_Part):
+    """``cohort.json``."""
+
+    schema_version: int = COHORT_SCHEMA_VERSION
+    kind: Literal["cohort"] = "cohort"
+    code_version: str
+    cohort: str = Field(description="The file or folder that names the subjects, as given.")
+    methods_asked: list[str] | None = Field(description="Null: all that each subject allows.")
+    settings: dict[str, Any]
+    seed: int
+    subjects: list[SubjectEntry]
+    statistics: StatisticsDocument
+    notes: list[str]
+    wall_s: float

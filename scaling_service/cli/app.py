@@ -12,7 +12,11 @@ from typing import Annotated
 
 import typer
 
+from scaling_service.cli.batch import batch
+from scaling_service.cli.batch_progress import Interrupted
+from scaling_service.cli.datasets import app as datasets
 from scaling_service.cli.landmarks import landmarks
+from scaling_service.cli.reproduce import reproduce
 from scaling_service.cli.scaling import compare, demo, scale
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.documents import code_version
@@ -31,13 +35,14 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, scale, compare, landmarks):
+for _command in (demo, scale, compare, batch, landmarks, reproduce):
     app.command()(_command)
+app.add_typer(datasets, name="datasets")
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        print(f"scaling-service {code_version()}")  # noqa: T201 - this is what was asked for
+        typer.echo(f"scaling-service {code_version()}")
         raise typer.Exit
 
 
@@ -66,14 +71,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 if something that was given cannot be used, or 130 if interrupted. Anything else that
-        goes wrong is a defect of the program and leaves as an exception.
+        0, or 1 if some subjects of a batch failed, or 2 if something that was given cannot be used, or 130
+        if interrupted. Anything else that goes wrong is a defect of the program and leaves as an exception.
     """
     try:
         with _terminable():
             result = app(list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
     except InputError as error:
         return _complain(str(error))
+    except Interrupted as stop:
+        _complain(str(stop))
+        return EXIT_INTERRUPTED
     except typer.TyperException as error:
         said = error.format_message().rstrip(".")
         return _complain(f"{said}. See --help.") if said else EXIT_INPUT

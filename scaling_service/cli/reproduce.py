@@ -1,0 +1,119 @@
+"""The command that does a paper's study again."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from scaling_service.cli import options
+from scaling_service.cli.batch_progress import watched
+from scaling_service.cli.screen import console_of_results
+from scaling_service.jobs.reproduce import reproduce_puchaud2019, save_study
+from scaling_service.jobs.saving import check_folder
+from scaling_service.schemas.study import Beside, StudyDocument
+from scaling_service.studies.puchaud2019 import SUBJECTS
+
+
+class StudyName(StrEnum):
+    """The studies that can be done again."""
+
+    PUCHAUD2019 = "puchaud2019"
+
+
+class GenericLegs(StrEnum):
+    """What scaling starts from."""
+
+    MEAN = "mean"
+    CUSTOM = "custom"
+
+
+_Subjects = Annotated[int, typer.Option(min=1, metavar="N", help="Virtual persons.")]
+_Generic = Annotated[
+    GenericLegs,
+    typer.Option(
+        help="Start from legs of the subjects' mean proportions, or from those of the toolbox CusToM."
+    ),
+]
+_Workers = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Persons at a time; unless given, one per processor core."),
+]
+
+
+def reproduce(
+    study: Annotated[StudyName, typer.Argument(help="Which study.", show_default=False)],  # noqa: ARG001 (there is one)
+    out: options.Out,
+    subjects: _Subjects = SUBJECTS,
+    generic: _Generic = GenericLegs.MEAN,
+    workers: _Workers = None,
+    strategy: options.StrategyOption = options.Strategy.ALTERNATING,
+    frames: options.Frames = options.DEFAULT_FRAMES,
+    seed: options.Seed = 0,
+) -> None:
+    """Do a paper's study again on virtual persons, and ask of each of its claims whether it holds.
+
+    puchaud2019: 26 persons, five ways to scale their models, with bones imaged. Tables 2, 3 and 5 and
+    figures 4 to 6 with the paper's numbers beside ours, in study.json and report.html.
+
+    [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
+    """
+    check_folder(out)
+    settings = options.resolve(strategy, frames, seed, None, None, None)
+    with watched() as watcher:
+        result = reproduce_puchaud2019(
+            settings, subjects=subjects, generic=generic.value, worker_count=workers, watcher=watcher
+        )
+        files = save_study(result, out)
+    console = console_of_results()
+    _show(console, result.document)
+    console.print(f"Written under [bold]{escape(str(out))}[/bold]: {', '.join(files)}", highlight=False)
+
+
+def _show(console: Console, document: StudyDocument) -> None:
+    """The paper's tables beside ours, then its claims."""
+    console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
+    for title, cells in (
+        ("Segment lengths, mm (table 2): paper | here", document.segment_lengths_mm),
+        ("Knee axes, deg (table 3): paper | here", document.knee_axis_deg),
+        ("Kinematic error, mm (figure 5): paper | here", document.kinematic_error_mm),
+        ("Marker shifts, mm: paper | here", document.marker_shift_mm),
+    ):
+        console.print(_table(title, cells))
+    claims = Table(
+        box=None, pad_edge=False, header_style="bold", title="Does it hold here?", title_justify="left"
+    )
+    for heading in ("", "where", "claim"):
+        claims.add_column(heading)
+    for claim in document.claims:
+        claims.add_row(_WORDS[claim.holds], claim.where, escape(claim.claim))
+    console.print(claims)
+    held = sum(claim.holds is True for claim in document.claims)
+    console.print(
+        f"{held} of {len(document.claims)} claims hold; {document.wall_s:.0f} s for {len(document.subjects)} "
+        "persons",
+        highlight=False,
+    )
+
+
+_WORDS = {True: "[green]holds[/green]", False: "[red]not[/red]", None: "[yellow]undecided[/yellow]"}
+
+
+def _table(title: str, cells: list[Beside]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold", title=title, title_justify="left")
+    methods = list(dict.fromkeys(cell.method for cell in cells))
+    for heading in ("", *methods):
+        table.add_column(heading, justify="left" if not heading else "right")
+    for quantity in dict.fromkeys(cell.quantity for cell in cells):
+        by_method = {cell.method: cell for cell in cells if cell.quantity == quantity}
+        table.add_row(quantity, *(_cell(by_method[m]) if m in by_method else "" for m in methods))
+    return table
+
+
+def _cell(cell: Beside) -> str:
+    theirs = "–" if cell.paper_mean is None else f"{cell.paper_mean:.1f}{cell.paper_stars}"
+    return f"{theirs} | {cell.mean:.1f}{'*' if cell.significant else ''}"

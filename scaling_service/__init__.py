@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from scaling_service.estimation.inverse_kinematics import inverse_kinematics
     from scaling_service.evaluation.kinematic_error import kinematic_error
     from scaling_service.formats.recording import read_recording
+    from scaling_service.jobs.batch import batch
     from scaling_service.jobs.loading import read_model
     from scaling_service.jobs.saving import save
     from scaling_service.jobs.settings import Settings
@@ -31,6 +32,7 @@ __all__ = [
     "Scaling",
     "Settings",
     "Subject",
+    "batch",
     "compare",
     "inverse_kinematics",
     "kinematic_error",
@@ -49,6 +51,7 @@ _HOMES = {
     "Scaling": "jobs.tasks",
     "Settings": "jobs.settings",
     "Subject": "models.subject",
+    "batch": "jobs.batch",
     "compare": "jobs.tasks",
     "inverse_kinematics": "estimation.inverse_kinematics",
     "kinematic_error": "evaluation.kinematic_error",

@@ -1,0 +1,88 @@
+"""The study of Puchaud 2019 on few virtual persons: what is written, and that it says the same everywhere."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scaling_service.cli import main
+from scaling_service.core.errors import InputError
+from scaling_service.jobs.reproduce import StudyResult, reproduce_puchaud2019, save_study
+from scaling_service.jobs.settings import Settings
+from scaling_service.schemas.study import Beside, StudyDocument
+from scaling_service.studies.puchaud2019_claims import CLAIMS
+from scaling_service.studies.puchaud2019_paper import METHODS, paper
+from tests.reports.reading import Node, read
+
+PERSONS = 7  # one more than the walkers that are looked at alone
+
+
+@pytest.fixture(scope="module")
+def result() -> StudyResult:
+    return reproduce_puchaud2019(Settings(), subjects=PERSONS, worker_count=2)
+
+
+@pytest.fixture(scope="module")
+def page(result: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Node:
+    folder = tmp_path_factory.mktemp("study")
+    assert save_study(result, folder) == ("report.html", "study.json")
+    written = StudyDocument.model_validate(json.loads((folder / "study.json").read_text(encoding="utf-8")))
+    assert written == result.document
+    return read((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def _cell(cells: list[Beside], quantity: str, method: str) -> Beside:
+    (found,) = [c for c in cells if (c.quantity, c.method) == (quantity, method)]
+    return found
+
+
+def test_tables_hold_the_papers_numbers_and_ours(result: StudyResult) -> None:
+    document = result.document
+    femur = _cell(document.segment_lengths_mm, "femur_r", "MB_lam")
+    assert (femur.paper_mean, femur.paper_sd, femur.paper_stars) == (440.2, 23.3, "**")
+    ours = result.study.cohort.scalar("segment_length", "femur_r")
+    assert femur.mean == pytest.approx(1e3 * ours.mean["MB_lam"], abs=1e-3)
+    assert len(document.segment_lengths_mm) == 5 * len(METHODS)
+    error = _cell(document.kinematic_error_mm, "calibration", "MB")
+    assert error.paper_mean == pytest.approx(1e3 * paper().errors["MB"].mean)
+    gap = _cell(document.length_difference_mm, "femur_l", "MB")
+    lengths = result.study.cohort.scalar("segment_length", "femur_l")
+    assert gap.mean == pytest.approx(1e3 * (lengths.mean["MB"] - lengths.mean["EB"]), abs=1e-3)
+
+
+def test_lengths_of_images_are_near_the_truth(result: StudyResult) -> None:
+    from_truth = result.study.cohort.scalar("from_truth_m", "lengths").mean
+    assert from_truth["EB"] < 0.003 < from_truth["MB"]
+
+
+def test_every_claim_is_answered(result: StudyResult) -> None:
+    assert [c.claim for c in result.document.claims] == [c.text for c in CLAIMS]
+    assert len(result.document.walkers) == 6
+    assert len(result.document.subjects) == PERSONS
+
+
+def test_the_page_says_what_the_document_says(result: StudyResult, page: Node) -> None:
+    claims = next(t for t in page.all("table") if t.attributes["aria-label"] == "Claim by claim")
+    rows = [[cell.text for cell in (*row.all("th"), *row.all("td"))] for row in claims.all("tr")[1:]]
+    word = {True: "holds", False: "does not hold", None: "undecided"}
+    assert rows == [[c.where, c.claim, word[c.holds], c.paper, c.ours] for c in result.document.claims]
+    assert "Table 2: segment lengths, mm" in page.text
+    assert "Figure 5: kinematic error, mm" in page.text
+    assert "Distance from the truth" in page.text
+
+
+def test_another_seed_is_other_persons(result: StudyResult) -> None:
+    assert result.document.subjects[0] == "virtual_1"
+    from scaling_service.studies.puchaud2019 import person_seeds
+
+    assert not set(person_seeds(0)) & set(person_seeds(1))
+
+
+def test_too_few_subjects_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError, match="too few"):
+        reproduce_puchaud2019(subjects=6)
+    assert main(["reproduce", "puchaud2019", "--subjects", "3", "--out", str(tmp_path / "s")]) == 2
+    assert "--subjects" in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()

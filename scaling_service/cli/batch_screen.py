@@ -19,7 +19,7 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
     console = console_of_results()
     ended = [s.status for s in document.subjects]
     counts = ", ".join(f"{ended.count(status)} {status}" for status in ("done", "skipped", "failed"))
-    console.print(f"Cohort [bold]{escape(document.cohort)}[/bold]: {counts}", highlight=False)
+    console.print(f"Cohort [bold]{escape(document.cohort)}[/bold]: {counts}", highlight=False, soft_wrap=True)
     if "done" in ended:
         console.print(_table(document.statistics))
         for line in _tested(document.statistics):

@@ -73,10 +73,10 @@ class VirtualPerson:
     """
 
     seed: int
-    images: bool = False
-    generic: Generic = "mean"
     settings: VirtualSettings = field(default_factory=VirtualSettings)
     groups: Mapping[str, str] = field(default_factory=dict)
+    images: bool = False
+    generic: Generic = "mean"
 
     @property
     def name(self) -> str:

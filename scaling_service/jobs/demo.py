@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import count
 
 from scaling_service.anatomy.lengths import segment_lengths
 from scaling_service.evaluation.truth import angle_errors, centre_errors, length_errors
@@ -12,11 +13,14 @@ from scaling_service.jobs.tasks import Progress, Results, Scaling, run
 from scaling_service.schemas.results import TruthDocument
 from scaling_service.studies.virtual_subject import VirtualSubject, demo_session
 
+_BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
+_STEPS = 10  # of five bones: making them, finding their landmarks
+
 
 def run_demo(
     settings: Settings = Settings(), *, progress: Progress | None = None
 ) -> tuple[Results, TruthDocument]:
-    """Scale a virtual person by every method, and measure each against the truth.
+    """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
 
     Parameters
     ----------
@@ -30,8 +34,19 @@ def run_demo(
     truth : TruthDocument
         Distances are taken on the gait trials, which no method was fitted to.
     """
-    session, person = demo_session(settings.seed)
-    results = run(Loaded(session), None, settings, progress=progress)
+    report = progress or _silent
+    steps = count()
+
+    def preparing(what: str) -> None:
+        report(what, _BONES * min(1.0, next(steps) / _STEPS))
+
+    session, person = demo_session(settings.seed, images=True, progress=preparing)
+    results = run(
+        Loaded(session),
+        None,
+        settings,
+        progress=lambda what, share: report(what, _BONES + (1 - _BONES) * share),
+    )
     lengths = {name: round(1e3 * value, 4) for name, value in segment_lengths(person.model).items()}
     errors = {method: _errors(scaling, results, person) for method, scaling in results.scalings.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
@@ -47,3 +62,7 @@ def _errors(scaling: Scaling, results: Results, person: VirtualSubject) -> dict[
     for name, gap in angle_errors(held_out, person.model, person.motions).items():
         found[f"{name}_deg"] = math.degrees(gap)
     return {name: round(value, 4) for name, value in found.items()}
+
+
+def _silent(what: str, share: float) -> None:
+    """No progress is shown."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel, Law, Marker, Vector
 from scaling_service.models.builtin import builtin, generic_person
 from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.models.images import ImageEvidence
 from scaling_service.models.parameters import fold, free_axis
 from scaling_service.models.scaling import scaled
 from scaling_service.models.subject import Session, Subject
@@ -23,32 +23,9 @@ from scaling_service.processing.orientation import Orientation
 from scaling_service.processing.pipeline import ProcessingSettings, process
 from scaling_service.studies import virtual_motion as motion
 from scaling_service.studies.virtual_artefact import Artefact, draw_artefact, residual, with_artefact
+from scaling_service.studies.virtual_cohort import KNEE_AXIS_DEG, Sex, factors_of, person_of, tilt_of_knee
 
 GENERIC = "lower_limb_14dof"
-
-STATURE_M = (1.762, 0.076)
-"""Mean and SD of the cohort of Puchaud 2019 (section 2.1)."""
-MALE_SHARE = 22.0 / 26.0
-"""Puchaud 2019, section 2.1."""
-SEX_GAP_M = 0.127
-"""Men over women: 1.756 - 1.629 m (ANSUR II 2012)."""
-BMI = (21.6, 2.14)
-"""kg/m2, mean and SD: Puchaud 2019, section 2.1."""
-
-FEMUR, SHANK, INTER_HIP = (0.2454, 0.012), (0.2356, 0.011), (0.0985, 0.008)
-"""Mean as a share of stature (EOS, Puchaud 2019, table 2) and SD about it in m (facts section 10, from the
-table's SDs)."""
-FEMUR_SHANK_CORRELATION = 0.8
-"""Proposed (facts section 10)."""
-SIDE_SD_M = 0.00325
-"""Of one bone's length about the mean of both sides: legs differ by 5.2 mm on average (Knutson 2005,
-Chiropr Osteopat 13:11, from radiographs), so by 6.5 mm SD, half of the variance in each bone."""
-
-KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
-    "r": ((1.94, 1.83), (-2.02, 2.10)),
-    "l": ((-0.81, 1.84), (0.81, 2.16)),
-}
-"""Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
 
 PALPATION_MM: Mapping[str, Vector] = {
     "ASIS": (7.0, 7.0, 7.0),
@@ -75,8 +52,9 @@ class VirtualSettings:
 
     Parameters
     ----------
-    placement, artefact, noise, gaps : float
-        Multiply the placement errors, skin movement, camera noise and the number of gaps.
+    placement, artefact, noise, gaps, image : float
+        Multiply the placement errors, skin movement, camera noise, the number of gaps and the errors of the
+        image (markers and bone surfaces in it).
     functional_s, static_s : float
         Length of each functional movement and of the standing trial.
     strides : float
@@ -87,6 +65,7 @@ class VirtualSettings:
     artefact: float = 1.0
     noise: float = 1.0
     gaps: float = 1.0
+    image: float = 1.0
     rate_hz: float = 100.0
     functional_s: float = 10.0
     static_s: float = 2.0
@@ -94,7 +73,7 @@ class VirtualSettings:
     strides: float = 2.5
 
     def __post_init__(self) -> None:
-        shares = (self.placement, self.artefact, self.noise, self.gaps, self.gait_trials)
+        shares = (self.placement, self.artefact, self.noise, self.gaps, self.image, self.gait_trials)
         lengths = (self.rate_hz, self.functional_s, self.static_s, self.strides)
         if min(shares) < 0.0 or min(lengths) <= 0.0:
             raise ValueError("sizes of faults are not negative, lengths and rates are positive")
@@ -126,7 +105,7 @@ class VirtualSubject:
 
     seed: int
     settings: VirtualSettings
-    sex: Literal["F", "M"]
+    sex: Sex
     height_m: float
     mass_kg: float
     model: BodyModel
@@ -158,9 +137,9 @@ def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) ->
     (1000, 14, 3)
     """
     generic = builtin(GENERIC)
-    sex, height, mass = _person(seed)
-    factors = _factors(seed, generic, height)
-    tilts = {f"knee_{side}": _tilt(seed, side) for side in KNEE_AXIS_DEG}
+    sex, height, mass = person_of(seed)
+    factors = factors_of(seed, generic, height)
+    tilts = {f"knee_{side}": tilt_of_knee(seed, side) for side in KNEE_AXIS_DEG}
     offsets = _placement(seed, generic, settings.placement)
     model = _truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
@@ -172,8 +151,22 @@ def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) ->
     )
 
 
-def demo_session(seed: int, settings: VirtualSettings = VirtualSettings()) -> tuple[Session, VirtualSubject]:
-    """A virtual subject as a session, recordings processed: functional movements fit, gait is held out."""
+def demo_session(
+    seed: int,
+    settings: VirtualSettings = VirtualSettings(),
+    *,
+    images: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Session, VirtualSubject]:
+    """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
+
+    Parameters
+    ----------
+    images : bool
+        Whether the person's bones were imaged too; making them and reading their landmarks takes seconds.
+    progress : callable, optional
+        Called with what is done, where bones are made.
+    """
     person = virtual_subject(seed, settings)
     trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}
     subject = Subject(
@@ -185,8 +178,22 @@ def demo_session(seed: int, settings: VirtualSettings = VirtualSettings()) -> tu
         static=trials["static"],
         calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
         evaluation=tuple(t for name, t in trials.items() if name.startswith("gait")),
+        images=_imaged(person, progress) if images else None,
     )
     return session, person
+
+
+def _imaged(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
+    # Bones are built around a virtual subject, so their module imports this one.
+    from scaling_service.studies.virtual_image import image_evidence, virtual_image
+
+    report = progress or _silent
+    image = virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
+    return image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+
+
+def _silent(what: str) -> None:
+    """No progress is shown."""
 
 
 def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
@@ -196,48 +203,6 @@ def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | Non
         for segment in model.segment_names
     }
     return process(trial, Orientation(np.eye(3), 1.0, "up +y, forward +x"), clusters, settings)
-
-
-def _person(seed: int) -> tuple[Literal["F", "M"], float, float]:
-    """Sex, stature (m) and mass (kg); both sexes together have the cohort's mean and SD of stature."""
-    rng = stream(seed, "person")
-    sex: Literal["F", "M"] = "M" if rng.random() < MALE_SHARE else "F"
-    mean, sd = STATURE_M
-    mean += SEX_GAP_M * ((1.0 - MALE_SHARE) if sex == "M" else -MALE_SHARE)
-    within = np.sqrt(sd**2 - MALE_SHARE * (1.0 - MALE_SHARE) * SEX_GAP_M**2)
-    height = float(rng.normal(mean, within))
-    return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
-
-
-def _factors(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
-    rng = stream(seed, "lengths")
-    common = rng.normal()
-    across = np.sqrt(1.0 - FEMUR_SHANK_CORRELATION**2) * rng.normal()
-    femur = FEMUR[0] * height + FEMUR[1] * common
-    shank = SHANK[0] * height + SHANK[1] * (FEMUR_SHANK_CORRELATION * common + across)
-    inter_hip = INTER_HIP[0] * height + INTER_HIP[1] * rng.normal()
-    factors = {"pelvis": float(inter_hip / (2.0 * _offset(generic, "femur_r")[2]))}
-    for side in ("r", "l"):
-        for bone, length, reach in (
-            ("femur", femur, _offset(generic, f"tibia_{side}")),
-            ("tibia", shank, np.array(generic.marker(f"{side.upper()}AJC").nominal)),
-        ):
-            own = length + SIDE_SD_M * stream(seed, "lengths", bone, side).normal()
-            factors[f"{bone}_{side}"] = float(own / np.linalg.norm(reach))
-    return factors
-
-
-def _offset(model: BodyModel, segment: str) -> Array:
-    """Where a segment's joint sits in its parent, m."""
-    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
-    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
-    return total
-
-
-def _tilt(seed: int, side: str) -> tuple[float, float]:
-    rng = stream(seed, "knee_axis", side)
-    x, y = (float(np.radians(rng.normal(*spread))) for spread in KNEE_AXIS_DEG[side])
-    return (x, y)
 
 
 def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:

@@ -75,7 +75,7 @@ def test_subjects_and_their_cohort_are_written(root: Path, tmp_path: Path) -> No
     assert _statuses(result) == dict.fromkeys(NAMES, "done")
     assert watcher.size == (3, 1)
     assert set(watcher.stages) == set(watcher.outcomes) == set(NAMES)
-    assert result.files == ("angles.csv", "cohort.json", "errors.csv", "lengths.csv")
+    assert result.files == ("angles.csv", "cohort.json", "errors.csv", "lengths.csv", "report.html")
     assert {p.name for p in out.iterdir()} == {*NAMES, *result.files}
     written = CohortDocument.model_validate_json((out / "cohort.json").read_text(encoding="utf-8"))
     assert written == result.document
@@ -268,7 +268,7 @@ def test_a_folder_of_somebody_else_is_refused_and_left_alone(root: Path, tmp_pat
 def test_results_of_compare_may_be_taken_over(root: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     _batch(table(root, "A"), out, ("MB",))
-    for name in ("cohort.json", "lengths.csv", "errors.csv", "angles.csv", "A/batch.json"):
+    for name in ("cohort.json", "report.html", "lengths.csv", "errors.csv", "angles.csv", "A/batch.json"):
         (out / name).unlink()
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert _statuses(_batch(root / "cohort.csv", out, ("MB",))) == {"A": "done"}

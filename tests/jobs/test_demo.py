@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import pytest
 
+from scaling_service.anatomy.lengths import segment_lengths
+from scaling_service.calibration.methods import METHODS
 from scaling_service.jobs.demo import run_demo
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.tasks import Results
 from scaling_service.schemas.results import TruthDocument
+from scaling_service.studies.virtual_subject import virtual_subject
 
 
 @pytest.fixture(scope="module")
-def demonstration() -> tuple[Results, TruthDocument]:
-    return run_demo(Settings(seed=3))
+def shares() -> list[tuple[str, float]]:
+    """What progress was told."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def demonstration(shares: list[tuple[str, float]]) -> tuple[Results, TruthDocument]:
+    return run_demo(Settings(seed=3), progress=lambda what, share: shares.append((what, share)))
 
 
 def test_every_method_is_measured_against_the_truth(demonstration: tuple[Results, TruthDocument]) -> None:
@@ -32,8 +41,44 @@ def test_lengths_are_near_the_truth(demonstration: tuple[Results, TruthDocument]
     assert mean == pytest.approx(truth.errors["MB"]["lengths_mm"], abs=1e-3)  # mm, as rounded
 
 
+def test_images_lie_nearer_to_the_truth_than_markers(demonstration: tuple[Results, TruthDocument]) -> None:
+    results, truth = demonstration
+    assert results.session.images is not None
+    assert set(results.scalings) == set(METHODS)
+    markers, images = truth.errors["MB"], truth.errors["EB"]
+    assert images["lengths_mm"] < min(5.0, markers["lengths_mm"])
+    # In space, skin movement adds to what the image has wrong.
+    assert images["hip_centre_mm"] < min(10.0, markers["hip_centre_mm"])
+
+
+def test_fitting_from_images_follows_the_markers_better(
+    demonstration: tuple[Results, TruthDocument],
+) -> None:
+    """Of all calibration trials together, as it is their sum that is fitted."""
+    results, _ = demonstration
+    squares = {
+        method: sum(results.scalings[method].errors[t.name].rms ** 2 for t in results.session.calibration)
+        for method in ("EB", "EB_am")
+    }
+    assert squares["EB_am"] < squares["EB"]
+
+
+def test_progress_rises_from_bones_to_done(
+    demonstration: tuple[Results, TruthDocument], shares: list[tuple[str, float]]
+) -> None:
+    said = [what for what, _ in shares]
+    assert said[0] == "making the pelvis"
+    assert "landmarks of the tibia_l" in said
+    assert said[-1] == "done"
+    values = [share for _, share in shares]
+    assert values == sorted(values)
+    assert values[-1] == pytest.approx(1.0)
+
+
 def test_the_seed_decides_the_person(demonstration: tuple[Results, TruthDocument]) -> None:
-    _, truth = demonstration
-    results, other = run_demo(Settings(seed=4))
-    assert other.segment_lengths_mm != truth.segment_lengths_mm
-    assert results.session.subject.id != demonstration[0].session.subject.id
+    results, truth = demonstration
+    assert results.session.subject.id == "virtual_3"
+    for seed, same in ((3, True), (4, False)):
+        lengths = segment_lengths(virtual_subject(seed).model)
+        close = [abs(1e3 * lengths[name] - true) < 1e-3 for name, true in truth.segment_lengths_mm.items()]
+        assert all(close) is same

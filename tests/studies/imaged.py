@@ -1,0 +1,29 @@
+"""Virtual persons seen in images, for tests of bones and images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scaling_service.models.images import ImageEvidence
+from scaling_service.studies.virtual_image import VirtualImage, image_evidence, virtual_image
+from scaling_service.studies.virtual_subject import VirtualSettings, VirtualSubject, virtual_subject
+
+SHORT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0)
+EXACT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0, image=0.0)
+
+
+@dataclass(frozen=True)
+class Imaged:
+    person: VirtualSubject
+    image: VirtualImage
+    found: ImageEvidence
+
+
+def seen(seed: int, settings: VirtualSettings) -> Imaged:
+    person = virtual_subject(seed, settings)
+    image = virtual_image(person)
+    return Imaged(person, image, image_evidence(image))
+
+
+SEEDS = (1, 4, 10)
+"""A man, a small woman, and a man whose femoral necks point far forward (28 degrees)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyvista
+import trimesh
 
 from scaling_service.models.images import Bone
 
@@ -32,6 +33,9 @@ def coarsened(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
     count = len(bone.faces)
     if count <= most_faces:
         return bone
-    surface = pyvista.PolyData.from_regular_faces(bone.vertices, np.asarray(bone.faces, dtype=int))
+    # STL files repeat each corner in every triangle; only shared edges can be collapsed.
+    merged = trimesh.Trimesh(bone.vertices, bone.faces)
+    merged.update_faces(merged.nondegenerate_faces())
+    surface = pyvista.PolyData.from_regular_faces(merged.vertices, np.asarray(merged.faces, dtype=int))
     reduced = surface.decimate(1.0 - most_faces / count)
     return Bone(np.asarray(reduced.points, dtype=np.float64), np.asarray(reduced.regular_faces))

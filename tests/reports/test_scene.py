@@ -129,6 +129,14 @@ def test_a_thin_plate_keeps_both_sides() -> None:
     assert coarse.volume == pytest.approx(plate.volume, rel=0.01)
 
 
+def test_corners_repeated_in_every_triangle_are_one() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
+    torn = Bone(np.array(sphere.triangles).reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
+    found = coarsened(torn, 1000)
+    assert len(found.faces) <= 1000
+    assert trimesh.Trimesh(found.vertices, found.faces, process=False).is_watertight
+
+
 def test_a_small_surface_stays_as_it_is() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=1)
     fine = Bone(np.array(sphere.vertices), np.array(sphere.faces))

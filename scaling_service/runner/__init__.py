@@ -1,0 +1,34 @@
+"""From a request to a result that is kept, whatever happens on the way.
+
+The parts, each one idea:
+
+============== =====================================================================================
+``identity``   a request with its inputs, code and owner becomes one SHA-256: the job's name
+``kinds``      the table of what can be asked for; ``work`` holds one module for each row
+``machine``    the states of a job as one pure function
+``submission`` checks a request, finds the files that it names, and makes or finds the job
+``desk``       what the HTTP layer calls: ask, look, cancel, delete
+``ledger``     every change of a job, each in one transaction: lease, renew, finish, take back
+``lifeline``   a process that ends with the one that needs it
+``limits``     bounds on memory, time and files of one process
+``child``      the process that computes: limits itself, calls the kind's function, answers in JSON
+``supervisor`` starts a child, follows it, stops it, says how it ended
+``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel
+``executors``  where attempts run: threads here, or a Dask cluster
+``runner``     takes queued jobs, looks after them, keeps what they made
+``process``    a runner in a process of its own, started again when it dies
+``settings``   all that can be chosen for a service
+============== =====================================================================================
+
+How an attempt goes. A runner leases a job: the attempt's number grows and is the fencing token. It copies
+the inputs into the attempt's folder and submits ``attempts.Order`` to its executor. There a supervisor
+starts a child, which is forked from a warm process (the package is imported already) and limits
+itself before it touches a foreign byte. Child and supervisor talk over a pipe in JSON only. Supervisor and
+runner talk through the attempt's folder only, so that the executor may be on another machine with the
+same data directory. When the child is done, the runner puts the files in place and the result into the
+database in one transaction, which succeeds only if the job is still leased under the same attempt.
+
+Who dies when: a child is killed by the kernel when its supervisor dies; a supervisor stops its child when
+the attempt's heartbeat stops; a runner that dies loses its leases in time, and any runner takes the jobs
+back. Nothing that is lost counts as done, and nothing is done twice in the store.
+"""

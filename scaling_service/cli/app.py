@@ -15,9 +15,12 @@ import typer
 from scaling_service.cli.batch import batch
 from scaling_service.cli.batch_progress import Interrupted
 from scaling_service.cli.datasets import app as datasets
+from scaling_service.cli.keys import app as keys
 from scaling_service.cli.landmarks import landmarks
 from scaling_service.cli.reproduce import reproduce
 from scaling_service.cli.scaling import compare, demo, scale
+from scaling_service.cli.serve import serve
+from scaling_service.cli.service_data import data, settings
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.documents import code_version
 
@@ -35,9 +38,10 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, scale, compare, batch, landmarks, reproduce):
+for _command in (demo, scale, compare, batch, landmarks, reproduce, serve):
     app.command()(_command)
-app.add_typer(datasets, name="datasets")
+for _name, _group in (("datasets", datasets), ("keys", keys), ("data", data), ("settings", settings)):
+    app.add_typer(_group, name=_name)
 
 
 def _print_version(wanted: bool) -> None:

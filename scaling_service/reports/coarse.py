@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pyvista
 import trimesh
 
 from scaling_service.models.images import Bone
@@ -33,6 +32,8 @@ def coarsened(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
     count = len(bone.faces)
     if count <= most_faces:
         return bone
+    import pyvista  # only here: it takes half a second and 80 MB, which who shows no bones should not pay
+
     # STL files repeat each corner in every triangle; only shared edges can be collapsed.
     merged = trimesh.Trimesh(bone.vertices, bone.faces)
     merged.update_faces(merged.nondegenerate_faces())

@@ -1,0 +1,122 @@
+"""Whose request it is. A key belongs to an owner; without keys there is only the machine's own user."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import Depends, Request
+from starlette.concurrency import run_in_threadpool
+
+from scaling_service.api.buckets import Buckets
+from scaling_service.api.problems import KeyNeeded, TooManyRequests, WrongHost
+from scaling_service.runner.configuration import is_here
+from scaling_service.runner.service import Service
+from scaling_service.store import keys
+
+LOCAL = "local"
+"""Owner of what is asked without a key, which only the machine's own users can, while there is no key."""
+
+_FAILURES = 10
+"""Wrong keys of one address that may come at once. Chosen: more than typing errors, far from guessing."""
+
+
+class Callers:
+    """Who may ask.
+
+    Parameters
+    ----------
+    service : Service
+    loopback : bool
+        Whether only this machine reaches the service.
+    """
+
+    def __init__(self, service: Service, *, loopback: bool) -> None:
+        self._database, self._loopback = service.store.database, loopback
+        settings = service.settings
+        self._requests = Buckets(settings.request_rate, settings.request_burst)
+        self._failures = Buckets(1.0, _FAILURES)
+
+    async def owner(self, request: Request) -> str:
+        """The owner on whose behalf a request comes.
+
+        Raises
+        ------
+        WrongHost, KeyNeeded, TooManyRequests
+        """
+        self._check_host(request)
+        address = request.client.host if request.client else "unix"
+        token = _token(request)
+        if token is None:
+            owner, caller = await self._without_key(), address
+        else:
+            owner = await self._of_key(token, address)
+            caller = hashlib.sha256(token.encode()).hexdigest()
+            request.scope["caller"] = token.split("_")[1]  # the key's public part, for the log
+        wait_s = self._requests.take(caller)
+        if wait_s > 0.0:
+            raise TooManyRequests(wait_s)
+        return owner
+
+    def _check_host(self, request: Request) -> None:
+        """A page of another site cannot make a browser on this machine ask under that site's name."""
+        named = urlsplit(f"//{request.headers.get('host', '')}").hostname
+        if self._loopback and (not named or not is_here(named)):
+            raise WrongHost(
+                "this service answers under the names of this machine only",
+                field="Host",
+                remedy="Ask 127.0.0.1 or localhost",
+            )
+
+    async def _without_key(self) -> str:
+        if self._loopback and not await run_in_threadpool(keys.any_valid, self._database):
+            return LOCAL
+        raise KeyNeeded(
+            "a key is needed",
+            field="Authorization",
+            remedy="Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one",
+        )
+
+    async def _of_key(self, token: str, address: str) -> str:
+        wait_s = self._failures.wait_s(address)
+        if wait_s > 0.0:
+            raise TooManyRequests(wait_s)
+        owner = await run_in_threadpool(keys.owner_of, self._database, token)
+        if owner is None:
+            self._failures.take(address)
+            raise KeyNeeded(
+                "this key opens nothing",
+                field="Authorization",
+                remedy="It is wrong or was revoked: `scaling-service keys list` shows those that are valid",
+            )
+        return owner
+
+
+def _token(request: Request) -> str | None:
+    given = request.headers.get("authorization")
+    if given is None:
+        return None
+    scheme, _, token = given.partition(" ")
+    if scheme.lower() != "bearer":
+        raise KeyNeeded(
+            "only bearer keys are known", field="Authorization", remedy="Send `Authorization: Bearer KEY`"
+        )
+    return token.strip()
+
+
+async def _owner(request: Request) -> str:
+    callers: Callers = request.app.state.callers
+    return await callers.owner(request)
+
+
+async def _service(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
+
+
+Owner = Annotated[str, Depends(_owner)]
+"""Of a route: the owner whose things it may see."""
+
+Desk = Annotated[Service, Depends(_service)]
+"""Of a route: what it asks."""

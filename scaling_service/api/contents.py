@@ -1,0 +1,110 @@
+"""Stored files and archives, streamed: whatever their size, little of them is in memory."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import PurePosixPath
+from typing import BinaryIO
+from urllib.parse import quote
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from scaling_service.api import conditional
+from scaling_service.store.blobs import Blobs
+from scaling_service.store.rows import FileRow
+
+_CHUNK_BYTES = 1 << 18
+"""Sent at once. Chosen: quick on any network, and little memory for each client."""
+
+_MEDIA_TYPES = {
+    ".json": "application/json",
+    ".csv": "text/csv; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".osim": "application/xml",
+    ".mot": "text/plain; charset=utf-8",
+    ".sto": "text/plain; charset=utf-8",
+    ".trc": "text/plain; charset=utf-8",
+    ".glb": "model/gltf-binary",
+}
+_OTHER = "application/octet-stream"
+_APART = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' blob:; "
+    "style-src 'unsafe-inline'; img-src data: blob:"
+)
+"""Policy for stored pages: a report may draw itself, but reaches nothing of the service's."""
+
+_EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""
+
+
+async def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+    """A stored file as an answer.
+
+    Raises
+    ------
+    ContentMissing
+        It is not there, though it should be.
+    """
+    current = conditional.tag(file.sha256)
+    if conditional.is_known(request, current):
+        return conditional.unchanged(current)
+    opened = await run_in_threadpool(blobs.open, file.sha256)
+    name = PurePosixPath(file.name).name
+    headers = conditional.headers(current) | {
+        "Content-Length": str(file.size),
+        "Content-Disposition": f"inline; filename*=UTF-8''{quote(name, safe='')}",
+        "Content-Security-Policy": _APART,
+    }
+    media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), _OTHER)
+    return StreamingResponse(_pieces(opened), headers=headers, media_type=media_type)
+
+
+def _pieces(opened: BinaryIO) -> Iterator[bytes]:
+    with opened:
+        while piece := opened.read(_CHUNK_BYTES):
+            yield piece
+
+
+class _Sink(io.RawIOBase):
+    """Takes what an archive writes, until it is sent."""
+
+    def __init__(self) -> None:
+        self._waiting = bytearray()
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, content: object, /) -> int:
+        piece = bytes(content)  # type: ignore[call-overload]
+        self._waiting += piece
+        return len(piece)
+
+    def take(self) -> bytes:
+        taken = bytes(self._waiting)
+        self._waiting.clear()
+        return taken
+
+
+def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
+    """A zip of files, piece by piece; the same files give the same bytes.
+
+    Parameters
+    ----------
+    files : sequence of FileRow
+    opened : callable
+        Digest -> content.
+    """
+    sink = _Sink()
+    with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as packed:
+        for file in files:
+            entry = zipfile.ZipInfo(file.name, _EARLIEST)
+            entry.compress_type, entry.file_size = zipfile.ZIP_DEFLATED, file.size
+            with opened(file.sha256) as content, packed.open(entry, "w") as target:
+                while piece := content.read(_CHUNK_BYTES):
+                    target.write(piece)
+                    yield sink.take()
+    yield sink.take()

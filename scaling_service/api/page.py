@@ -1,0 +1,117 @@
+"""The OpenAPI document for people: one page without scripts, which works where there is no internet."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from html import escape
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+
+router = APIRouter(include_in_schema=False)
+
+_STYLE = """
+:root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+h2 { margin-top: 2.5rem; } details { border-top: 1px solid var(--line); padding: .5rem 0; }
+summary { cursor: pointer; } code, pre { font: 14px/1.45 ui-monospace, monospace; }
+pre { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; padding: .75rem; }
+table { border-collapse: collapse; width: 100%; } td { padding: .2rem .8rem .2rem 0; vertical-align: top; }
+.method { display: inline-block; width: 4.5rem; font-weight: 600; } .quiet { opacity: .7; }
+"""
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+
+_TITLES = {
+    "subjects": "Subjects and their files",
+    "asking": "Asking for jobs",
+    "jobs": "Jobs and what they made",
+    "monitoring": "Monitoring",
+}
+
+
+@router.get("/docs", response_class=HTMLResponse)
+async def docs(request: Request) -> HTMLResponse:
+    """Show all routes."""
+    content = rendered(request.app.openapi(), str(request.base_url).rstrip("/"))
+    return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})
+
+
+def rendered(document: Mapping[str, Any], server: str) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    document : mapping
+        OpenAPI.
+    server : str
+        Where the examples go to.
+    """
+    body = "".join(_sections(document, server))
+    title = escape(document["info"]["title"])
+    about = "".join(f"<p>{escape(part)}</p>" for part in document["info"]["description"].split("\n\n"))
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
+        f"<h1>{title}</h1>{about}"
+        f'<p>As a document for programs: <a href="/openapi.json">openapi.json</a>. Where the service has '
+        f"keys, add <code>-H 'Authorization: Bearer KEY'</code> to every command.</p>{body}</html>"
+    )
+
+
+def _sections(document: Mapping[str, Any], server: str) -> Iterator[str]:
+    for tag, title in _TITLES.items():
+        yield f"<h2>{title}</h2>"
+        for path, operations in document["paths"].items():
+            for method, operation in operations.items():
+                if tag in operation.get("tags", ()):
+                    fields = _rows(_fields(operation, document["components"]["schemas"]))
+                    yield _operation(path, method.upper(), operation, server, fields)
+
+
+def _operation(path: str, method: str, operation: Mapping[str, Any], server: str, fields: str) -> str:
+    description = operation.get("description", "")
+    told = "".join(f"<p>{_marked(part)}</p>" for part in description.split("\n\n"))
+    parameters = _rows((p["name"], p.get("description", "")) for p in operation.get("parameters", ()))
+    answers = _rows((code, answer["description"]) for code, answer in sorted(operation["responses"].items()))
+    return (
+        f'<details><summary><span class="method">{method}</span><code>{escape(path)}</code> '
+        f'<span class="quiet">{_marked(description.partition(".")[0])}</span></summary>{told}'
+        f"{parameters}{fields}<pre>{escape(_command(path, method, operation, server))}</pre>"
+        f"{answers}</details>"
+    )
+
+
+def _fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The fields of a body, and what they mean."""
+    body = operation.get("requestBody", {}).get("content", {}).get("application/json")
+    if body is not None:
+        named = body["schema"].get("$ref") or body["schema"]["anyOf"][0]["$ref"]
+        for name, field in schemas[named.rpartition("/")[2]]["properties"].items():
+            yield name, field.get("description", "")
+
+
+def _rows(rows: Iterable[tuple[str, str]]) -> str:
+    found = "".join(f"<tr><td><code>{escape(a)}</code><td>{_marked(b)}" for a, b in rows)
+    return f"<table>{found}</table>" if found else ""
+
+
+def _marked(text: str) -> str:
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text, quote=False))
+
+
+def _command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
+    """The request as a curl command."""
+    address = server + path.replace("{subject}", "S01").replace("{job}", "JOB").replace("{name}", "walk.trc")
+    content = operation.get("requestBody", {}).get("content", {})
+    if "application/json" in content:
+        example = next(iter(content["application/json"]["examples"].values()))["value"]
+        return f"curl --json '{json.dumps(example, indent=1)}' {address}"
+    if content:
+        return f"curl --upload-file walk.trc {address}"
+    return f"curl {address}" if method == "GET" else f"curl --request {method} {address}"

@@ -1,0 +1,324 @@
+"""A client of the service over HTTP.
+
+Examples
+--------
+>>> def scaled(url):
+...     with Client(url) as client:
+...         client.put_subject_file("S01.json")      # the document and the files that it names
+...         job = client.ask("scalings/optimised", subject="S01", method="MB_am")
+...         client.wait(job)
+...         return client.result(job)["segment_lengths_mm"]
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+from urllib.parse import quote
+
+import requests
+from pydantic import BaseModel, ValidationError
+
+from scaling_service.core.errors import InputError
+from scaling_service.schemas.jobs import State
+from scaling_service.schemas.service import (
+    FileEntry,
+    FileList,
+    JobDocument,
+    JobPage,
+    Problem,
+    SubjectDetail,
+    SubjectPage,
+    SubjectSummary,
+)
+
+TIMEOUT_S = 60.0
+"""Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""
+
+_BUSY = (429, 503)
+_MOST_WAIT_S = 5.0
+_CHUNK_BYTES = 1 << 20
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class ServiceRefused(InputError):
+    """The service said no, in the words of its command line.
+
+    ``status`` is the HTTP status.
+    """
+
+    status: int = 0
+
+
+class JobEnded(InputError):
+    """A job ended without a result."""
+
+
+class Client:
+    """The service at an address.
+
+    Parameters
+    ----------
+    url : str
+        Such as ``http://127.0.0.1:8000``.
+    key : str, optional
+        API key; not needed on the service's own machine while it has none.
+    patience_s : float
+        For so long a service that is busy or away is asked again. All requests may be repeated.
+    """
+
+    def __init__(self, url: str, key: str | None = None, *, patience_s: float = 30.0) -> None:
+        self._url, self._patience_s = url.rstrip("/"), patience_s
+        self._session = requests.Session()
+        if key is not None:
+            self._session.headers["Authorization"] = f"Bearer {key}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the connections back."""
+        self._session.close()
+
+    # Subjects
+
+    def put_subject(self, document: Mapping[str, Any]) -> SubjectDetail:
+        """Give a subject's document."""
+        return _as(SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
+
+    def upload(self, subject: str, path: str | Path, name: str | None = None) -> FileEntry:
+        """Upload a file of a subject, under its own name unless another is given."""
+        file = Path(path)
+        place = f"/v1/subjects/{quote(subject, safe='')}/files/{quote(name or file.name, safe='')}"
+        with file.open("rb") as content:
+            return _as(FileEntry, self._call("PUT", place, data=content))
+
+    def put_subject_file(self, path: str | Path) -> SubjectDetail:
+        """Give a subject's JSON document and upload the files beside it that it names."""
+        file = Path(path)
+        document = json.loads(file.read_text(encoding="utf-8"))
+        subject = self.put_subject(document).id
+        for name in sorted(set(_texts(document))):
+            if (file.parent / name).is_file():
+                self.upload(subject, file.parent / name)
+        return self.subject(subject)
+
+    def subject(self, subject: str) -> SubjectDetail:
+        """One subject."""
+        return _as(SubjectDetail, self._call("GET", f"/v1/subjects/{quote(subject, safe='')}"))
+
+    def subjects(self) -> Iterator[SubjectSummary]:
+        """All subjects, newest first."""
+        cursor: str | None = ""
+        while cursor is not None:
+            page = _as(SubjectPage, self._call("GET", "/v1/subjects", params={"cursor": cursor}))
+            yield from page.items
+            cursor = page.next
+
+    def delete_subject(self, subject: str) -> None:
+        """Delete a subject, its files, and all jobs on them, for good."""
+        self._call("DELETE", f"/v1/subjects/{quote(subject, safe='')}")
+
+    # Jobs
+
+    def ask(self, route: str, /, **request: Any) -> JobDocument:
+        """Ask for a job; one that was done before comes back done.
+
+        Parameters
+        ----------
+        route : str
+            Such as ``scalings/linear`` or ``comparisons/joint-angles``.
+        **request
+            The body, as documented at ``/docs``.
+        """
+        return _as(JobDocument, self._call("POST", f"/v1/{route}", json=request))
+
+    def job(self, job: JobDocument | str) -> JobDocument:
+        """A job as it is now."""
+        return _as(JobDocument, self._call("GET", _path(job)))
+
+    def jobs(self, **chosen: str) -> Iterator[JobDocument]:
+        """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
+        cursor: str | None = ""
+        while cursor is not None:
+            page = _as(JobPage, self._call("GET", "/v1/jobs", params={**chosen, "cursor": cursor}))
+            yield from page.items
+            cursor = page.next
+
+    def events(self, job: JobDocument | str) -> Iterator[JobDocument]:
+        """A job each time that it changes, until it is over; connections that break are made again."""
+        return (found for found in self._signs(job) if found is not None)
+
+    def wait(self, job: JobDocument | str, timeout_s: float = 3600.0) -> JobDocument:
+        """Wait until a job is done.
+
+        Parameters
+        ----------
+        job : JobDocument or str
+        timeout_s : float
+            Looked at each time that the service says something, which it does at least each 15 s.
+
+        Raises
+        ------
+        JobEnded
+            It failed or was cancelled.
+        TimeoutError
+            It is not over in time; it goes on.
+        """
+        end = time.monotonic() + timeout_s
+        for found in self._signs(job):
+            if found is not None and found.state.is_over:
+                return _done(found)
+            if time.monotonic() > end:
+                raise TimeoutError(f"the job is not over after {timeout_s:g} s")
+        return _done(self.job(job))
+
+    def _signs(self, job: JobDocument | str) -> Iterator[JobDocument | None]:
+        """A job each time that it changes, and None where the service only says that it lives."""
+        seen = -1
+        while True:
+            answer = self._answer(
+                "GET", f"{_path(job)}/events", stream=True, headers={"Last-Event-ID": str(seen)}
+            )
+            with answer:
+                for found in _events(answer):
+                    yield found
+                    if found is not None:
+                        seen = found.revision
+                        if found.state.is_over:
+                            return
+            if answer.status_code == 204:
+                return
+
+    def result(self, job: JobDocument | str) -> dict[str, Any]:
+        """What a job found."""
+        found: dict[str, Any] = self._call("GET", f"{_path(job)}/result").json()
+        return found
+
+    def files(self, job: JobDocument | str) -> list[FileEntry]:
+        """What a job made."""
+        return _as(FileList, self._call("GET", f"{_path(job)}/files")).items
+
+    def download(self, job: JobDocument | str, folder: str | Path) -> list[Path]:
+        """Download all that a job made into a folder."""
+        written = []
+        for file in self.files(job):
+            target = _inside(Path(folder), file.name)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with (
+                self._answer("GET", f"{_path(job)}/files/{quote(file.name)}", stream=True) as answer,
+                target.open("wb") as content,
+            ):
+                for chunk in answer.iter_content(_CHUNK_BYTES):
+                    content.write(chunk)
+            written.append(target)
+        return written
+
+    def cancel(self, job: JobDocument | str) -> JobDocument:
+        """Wish that a job ends; one that is over is left as it is."""
+        found = self.job(job)
+        return found if found.state.is_over else _as(JobDocument, self._call("DELETE", _path(job)))
+
+    def delete(self, job: JobDocument | str) -> None:
+        """Delete a job that is over, with all that it made."""
+        if not self.job(job).state.is_over:
+            raise InputError(
+                "the job is not over", field="job", remedy="Cancel it and wait for its end first"
+            )
+        self._call("DELETE", _path(job))
+
+    def _call(self, method: str, path: str, **options: Any) -> requests.Response:
+        with self._answer(method, path, **options) as answer:
+            _ = answer.content
+            return answer
+
+    def _answer(self, method: str, path: str, **options: Any) -> requests.Response:
+        end = time.monotonic() + self._patience_s
+        while True:
+            try:
+                answer = self._session.request(method, self._url + path, timeout=TIMEOUT_S, **options)
+            except requests.ConnectionError as error:
+                if time.monotonic() > end:
+                    raise InputError(
+                        "the service does not answer", field=self._url, remedy="Look whether it runs"
+                    ) from error
+                wait_s = 0.5
+            else:
+                if answer.status_code < 400:
+                    return answer
+                if answer.status_code not in _BUSY or time.monotonic() > end:
+                    raise _refusal(answer)
+                wait_s = float(answer.headers.get("Retry-After", 1))
+            if "data" in options:
+                options["data"].seek(0)
+            time.sleep(min(wait_s, _MOST_WAIT_S))
+
+
+def _refusal(answer: requests.Response) -> ServiceRefused:
+    try:
+        told = Problem.model_validate_json(answer.content)
+    except ValidationError:
+        error = ServiceRefused(f"the service answered {answer.status_code}", remedy="Look at its log")
+    else:
+        error = ServiceRefused(told.problem, file=told.file, field=told.field, remedy=told.remedy)
+    error.status = answer.status_code
+    return error
+
+
+def _as(model: type[Model], answer: requests.Response) -> Model:
+    return model.model_validate_json(answer.content)
+
+
+def _path(job: JobDocument | str) -> str:
+    return f"/v1/jobs/{job.id if isinstance(job, JobDocument) else quote(job, safe='')}"
+
+
+def _events(answer: requests.Response) -> Iterator[JobDocument | None]:
+    """The jobs in an event stream, and None for its comments, until it ends or breaks."""
+    try:
+        for line in answer.iter_lines(chunk_size=1):  # else the last lines wait for more
+            if line.startswith(b":"):
+                yield None
+            elif line.startswith(b"data: {") and line != b"data: {}":
+                yield JobDocument.model_validate_json(line[6:])
+    except (requests.ConnectionError, requests.exceptions.ChunkedEncodingError):
+        return
+
+
+def _done(job: JobDocument) -> JobDocument:
+    if job.state is State.DONE:
+        return job
+    told = job.failure
+    if told is None:
+        raise JobEnded(f"the job is {job.state}", field="job", remedy="Ask for it again")
+    raise JobEnded(told.problem, file=told.file, field=told.field, remedy=told.remedy)
+
+
+def _inside(folder: Path, name: str) -> Path:
+    target = (folder / name).resolve()
+    if not target.is_relative_to(folder.resolve()):
+        raise InputError(f"the service names a file '{name}' outside the folder", remedy="Do not trust it")
+    return target
+
+
+def _texts(content: Any) -> Iterator[str]:
+    """All texts among the values of a document that could be names of files."""
+    if isinstance(content, str):
+        if content and "/" not in content and "\\" not in content and len(content) <= 255:
+            yield content
+    elif isinstance(content, Mapping):
+        for value in content.values():
+            yield from _texts(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from _texts(value)

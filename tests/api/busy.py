@@ -1,0 +1,26 @@
+"""A kind of job that keeps a processor busy, for tests of the service under load."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from scaling_service.runner.child import Progress
+from scaling_service.runner.kinds import Kind
+from tests.runner.tiny import TinyRequest
+
+
+class BusyRequest(TinyRequest):
+    pass
+
+
+def spin(request: BusyRequest, _inputs: Path, outputs: Path, _progress: Progress) -> Any:
+    end = time.process_time() + request.seconds
+    while time.process_time() < end:
+        pass
+    (outputs / "number.txt").write_text(str(request.number))
+    return {"number": request.number}
+
+
+BUSY = {"busy": Kind(BusyRequest, spin)}

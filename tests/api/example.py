@@ -1,0 +1,27 @@
+"""The person of the documented examples: recordings and a bone, as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import trimesh
+
+from scaling_service.api.subjects import EXAMPLE
+from scaling_service.client import Client
+from tests.jobs.laboratory import laboratory
+from tests.landmarking.bones import femur
+
+
+def example_files(folder: Path) -> list[Path]:
+    """All files that the examples name, in a folder that is made."""
+    folder.mkdir(parents=True)
+    laboratory(folder)
+    trimesh.Trimesh(*femur(), process=False).export(folder / "femur_r.stl")
+    return [folder / name for name in ("standing.trc", "hips.trc", "walk.trc", "femur_r.stl")]
+
+
+def put_example(client: Client, files: list[Path]) -> None:
+    """The documented subject with its files."""
+    client.put_subject(EXAMPLE)
+    for file in files:
+        client.upload("S01", file)

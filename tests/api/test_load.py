@@ -1,0 +1,131 @@
+"""Many clients and jobs at once, and uploads larger than the memory that they may take."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.client import Client
+from scaling_service.schemas.jobs import State
+from tests.api.test_subjects import person
+from tests.cli.serving import ENVIRONMENT, start
+from tests.runner.services import children_of
+
+SERVER = [sys.executable, "-m", "tests.api.tiny_server"]
+
+
+@contextmanager
+def server(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, str]]:
+    """Process and address of a service that is not slowed by limits on requests."""
+    for name, value in (("RATE", "1e6"), ("BURST", "1000000")):
+        monkeypatch.setitem(ENVIRONMENT, f"SCALING_SERVICE_REQUEST_{name}", value)
+    process, url = start(folder, command=SERVER)
+    try:
+        yield process.pid, url
+    finally:
+        process.terminate()
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(30) == 0
+
+
+class Crowd:
+    """Clients that each ask for their jobs, then look at them again and again until all are done."""
+
+    def __init__(self, url: str, n_clients: int, n_jobs: int, seconds: float) -> None:
+        self.url, self.seconds = url, seconds
+        self.numbers = np.array_split(np.arange(n_jobs), n_clients)
+        self.times: list[float] = []
+        self.troubles: list[BaseException] = []
+        self.done: set[str] = set()
+
+    def run(self) -> None:
+        threads = [threading.Thread(target=self._one, args=(numbers,)) for numbers in self.numbers]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    def _one(self, numbers: np.ndarray) -> None:
+        try:
+            with Client(self.url, patience_s=0.0) as client:
+                open_jobs = {client.ask("busy", number=int(k), seconds=self.seconds).id for k in numbers}
+                while open_jobs:
+                    for job in list(open_jobs)[:3]:
+                        begun = time.perf_counter()
+                        state = client.job(job).state
+                        self.times.append(time.perf_counter() - begun)
+                        if state.is_over:
+                            assert state is State.DONE
+                            open_jobs.discard(job)
+                            self.done.add(job)
+                    time.sleep(0.5)
+        except BaseException as error:  # noqa: BLE001 (told by the test)
+            self.troubles.append(error)
+
+
+def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> float:
+    """The 99th percentile of the time of a status request, s; all jobs are done and none is lost."""
+    crowd = Crowd(url, n_clients, n_jobs, seconds)
+    begun = time.perf_counter()
+    crowd.run()
+    wall_s = time.perf_counter() - begun
+    assert crowd.troubles == []
+    assert len(crowd.done) == n_jobs
+    with Client(url) as client:
+        assert {job.id for job in client.jobs()} == crowd.done
+    times = np.array(crowd.times)
+    median, p99 = np.percentile(times, [50, 99])
+    print(  # noqa: T201 (shown by -s)
+        f"{n_jobs} jobs in {wall_s:.0f} s; {len(times)} status requests: median {1e3 * median:.1f} ms, "
+        f"p99 {1e3 * p99:.1f} ms, largest {1e3 * times.max():.1f} ms"
+    )
+    return float(p99)
+
+
+def test_a_few_clients_and_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with server(tmp_path / "data", monkeypatch) as (_, url):
+        assert crowded(url, n_clients=10, n_jobs=30, seconds=0.1) < 1.0
+
+
+@pytest.mark.benchmark
+def test_fifty_clients_and_a_thousand_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with server(tmp_path / "data", monkeypatch) as (_, url):
+        assert crowded(url, n_clients=50, n_jobs=1000, seconds=0.1) <= 0.1
+
+
+def largest_memory_mb(process: int) -> float:
+    """The most resident memory that a process has had, MB."""
+    for line in Path(f"/proc/{process}/status").read_text().splitlines():
+        if line.startswith("VmHWM"):
+            return int(line.split()[1]) / 1e3
+    raise AssertionError
+
+
+@pytest.mark.parametrize("size_mb", [60, pytest.param(500, marks=pytest.mark.benchmark)])
+def test_an_upload_takes_little_memory(size_mb: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "large.c3d"
+    with file.open("wb") as content:
+        for _ in range(size_mb):
+            content.write(os.urandom(1_000_000))
+    with server(tmp_path / "data", monkeypatch) as (process, url), Client(url) as client:
+        client.put_subject(person("S01"))
+        before = largest_memory_mb(process)
+        begun = time.perf_counter()
+        assert client.upload("S01", file).size == size_mb * 1_000_000
+        wall_s = time.perf_counter() - begun
+        after = largest_memory_mb(process)
+        print(  # noqa: T201 (shown by -s)
+            f"{size_mb} MB in {wall_s:.1f} s: the server had {before:.0f} MB before, {after:.0f} MB at most"
+        )
+        assert after < 300.0
+        assert after - before < 40.0
+        assert children_of(process)

@@ -36,7 +36,7 @@ def _known(methods: list[str] | None) -> list[str] | None:
 def _sensible(settings: Settings) -> Settings:
     for name, value in _numbers(settings):
         if not 0 <= value <= _LARGEST:
-            raise ValueError(f"{name} is {value:.3g}; give a number from 0 to {_LARGEST:g}")
+            raise ValueError(f"{name} is not possible; give a number from 0 to {_LARGEST:g}")
     if settings.calibration.n_frames < 1 or settings.calibration.max_loops < 1:
         raise ValueError("n_frames and max_loops are at least 1")
     return settings

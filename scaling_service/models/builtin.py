@@ -6,9 +6,6 @@ Their numbers, each with its source, are in the data folder ``reference_models``
 from __future__ import annotations
 
 from functools import cache
-from importlib import resources
-from importlib.resources.abc import Traversable
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -16,6 +13,7 @@ import yaml
 from scaling_service.core.errors import InputError
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compact import GenericPerson, expand
+from scaling_service.models.reference import reference_folder as reference_folder
 
 BUILTIN_NAMES: tuple[str, ...] = (
     "lower_limb_14dof",
@@ -50,12 +48,6 @@ def builtin(name: str) -> BodyModel:
 def generic_person(name: str) -> GenericPerson:
     """The stature, mass and sex that a built-in model's numbers belong to; errors as :func:`builtin`."""
     return _load(_known(name))[1]
-
-
-def reference_folder() -> Traversable:
-    """The folder ``reference_models``: inside the installed package, or beside it in a working copy."""
-    installed = resources.files("scaling_service") / "reference_models"
-    return installed if installed.is_dir() else Path(__file__).resolve().parents[2] / "reference_models"
 
 
 def _known(name: str) -> str:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from scaling_service.core.errors import InputError
 from scaling_service.models.body import GROUND, BodyModel, Coordinate, Joint, Law, Marker, Segment, Vector
+from scaling_service.models.inertia_tables import inertia_table
 
 Tensor = tuple[float, float, float, float, float, float]
 
@@ -94,7 +95,7 @@ def expand(
     left: list[Segment] = []
     left_coordinates: list[Coordinate] = []
     for entry in top.need("segments"):
-        segment, moved, mirrored = _segment(_Reader(file, "segments", dict(entry)), person.mass_kg)
+        segment, moved, mirrored = _segment(_Reader(file, "segments", dict(entry)), person)
         segments.append(segment)
         coordinates += moved
         if mirrored:
@@ -121,7 +122,7 @@ def _person(reader: _Reader) -> GenericPerson:
     return person
 
 
-def _segment(reader: _Reader, body_mass: float) -> tuple[Segment, list[Coordinate], bool]:
+def _segment(reader: _Reader, person: GenericPerson) -> tuple[Segment, list[Coordinate], bool]:
     name, parent, joint_name = (str(reader.need(key)) for key in ("name", "parent", "joint"))
     reader = replace(reader, field=f"segments.{name}")
     mirrored = bool(reader.maybe("mirrored", False))
@@ -136,7 +137,7 @@ def _segment(reader: _Reader, body_mass: float) -> tuple[Segment, list[Coordinat
         joint, coordinate = _move(_Reader(reader.file, f"{reader.field}.moves", dict(entry)))
         joints.append(joint)
         coordinates += [coordinate] if coordinate else []
-    mass, com, inertia = _inertia(reader.sub("inertia"), body_mass)
+    mass, com, inertia = _inertia(reader.sub("inertia"), person)
     reader.done()
     return Segment(name, parent, joint_name, tuple(joints), mass, com, inertia), coordinates, mirrored
 
@@ -166,18 +167,24 @@ def _move(reader: _Reader) -> tuple[Joint, Coordinate | None]:
     return Joint(kind, axis, Law.of(name)), Coordinate(name, kind, default, lower, upper)
 
 
-def _inertia(reader: _Reader, body_mass: float) -> tuple[float, Vector, Tensor]:
-    """Mass, centre of mass and tensor from a table's percentages.
+def _inertia(reader: _Reader, person: GenericPerson) -> tuple[float, Vector, Tensor]:
+    """Mass, centre of mass and tensor from percentages, written down or of a published table.
 
     Tables give the mass in % of the body's, the centre of mass in % of a length L from an origin,
     and the tensor as radii r in % of L: ``I = m (r L)^2``, with the sign of a product kept apart
     (Dumas et al. 2007, tables 1 and 2, where a negative product is an imaginary radius).
     """
-    mass = body_mass * float(reader.need("mass_pct")) / 100.0
     length = float(reader.need("length"))
     origin = reader.vector("from") if "from" in reader.content else (0.0, 0.0, 0.0)
-    com = tuple(o + length * c / 100.0 for o, c in zip(origin, reader.vector("com_pct"), strict=True))
-    radii = (*reader.vector("radii_pct"), *reader.vector("products_pct"))
+    if "table" in reader.content:
+        row = inertia_table(str(reader.need("table"))).row(str(reader.need("row")), person.sex)
+        mass_pct, com_pct = row.mass_pct, _vector(row.com_pct or ())
+        radii = (*_vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
+    else:
+        mass_pct, com_pct = float(reader.need("mass_pct")), reader.vector("com_pct")
+        radii = (*reader.vector("radii_pct"), *reader.vector("products_pct"))
+    mass = person.mass_kg * mass_pct / 100.0
+    com = tuple(o + length * c / 100.0 for o, c in zip(origin, com_pct, strict=True))
     tensor = tuple(math.copysign(mass * (r * length / 100.0) ** 2, r) if r else 0.0 for r in radii)
     reader.need("source")
     reader.done()

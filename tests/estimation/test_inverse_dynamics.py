@@ -1,0 +1,254 @@
+"""Inverse dynamics of motions whose truth is known, of real recordings, and beside OpenSim's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+
+from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
+from scaling_service.estimation.inverse_dynamics import (
+    InverseDynamics,
+    RatedMotion,
+    check_weight,
+    dynamics_of,
+    inverse_dynamics,
+    rated_motion,
+)
+from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+from scaling_service.formats.forces import read_forces
+from scaling_service.formats.osim import read_osim
+from scaling_service.formats.sto import Table, motion_table, write_sto
+from scaling_service.formats.trc import read_trc
+from scaling_service.kernels.derivatives import spline_rates
+from scaling_service.kernels.law_rates import Motion as Rates
+from scaling_service.kernels.tree import forward, positions
+from scaling_service.kernels.wrench import GRAVITY, root_wrench
+from scaling_service.models.body import BodyModel
+from scaling_service.models.builtin import builtin
+from scaling_service.models.forces import SegmentLoads
+from scaling_service.models.massive import mechanism_of, total_mass
+from scaling_service.models.results import Motion
+from scaling_service.models.trial import Array
+from scaling_service.processing.plates_feet import assign_plates, foot_loads
+from scaling_service.processing.synchronise import synchronise
+from tests.peers.opensim_id import OpenSimId, run_opensim_id, write_loads
+
+BODY = builtin("full_body_35dof")
+TIMES = np.arange(200) / 100
+
+
+def swaying() -> tuple[Array, Array, Array]:
+    """A slow whole-body motion with its true rates, (200, 35) each."""
+    rng = np.random.default_rng(0)
+    size, pace, phase = rng.uniform(0.05, 0.3, (3, 35)) * [[1], [12], [9]]
+    at = np.outer(TIMES, pace) + phase
+    return size * np.sin(at), size * pace * np.cos(at), -size * pace**2 * np.sin(at)
+
+
+def motion_of(q: Array, coordinates: tuple[str, ...] = BODY.coordinate_names) -> Motion:
+    return Motion("sway", TIMES, coordinates, q, (), np.zeros((len(q), 0, 3)), coordinates)
+
+
+def bearing(share: float = 0.5) -> SegmentLoads:
+    """Two feet that bear exactly what the true motion needs."""
+    wrench, _ = root_wrench(mechanism_of(BODY), Rates.of_frames(*swaying()), np.zeros(0))
+    parts = np.stack([share * wrench.T, (1 - share) * wrench.T], axis=1)
+    return SegmentLoads(TIMES, ("calcn_r", "calcn_l"), parts[..., :3], parts[..., 3:])
+
+
+def test_a_true_motion_with_true_loads_leaves_no_residual() -> None:
+    rated = rated_motion(BODY, TIMES, swaying()[0], cutoff_hz=None)
+    inner = slice(15, -15)  # the natural spline settles within some samples of the ends
+    np.testing.assert_allclose(rated.qddot[inner], swaying()[2][inner], rtol=0, atol=1e-4)
+    found = dynamics_of(BODY, rated, bearing())
+    np.testing.assert_allclose(found.residual[inner], 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.external[:, 1].mean() / 9.80665, found.mass, rtol=0.05)
+
+
+def test_order_of_the_coordinates_and_whole_turns_do_not_matter() -> None:
+    q = swaying()[0]
+    plain = inverse_dynamics(BODY, motion_of(q), bearing())
+    names = BODY.coordinate_names
+    turned = q.copy()
+    turned[100:, names.index("pelvis_rotation")] += 2 * np.pi
+    other = inverse_dynamics(BODY, motion_of(turned[:, ::-1], names[::-1]), bearing())
+    np.testing.assert_allclose(other.residual, plain.residual, atol=1e-8)
+    np.testing.assert_allclose(other.forces, plain.forces, atol=1e-8)
+
+
+def test_one_missing_frame_spoils_one_frame() -> None:
+    q, loads = swaying()[0], bearing()
+    q[150, 4] = np.nan
+    force = loads.force.copy()
+    force[40, 1, 0] = np.nan
+    found = inverse_dynamics(BODY, motion_of(q), replace(loads, force=force))
+    assert np.flatnonzero(~found.known).tolist() == [40, 150]
+
+
+def test_the_centre_of_mass_is_the_weighted_mean() -> None:
+    still = np.tile([c.default for c in BODY.coordinates], (200, 1))
+    found = inverse_dynamics(BODY, motion_of(still))
+    assert 0.53 < found.centre_of_mass[0, 1] / 1.762 < 0.59  # of the stature; Winter 2009: about .56
+    weight = found.mass * 9.80665
+    np.testing.assert_allclose(found.residual[:, 1], weight, rtol=1e-9)
+    arm = (found.centre_of_mass - found.root)[:, 0]
+    np.testing.assert_allclose(found.residual[:, 5], arm * weight, rtol=1e-9)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    q, loads = swaying()[0], bearing()
+    with pytest.raises(TrialUnusable, match="the motion has no coordinate 'pelvis_tx'"):
+        inverse_dynamics(BODY, motion_of(q[:, 1:], BODY.coordinate_names[1:]), loads)
+    with pytest.raises(TrialUnusable, match="not on one clock"):
+        inverse_dynamics(BODY, motion_of(q), replace(loads, times=TIMES + 0.004))
+    with pytest.raises(InputError, match="acts on 'paw', which is no segment"):
+        inverse_dynamics(BODY, motion_of(q), replace(loads, segments=("paw", "calcn_l")))
+    with pytest.raises(InputError, match="does not suit 100 frames per second"):
+        inverse_dynamics(BODY, motion_of(q), loads, cutoff_hz=60.0)
+    weightless = replace(BODY, segments=tuple(replace(s, mass=0.0) for s in BODY.segments))
+    with pytest.raises(ModelRefused, match="no segment of model 'full_body_35dof' has mass"):
+        inverse_dynamics(weightless, motion_of(q), loads)
+
+
+def test_a_mass_that_the_plates_do_not_bear_is_refused_or_told() -> None:
+    found = inverse_dynamics(BODY, motion_of(swaying()[0]), bearing())
+    assert check_weight(found) == ()
+    assert "the model weighs 60.7 kg" in check_weight(replace(found, mass=0.9 * found.mass))[0]
+    for mass in (1000.0, 5.0):
+        with pytest.raises(TrialUnusable, match=rf"the model weighs {mass:.1f} kg"):
+            check_weight(replace(found, mass=mass))
+    airborne = found.external.copy()
+    airborne[:120] = 0.0
+    part = replace(found, external=airborne)
+    assert "the plates bear" in check_weight(replace(part, mass=35.0))[0]
+    assert check_weight(part, frames=np.arange(200) >= 140) == check_weight(
+        found, frames=np.arange(200) >= 140
+    )
+    with pytest.raises(TrialUnusable, match="no frame has both"):
+        check_weight(replace(found, residual=np.full((200, 6), np.nan)))
+
+
+# --- real recordings, beside OpenSim --------------------------------------------------------------
+
+RECORDINGS = {
+    "gait2354": (
+        "gait2354_simbody.osim",
+        "gait2354_Scale_MarkerSet.xml",
+        "subject01_walk1.trc",
+        "subject01_walk1_grf.mot",
+        ("R.Heel", "R.Toe.Tip"),
+    ),
+    "opencap_squat": (
+        "manually_scaled.osim",
+        None,
+        "squats1.trc",
+        "squats1_grf.mot",
+        ("r_calc", "r_toe"),
+    ),
+}
+FRAMES = 150
+
+
+def recorded(data: Path, name: str) -> tuple[Path, BodyModel, InverseDynamics, SegmentLoads]:
+    """A recording's dynamics at 6 Hz, and the loads, on an exactly regular clock."""
+    file, markers, trc, grf, right = RECORDINGS[name]
+    folder = data / name
+    model = read_osim(folder / file, folder / markers if markers else None)
+    trial = read_trc(folder / trc).frames(slice(0, FRAMES))
+    motion = inverse_kinematics(model, trial)
+    feet = {
+        f"calcn_{side}": np.stack([trial.position(f"{letter}{label[1:]}") for label in right], axis=1)
+        for side, letter in (("r", right[0][0]), ("l", "L"))
+    }
+    forces = synchronise(read_forces(folder / grf), motion.times, cutoff_hz=6.0)
+    loads = foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
+    times = np.linspace(motion.times[0], motion.times[-1], len(motion.times))
+    q = rated_motion(model, motion.times, motion.q, cutoff_hz=6.0).q
+    rated = RatedMotion(times, q, *spline_rates(times, q))
+    loads = replace(loads, times=times)
+    return folder / file, model, dynamics_of(model, rated, loads, trial=name), loads
+
+
+def opensims(
+    path: Path, model: BodyModel, ours: InverseDynamics, loads: SegmentLoads, folder: Path
+) -> OpenSimId:
+    """OpenSim's tool on the same motion and loads."""
+    columns = [ours.motion.q]
+    names, kinds = list(model.coordinate_names), [c.kind for c in model.coordinates]
+    for coupler in model.couplers:  # of a coupled kind: OpenSim takes it in radians always
+        names.append(coupler.dependent)
+        kinds.append("translation")
+        columns.append(ours.motion.q[:, [model.coordinate_names.index(coupler.independent)]])
+    write_sto(
+        folder / "q.mot", motion_table("q", ours.motion.times, names, kinds, np.concatenate(columns, axis=1))
+    )
+    data, labels = [ours.motion.times[:, None]], ["time"]
+    for k, segment in enumerate(loads.segments):
+        data += [loads.force[:, k], np.zeros((len(ours.motion.times), 3)), loads.moment[:, k]]
+        labels += [f"{segment}_{what}{axis}" for what in "vpm" for axis in "xyz"]
+    write_sto(folder / "f.mot", Table("f", tuple(labels), np.concatenate(data, axis=1)))
+    write_loads(folder / "loads.xml", folder / "f.mot", {s: s for s in loads.segments})
+    return run_opensim_id(path, folder / "q.mot", folder / "loads.xml")
+
+
+def differences(model: BodyModel, ours: InverseDynamics, theirs: OpenSimId) -> dict[str, float]:
+    """Largest difference per coordinate over body weight; a dependent one's force counts with its own."""
+    found = {}
+    for k, name in enumerate(model.coordinate_names):
+        follows = [name, *(c.dependent for c in model.couplers if c.independent == name)]
+        force = sum(
+            theirs.forces[key]
+            for f in follows
+            for key in (f"{f}_moment", f"{f}_force")
+            if key in theirs.forces
+        )
+        found[name] = float(np.abs(force - ours.forces[:, k]).max() / (ours.mass * 9.80665))
+    return found
+
+
+@pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
+def test_joint_forces_equal_opensims_where_joints_are_simple(shared_data: Path, tmp_path: Path) -> None:
+    path, model, ours, loads = recorded(shared_data, "gait2354")
+    theirs = opensims(path, model, ours, loads, tmp_path)
+    assert max(differences(model, ours, theirs).values()) < 1e-6
+    assert check_weight(ours) == ()
+
+
+@pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
+def test_where_opensim_differs_it_is_opensim_that_misses_the_balance_of_momentum(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    path, model, ours, loads = recorded(shared_data, "opencap_squat")
+    theirs = opensims(path, model, ours, loads, tmp_path)
+    weight = ours.mass * 9.80665
+    needed = force_of_momentum(model, ours) - ours.external[:, :3]
+    root = np.stack([theirs.forces[f"pelvis_t{axis}_force"] for axis in "xyz"], axis=1)
+    inner = slice(5, -5)
+    assert np.abs(ours.residual[:, :3] - needed)[inner].max() < 1e-6 * weight
+    assert np.abs(root - needed)[inner].max() > 1e-5 * weight
+    # Their knees turn and glide by several functions; joints below them are simple again.
+    assert max(differences(model, ours, theirs).values()) < 1e-3
+
+
+def force_of_momentum(model: BodyModel, ours: InverseDynamics) -> Array:
+    """m (a - g) from second differences of the centre of mass along the motion's splines, (n, 3)."""
+    motion, mechanism, step = ours.motion, mechanism_of(model), 1e-3
+    ends = [(3, np.zeros(motion.q.shape[1])), (4, np.zeros(motion.q.shape[1]))]
+    spline = make_interp_spline(motion.times, motion.q, k=5, bc_type=(ends, ends))
+    masses = mechanism.inertias.mass
+
+    def centre(times: Array) -> Array:
+        placed = positions(
+            mechanism.tree, forward(mechanism.tree, np.ascontiguousarray(spline(times).T), np.zeros(0))
+        )
+        return np.einsum("k,kan->na", masses / masses.sum(), placed)
+
+    at = [centre(motion.times + k * step) for k in (-3, -2, -1, 0, 1, 2, 3)]
+    weights = np.array([2, -27, 270, -490, 270, -27, 2]) / 180.0  # central, sixth order
+    acceleration = np.einsum("k,kna->na", weights, at) / step**2
+    return np.asarray(total_mass(model) * (acceleration - GRAVITY))

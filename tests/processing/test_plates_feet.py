@@ -1,0 +1,154 @@
+"""Who stands on which plate: made walks whose answer is known, and real recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.formats.forces import read_forces
+from scaling_service.formats.recording import read_recording
+from scaling_service.models.forces import GroundForces
+from scaling_service.models.trial import Array
+from scaling_service.processing.plates_feet import NOBODY, FootContacts, assign_plates, foot_loads
+from scaling_service.processing.synchronise import synchronise
+
+STEP, N = 0.01, 200
+TIMES = STEP * np.arange(N)
+RIGHT, LEFT = (0.0, 0.1), (0.6, -0.1)
+"""Where the heels stand, x and z; toes are 0.2 m ahead."""
+
+
+def foot(heel: tuple[float, float], standing: slice) -> Array:
+    """Heel and toe markers of a foot that swings in before and out after it stands."""
+    before, after = np.arange(N) < standing.start, np.arange(N) >= standing.stop
+    x = heel[0] - 3.0 * np.where(before, standing.start * STEP - TIMES, 0.0)
+    x = x + 3.0 * np.where(after, TIMES - (standing.stop - 1) * STEP, 0.0)
+    y = 0.03 + 0.1 * (before | after)
+    at = np.stack([x, y, np.full(N, heel[1])], axis=1)
+    return np.stack([at, at + np.array([0.2, 0.01, 0.0])], axis=1)
+
+
+def pressed(places: list[tuple[tuple[float, float], slice]]) -> GroundForces:
+    """Plates pressed with 600 N, 0.1 m before a heel."""
+    force, moment = np.zeros((2, N, len(places), 3))
+    for k, (heel, when) in enumerate(places):
+        force[when, k, 1] = 600.0
+        moment[when, k] = np.cross([heel[0] + 0.1, 0.0, heel[1]], [0.0, 600.0, 0.0])
+    up = np.tile([0.0, 1.0, 0.0], (len(places), 1))
+    names = tuple(f"plate_{k + 1}" for k in range(len(places)))
+    return GroundForces("made", TIMES, names, force, moment, np.zeros((len(places), 3)), up)
+
+
+FIRST, SECOND = slice(20, 110), slice(90, 180)
+FEET = {"r": foot(RIGHT, FIRST), "l": foot(LEFT, SECOND)}
+
+
+def whats(contacts: FootContacts) -> set[str]:
+    return {r.what for r in contacts.repairs}
+
+
+def test_each_contact_goes_to_the_foot_under_it() -> None:
+    contacts = assign_plates(pressed([(LEFT, SECOND), (RIGHT, FIRST)]), FEET)
+    assert (contacts.foot[SECOND, 0] == 1).all()
+    assert (contacts.foot[FIRST, 1] == 0).all()
+    assert (contacts.foot[:20] == NOBODY).all()
+    assert whats(contacts) == {"plate_foot"}
+    assert contacts.supported.all()
+    assert contacts.on_floor[95:105].all()
+
+
+def test_loads_go_to_the_segments_of_the_feet() -> None:
+    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
+    loads = foot_loads(forces, assign_plates(forces, FEET), {"r": "calcn_r", "l": "calcn_l"})
+    assert loads.segments == ("calcn_r", "calcn_l")
+    np.testing.assert_array_equal(loads.force[:, 0], forces.force[:, 1])
+    np.testing.assert_array_equal(loads.moment[:, 1], forces.moment[:, 0])
+
+
+def test_a_foot_across_two_plates_receives_both_and_is_told() -> None:
+    forces = pressed([(RIGHT, FIRST), (RIGHT, FIRST), (LEFT, SECOND)])
+    contacts = assign_plates(forces, FEET)
+    assert "two_plates" in whats(contacts)
+    loads = foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
+    np.testing.assert_array_equal(loads.force[50, 0], [0, 1200, 0])
+
+
+def test_a_plate_under_two_feet_is_told() -> None:
+    together = slice(20, 180)
+    near = (0.05, -0.1)
+    between = pressed([((0.0, 0.0), together)])
+    contacts = assign_plates(between, {"r": foot(RIGHT, together), "l": foot(near, together)})
+    assert "two_feet" in whats(contacts)
+    assert not contacts.supported[30:170].any()  # one foot bears nothing that is known
+
+
+def test_a_foot_beside_the_plates_is_told_and_its_frames_are_not_supported() -> None:
+    contacts = assign_plates(pressed([(RIGHT, FIRST)]), FEET)
+    assert "no_plate" in whats(contacts)
+    assert contacts.supported[25:85].all()
+    assert not contacts.supported[95:175].any()
+
+
+def test_an_override_wins_and_the_swing_check_speaks() -> None:
+    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
+    contacts = assign_plates(forces, FEET, override={"plate_1": "r", "plate_2": "l"})
+    assert (contacts.foot[SECOND, 0] == 0).all()
+    assert "in_swing" in whats(contacts)
+    with pytest.raises(InputError, match=r"plates\.plate_9: there is no plate 'plate_9'"):
+        assign_plates(forces, FEET, override={"plate_9": "r"})
+    with pytest.raises(InputError, match="there is no foot 'paw'"):
+        assign_plates(forces, FEET, override={"plate_1": "paw"})
+
+
+def test_loads_far_from_any_foot_are_refused() -> None:
+    with pytest.raises(TrialUnusable, match="no load is near a foot"):
+        assign_plates(pressed([((5.0, 5.0), FIRST)]), FEET)
+
+
+def test_an_unknown_force_makes_its_frame_unknown_for_every_foot() -> None:
+    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
+    force = forces.force.copy()
+    force[50, 0, 0] = np.nan
+    forces = replace(forces, force=force)
+    contacts = assign_plates(forces, FEET)
+    loads = foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
+    assert np.flatnonzero(np.isnan(loads.force).any(axis=(1, 2))).tolist() == [50]
+    assert not contacts.supported[50]
+
+
+def test_a_treadmill_is_a_floor_that_moves() -> None:
+    back = np.zeros((N, 1, 3))
+    back[:, 0, 0] = -1.2 * TIMES
+    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
+    moved = replace(forces, moment=forces.moment + np.cross(back, forces.force))
+    contacts = assign_plates(moved, {name: markers + back for name, markers in FEET.items()})
+    assert whats(contacts) == {"belt", "plate_foot"}
+    assert contacts.supported.all()
+
+
+REAL = {
+    "gait2354": ("subject01_walk1.trc", "subject01_walk1_grf.mot", ("R.Heel", "R.Toe.Tip"), 151),
+    "rajagopal_walk": ("motion_capture_walk.trc", "grf_walk.mot", ("R.Heel", "R.Toe", "R.MT5"), 159),
+    "opencap_squat": ("squats1.trc", "squats1_grf.mot", ("r_calc", "r_toe"), 1346),
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_plates_bear_the_feet_that_their_set_ups_name(shared_data: Path, name: str) -> None:
+    markers, forces, right, supported = REAL[name]
+    trial = read_recording(shared_data / name / markers)
+    left = [f"L{label[1:]}" for label in right]
+    feet = {
+        side: np.stack([trial.position(label) for label in labels], axis=1)
+        for side, labels in (("r", right), ("l", left))
+    }
+    contacts = assign_plates(
+        synchronise(read_forces(shared_data / name / forces), trial.times, cutoff_hz=6.0), feet
+    )
+    borne = {(r.where, r.detail.split()[1]) for r in contacts.repairs if r.what == "plate_foot"}
+    assert borne == {("plate_1", "r"), ("plate_2", "l")}
+    assert contacts.supported.sum() == supported  # the walker leaves two plates; the treadmill holds all

@@ -108,7 +108,8 @@ def list_files(subject: Named, owner: Owner, service: Desk) -> FileList:
     "/{subject}/files/{name}",
     response_model=FileEntry,
     responses=described(404, 408, 413, 507),
-    openapi_extra={"requestBody": {"required": True, "content": {"application/octet-stream": _BYTES}}},
+    # No body is a file without content, which is the fault of the job that reads it.
+    openapi_extra={"requestBody": {"required": False, "content": {"application/octet-stream": _BYTES}}},
 )
 async def put_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""

@@ -191,10 +191,14 @@ def _both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone
 def _fitted(
     surface: Surface, chosen: list[Array], pair: tuple[SphereFit, SphereFit]
 ) -> tuple[SphereFit, SphereFit]:
-    """Both spheres through their vertices, each worth as many observations as it has grains of area."""
+    """Both spheres through their vertices, each worth as many observations as it has grains of area.
+
+    Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
+    """
     points = [surface.points[weight > 0] for weight in chosen]
     counts = [(weight * surface.areas)[weight > 0] / _GRAIN_M**2 for weight in chosen]
-    noise = max(_LEAST_NOISE_M, float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0))
+    rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
+    noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
     return fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
 
 

@@ -34,6 +34,16 @@ _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
 spines at 1.2-1.5, pubic tubercles at 0.2-0.4. Chosen between them."""
 
 _TURNS = 4  # chosen: the frame turns by 5 degrees the first time, by less than 0.1 the third
+_SIDES = (("r", 1.0), ("l", -1.0))
+
+_SPINE_M = 0.025
+"""How far an ASIS lies from where the anterior pelvic plane touches it at most: chosen, so that the inferior
+spine, which lies further down and can reach as far forward, stays out."""
+
+MOST_LEAN_DEG = 40.0
+"""Largest angle between the line from PSIS to ASIS and the anterior plane's normal: chosen, five times the
+3-8 degrees of three pelves."""
+
 _SIZE_M = (0.15, 0.42)  # largest extent of both hip bones, a child's to a giant's
 
 
@@ -84,16 +94,11 @@ def pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmar
             remedy="Check the unit (mm or m), and that both hip bones are in the surface",
         )
     low, high = _sockets(surface)
-    frame = _anterior_frame(surface, low, high)
+    frame = _touching(surface, _anterior_frame(surface, low, high))
     if float((high.centre - low.centre) @ frame.z) < 0:
         low, high = high, low
     points = {"acetabulum_r": high.centre, "acetabulum_l": low.centre}
-    level, spines = frame, dict[str, Array]()
-    for _ in range(_TURNS):
-        for side, sign in (("r", 1.0), ("l", -1.0)):
-            spines |= _spines(surface, frame, level, side, sign)
-        level = _levelled(frame, spines)
-    points |= spines
+    points |= _level_spines(surface, frame)
     points["mid_asis"] = 0.5 * (points["asis_r"] + points["asis_l"])
     _check(points, frame)
     across = points["asis_r"] - points["asis_l"]
@@ -174,25 +179,80 @@ def _anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone) -> 
     return _Frame(forward, up, np.cross(forward, up), middle, half)
 
 
-def _levelled(frame: _Frame, spines: dict[str, Array]) -> _Frame:
-    """Forward is from the PSIS to the ASIS, across the line of the sockets (Wu et al. 2002)."""
-    forward = spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]
+def _touching(surface: Surface, frame: _Frame) -> _Frame:
+    """Turned until the plane touches the tips of spines and pubis, which single vertices do not move."""
+    for _ in range(_TURNS):
+        tips: dict[str, Array] = {}
+        for side, sign in _SIDES:
+            tips |= _plane_tips(surface, frame, side, sign)
+        up = tips["asis_r"] + tips["asis_l"] - tips["pubic_tubercle_r"] - tips["pubic_tubercle_l"]
+        frame = _facing(frame, np.cross(up, frame.z))
+    return frame
+
+
+def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
+    """Pubic tubercles, and ASIS and PSIS once they stand level with each other (Wu et al. 2002).
+
+    Raises
+    ------
+    MeshRefused
+        The line from PSIS to ASIS leans more than any pelvis's.
+    """
+    touching: dict[str, Array] = {}
+    for side, sign in _SIDES:
+        touching |= _plane_tips(surface, frame, side, sign)
+    level, spines = frame, dict(touching)
+    for _ in range(_TURNS):
+        for side, sign in _SIDES:
+            near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
+            ilium = near & _ilium(surface, frame, sign)
+            spines[f"asis_{side}"] = _furthest(surface, level.x, ilium, "ASIS")
+            spines[f"psis_{side}"] = _furthest(surface, -level.x, _rear(surface, frame, sign), "PSIS")
+        level = _facing(frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"])
+        lean = float(np.rad2deg(np.arccos(np.clip(level.x @ frame.x, -1.0, 1.0))))
+        if lean > MOST_LEAN_DEG:
+            raise MeshRefused(
+                f"the line from PSIS to ASIS leans by {lean:.0f} degrees off the anterior plane's normal",
+                remedy="Give whole hip bones, not deformed",
+            )
+    return spines
+
+
+def _facing(frame: _Frame, forward: Array) -> _Frame:
+    """The frame turned about the line of the sockets to face forward."""
     forward = forward - float(forward @ frame.z) * frame.z
     forward = forward / np.linalg.norm(forward)
     return _Frame(forward, np.cross(frame.z, forward), frame.z, frame.middle, frame.half)
 
 
-def _spines(surface: Surface, frame: _Frame, level: _Frame, side: str, sign: float) -> dict[str, Array]:
-    offset = surface.smooth - frame.middle
-    along, height, ahead = sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
-    ilium = (along > _SPINE_OUT * frame.half) & (height > 0.2 * frame.half)
-    pubis = (along > 0.0) & (along < _PUBIS_IN * frame.half) & (height < 0.2 * frame.half)
-    rear = (along > 0.2 * frame.half) & (along < frame.half) & (height > 0.0) & (ahead < 0.0)
+def _plane_tips(surface: Surface, frame: _Frame, side: str, sign: float) -> dict[str, Array]:
+    """Where the anterior pelvic plane touches one side."""
+    pubis = _pubis(surface, frame, sign)
     return {
-        f"asis_{side}": _furthest(surface, level.x, ilium, "ASIS"),
+        f"asis_{side}": _furthest(surface, frame.x, _ilium(surface, frame, sign), "ASIS"),
         f"pubic_tubercle_{side}": _furthest(surface, frame.x, pubis, "pubic tubercle"),
-        f"psis_{side}": _furthest(surface, -level.x, rear, "PSIS"),
     }
+
+
+def _ilium(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
+    out, height, _ = _shares(surface, frame, sign)
+    return np.asarray((out > _SPINE_OUT) & (height > 0.2))
+
+
+def _pubis(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
+    out, height, _ = _shares(surface, frame, sign)
+    return np.asarray((out > 0.0) & (out < _PUBIS_IN) & (height < 0.2))
+
+
+def _rear(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
+    out, height, ahead = _shares(surface, frame, sign)
+    return np.asarray((out > 0.2) & (out < 1.0) & (height > 0.0) & (ahead < 0.0))
+
+
+def _shares(surface: Surface, frame: _Frame, sign: float) -> tuple[Array, Array, Array]:
+    """Outwards, up and ahead of the middle of the sockets, as shares of half their distance."""
+    offset = (surface.smooth - frame.middle) / frame.half
+    return sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
 
 
 def _furthest(surface: Surface, direction: Array, within: NDArray[np.bool_], name: str) -> Array:

@@ -12,6 +12,11 @@ Faces = NDArray[np.intp]
 _MOST_STEPS = 120  # chosen: enough for 2 mm on a mesh of 0.4 mm edges
 _UNSHRINK = -1.03  # Taubin 1995's second, swelling step as a share of the first
 
+QUIET_M = 4e-4
+"""Scatter of the vertices about the smoothed surface up to which a mesh is left as it is, m. Chosen above the
+0.06-0.08 mm of bones from computed tomography, the 0.35 mm of a rough one from magnetic resonance, and what
+smoothing takes off meshes of 3,000 faces (0.1-0.36 mm)."""
+
 
 def vertex_areas(points: Array, faces: Faces) -> Array:
     """A third of the area of the faces around each vertex, shape (n,)."""
@@ -45,19 +50,50 @@ class Smoother:
         weights.data[:] = 1.0
         total = np.maximum(np.asarray(weights.sum(axis=1)).ravel(), 1.0)
         weights.data /= np.repeat(total, np.diff(weights.indptr))
-        self._mean, self._points = weights, points
-        edges = points[rows] - points[columns]
-        self._edge = float(np.median(np.linalg.norm(edges, axis=1))) or 1.0
+        self._mean, self._points, self._faces = weights, points, faces
 
-    def smoothed(self, sigma: float) -> Array:
-        """The points with waves shorter than about ``sigma`` (their unit) taken off."""
+    def smoothed(self, sigma: float, *, edges_of: Array | None = None) -> Array:
+        """The points with waves shorter than about ``sigma`` (their unit) taken off.
+
+        Parameters
+        ----------
+        edges_of : ndarray, shape (n, 3), optional
+            The same vertices with less noise, whose edges tell the length of a step: noise makes edges
+            longer, so that too few steps would be taken.
+        """
         # One half step spreads a point by a quarter of the squared edge along each direction.
-        steps = min(round(4.0 * (sigma / self._edge) ** 2), _MOST_STEPS)
+        edge = _median_edge(self._points if edges_of is None else edges_of, self._faces)
+        steps = min(round(4.0 * (sigma / edge) ** 2), _MOST_STEPS)
         moved = self._points
         for _ in range(steps):
             moved = moved + 0.5 * (self._mean @ moved - moved)
             moved = moved + 0.5 * _UNSHRINK * (self._mean @ moved - moved)
         return moved
+
+
+def without_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, float]:
+    """The vertices with their noise taken off, shape (n, 3), m, and the noise, m: 0 where nothing was done.
+
+    The noise is the standard deviation of the vertices along the normals of the smoothed surface. Up to
+    :data:`QUIET_M` the points are returned as they are.
+
+    Parameters
+    ----------
+    sigma : float, m
+        Length of the waves to take off.
+    """
+    smoother = Smoother(points, faces)
+    smooth = smoother.smoothed(sigma)
+    off = np.einsum("ij,ij->i", points - smooth, vertex_normals(smooth, faces))
+    noise = 1.4826 * float(np.median(np.abs(off)))  # standard deviation of a normal scatter
+    if noise <= QUIET_M:
+        return points, 0.0
+    return smoother.smoothed(sigma, edges_of=smooth), noise
+
+
+def _median_edge(points: Array, faces: Faces) -> float:
+    edges = points[faces] - points[np.roll(faces, -1, axis=1)]
+    return float(np.median(np.linalg.norm(edges, axis=2))) or 1.0
 
 
 def _doubled(points: Array, faces: Faces) -> Array:

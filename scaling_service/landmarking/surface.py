@@ -20,7 +20,7 @@ from scaling_service.landmarking.shells import (
     without_useless_faces,
     wound_alike,
 )
-from scaling_service.landmarking.smoothing import Smoother, vertex_areas, vertex_normals
+from scaling_service.landmarking.smoothing import Smoother, vertex_areas, vertex_normals, without_noise
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
@@ -46,9 +46,9 @@ class Surface:
     Parameters
     ----------
     points : ndarray, shape (n, 3), m
-        Vertices; the longest principal axis is x, the shortest z.
+        Vertices, without their noise where there was much; the longest principal axis is x, the shortest z.
     smooth : ndarray, shape (n, 3), m
-        The same vertices with noise taken off, for selecting; fits use ``points``.
+        The same vertices smoothed over 5 mm, for selecting; fits use ``points``.
     normals : ndarray, shape (n, 3)
         Outward unit normals of the smoothed surface.
     areas : ndarray, shape (n,), m2
@@ -59,6 +59,8 @@ class Surface:
     origin : ndarray, shape (3,), m
     R_image_own : ndarray, shape (3, 3)
         Rotates this frame into the image's.
+    noise : float, m
+        Standard deviation of what was taken off the vertices along their normals; 0 on a quiet mesh.
     notes : tuple of str
         What was repaired.
     """
@@ -71,6 +73,7 @@ class Surface:
     faces: Faces
     origin: Array
     R_image_own: Array
+    noise: float = 0.0
     notes: tuple[str, ...] = ()
 
     def to_image(self, points: Array) -> Array:
@@ -123,6 +126,9 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _facing_out(points, triangles, label, notes)
+    points, noise = without_noise(points, triangles, SMOOTHING_M)
+    if noise > 0.0:
+        notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
     points, triangles = refined_mesh(points, triangles, COARSE_M)
     label = shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
@@ -137,6 +143,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         faces=triangles,
         origin=origin,
         R_image_own=axes,
+        noise=noise,
         notes=tuple(notes),
     )
 

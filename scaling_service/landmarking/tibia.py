@@ -12,7 +12,7 @@ from scaling_service.landmarking.refusals import MeshRefused
 from scaling_service.landmarking.results import BoneLandmarks, Side
 from scaling_service.landmarking.spheres import spheres
 from scaling_service.landmarking.surface import Surface, prepare
-from scaling_service.landmarking.tips import tip
+from scaling_service.landmarking.tips import SHARP_M, tip
 from scaling_service.landmarking.two_bones import without_fibula
 from scaling_service.landmarking.whole_bone import require_long
 
@@ -84,18 +84,18 @@ def tibia_landmarks(
     points: dict[str, Array] = {}
     refused: dict[str, str] = {}
     ankle = height < ANKLE_M
-    points["plateau_medial"] = tip(tibia, -outwards, plateau)
-    points["plateau_lateral"] = tip(tibia, outwards, plateau)
+    points["plateau_medial"] = tip(tibia, -outwards, plateau, SHARP_M)
+    points["plateau_lateral"] = tip(tibia, outwards, plateau, SHARP_M)
     cut = _cut_off(tibia, up, height, outwards)
     if cut is not None:
         for name in ("malleolus_medial", "malleolus_lateral", "ankle_centre"):
             refused[name] = cut
         if fibula is not None:
             level = fibula.smooth @ up
-            points["fibula_head"] = tip(fibula, up, level > level.max() - ANKLE_M)
+            points["fibula_head"] = tip(fibula, up, level > level.max() - ANKLE_M, SHARP_M)
     else:
-        points["malleolus_medial"] = tip(tibia, -up, ankle & _medial(tibia, outwards, ankle))
-        points["malleolus_medial_prominence"] = tip(tibia, -outwards, ankle)
+        points["malleolus_medial"] = tip(tibia, -up, ankle & _medial(tibia, outwards, ankle), SHARP_M)
+        points["malleolus_medial_prominence"] = tip(tibia, -outwards, ankle, SHARP_M)
         _add_fibula(fibula, up, outwards, points, refused)
     if shank.joined and points.pop("fibula_head", None) is not None:
         # Along the shafts it is clear what is fibula; under the plateau it is not.
@@ -164,9 +164,9 @@ def _add_fibula(
         return
     height = fibula.smooth @ up
     low = height < height.min() + ANKLE_M
-    points["fibula_head"] = tip(fibula, up, height > height.max() - ANKLE_M)
-    points["malleolus_lateral"] = tip(fibula, -up, low)
-    points["malleolus_lateral_prominence"] = tip(fibula, outwards, low)
+    points["fibula_head"] = tip(fibula, up, height > height.max() - ANKLE_M, SHARP_M)
+    points["malleolus_lateral"] = tip(fibula, -up, low, SHARP_M)
+    points["malleolus_lateral_prominence"] = tip(fibula, outwards, low, SHARP_M)
     apart = float(np.linalg.norm(points["malleolus_medial"] - points["malleolus_lateral"]))
     if 0.03 <= apart <= 0.09:  # intermalleolar widths of 55-75 mm in adults; a child's to a giant's
         points["ankle_centre"] = 0.5 * (points["malleolus_medial"] + points["malleolus_lateral"])

@@ -1,61 +1,64 @@
-"""The point of a surface that lies furthest in a direction, steadier than a single vertex."""
+"""The point of a surface that lies furthest in a direction, as the middle of the part that reaches far."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.kernels.fits import across
 from scaling_service.landmarking.surface import Surface
 
 Array = NDArray[np.float64]
 
-_PATCH_M = 8e-3  # chosen: a patch of about 200 mm2 holds vertices even on a mesh of 3,000 faces
-_FEWEST = 10
+BLUNT_M = 1e-3
+"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
+
+On a paraboloid the noise of the result is, along each axis, that of the vertices times
+sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
+the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
+depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
+
+SHARP_M = 2e-3
+"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
+malleoli of virtual bones stay within 0.3 mm of the truth."""
+
+WINDOW_M = 8e-3
+"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
+malleolus, so that a second bump or a long ridge beside the tip counts little."""
+
+_STEPS = 40
+_SETTLED_M = 1e-7
+_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
 
 
-def tip(surface: Surface, direction: Array, within: NDArray[np.bool_]) -> Array:
+def tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:
     """Where the chosen part reaches furthest, shape (3,), m.
 
-    The summit of a quadratic surface through the patch around the furthest smoothed vertex; a single
-    vertex moves with every decimation and follows noise. Where the patch has no summit (an edge), the
-    mean of its highest part is taken.
+    The mean over the surface, weighted by area, by the exponential of the height over ``depth`` and by a
+    window that is moved to the mean until both agree (mean shift; Comaniciu and Meer 2002). It starts from
+    the mean without a window, not from the highest vertex, which noise and decimation choose. Heights of
+    a paraboloid are then distributed so that their variance over the depth is what the mean lies below
+    the summit; by that the mean is lifted.
 
     Parameters
     ----------
     direction : ndarray, shape (3,)
         Unit vector.
     within : ndarray of bool, shape (n,)
+    depth : float, m
     """
-    chosen = np.flatnonzero(within)
-    first, second = across(direction)
-    for_height = surface.smooth[chosen] @ direction
-    summit = surface.smooth[chosen[int(np.argmax(for_height))]]
-    for _ in range(3):
-        offset = surface.points[chosen] - summit
-        distance = np.linalg.norm(offset, axis=1)
-        near = (distance < 2 * _PATCH_M) & (surface.normals[chosen] @ direction > 0.3)
-        if int(near.sum()) < _FEWEST:
-            return np.asarray(summit)
-        u, v, h = offset[near] @ first, offset[near] @ second, offset[near] @ direction
-        w = surface.areas[chosen][near] * np.exp(-0.5 * (distance[near] / (0.5 * _PATCH_M)) ** 2)
-        moved = _summit(u, v, h, w)
-        if moved is None:
-            top = w * np.exp((h - h.max()) / 1e-3)
-            return np.asarray(summit + (top @ offset[near]) / top.sum())
-        summit = summit + moved[0] * first + moved[1] * second + moved[2] * direction
-    return np.asarray(summit)
-
-
-def _summit(u: Array, v: Array, h: Array, w: Array) -> tuple[float, float, float] | None:
-    """Top of the quadratic through h(u, v), or None where it has none within the patch."""
-    terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-    root = np.sqrt(w)
-    a = np.linalg.lstsq(terms * root[:, None], h * root, rcond=None)[0]
-    hessian = np.array([[2 * a[3], a[4]], [a[4], 2 * a[5]]])
-    if np.linalg.eigvalsh(hessian).max() > -1.0:  # 1/m: flatter than a sphere of 1 m
-        return None
-    x, y = np.linalg.solve(hessian, -a[1:3])
-    if np.hypot(x, y) > _PATCH_M:
-        return None
-    return float(x), float(y), float(a[0] + 0.5 * (a[1] * x + a[2] * y))
+    points = surface.smooth[within]
+    height = points @ direction
+    reach = surface.areas[within] * np.exp((height - height.max()) / depth)
+    reaching = reach > _NOTHING * reach.max()
+    points, height, reach = points[reaching], height[reaching], reach[reaching]
+    weight = reach / reach.sum()
+    for _ in range(_STEPS):
+        mean = weight @ points
+        offset = points - mean
+        across = np.einsum("ij,ij->i", offset, offset) - (offset @ direction) ** 2
+        weight = reach * np.exp(-0.5 * across / WINDOW_M**2)
+        weight = weight / weight.sum()
+        if np.linalg.norm(weight @ points - mean) < _SETTLED_M:
+            break
+    below = weight @ (height - weight @ height) ** 2 / depth
+    return np.asarray(weight @ points + below * direction)

@@ -129,7 +129,7 @@ def test_stray_and_inner_shells_change_nothing(femur: BoneLandmarks) -> None:
 
 def test_noise_of_a_millimetre_moves_centres_little(femur: BoneLandmarks) -> None:
     vertices, faces = bones.femur()
-    noisy = vertices + np.random.default_rng(5).normal(scale=1 / np.sqrt(3), size=vertices.shape)
+    noisy = vertices + np.random.default_rng(5).normal(size=vertices.shape)
     found = one((noisy, faces))
     for name in ("hip_centre", "knee_centre"):
         assert np.linalg.norm(found.points[name] - femur.points[name]) < 5e-4, name

@@ -1,0 +1,125 @@
+"""What an effect is to the search: at a place, some columns of unknown size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from scaling_service.discovery.loads import Load
+from scaling_service.discovery.profiles import ALWAYS, Profile
+from scaling_service.discovery.spots import Spot
+from scaling_service.models.body import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A spot that moves by ``gain`` times the profile for every unit of its column's coefficient."""
+
+    spot: Spot
+    profile: Profile = ALWAYS
+    gain: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One unknown number of an effect.
+
+    Parameters
+    ----------
+    name : str
+        As the results call it: ``x_mm``.
+    unit : float
+        The number in the results for a coefficient of one (SI, rad).
+    parts : tuple of Part
+        Of the motion.
+    neutral : float
+        The number in the results where the effect is absent: 1 for a factor.
+    load : Load, optional
+        Of the ground wrench, in place of parts.
+    """
+
+    name: str
+    unit: float
+    parts: tuple[Part, ...] = ()
+    neutral: float = 0.0
+    load: Load | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FreeMotion:
+    """A turn or shift that takes any value in any frame: a degree of freedom that the model locks.
+
+    Parameters
+    ----------
+    segment : str
+    kind : 'rotation' or 'translation'
+    axis : (3,)
+        Unit vector in the frame before the joint's own turns, or in the parent's frame for a shift.
+    """
+
+    segment: str
+    kind: Literal["rotation", "translation"]
+    axis: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Two labels exchanged from one time to another (s, both included)."""
+
+    first: str
+    second: str
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """An unmeasured contact from one time to another (s), at a point of a segment (m, in its frame)."""
+
+    segment: str
+    start_s: float
+    end_s: float
+    point: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An effect at a place.
+
+    Parameters
+    ----------
+    kind : str
+        The catalogue's name.
+    where : tuple of str
+        Markers, segments, joints or plates.
+    columns : tuple of Column
+    driver : tuple of str
+        The coordinates that it follows.
+    trial : str, optional
+        The only trial in which it is; all of them unless given.
+    note : str
+        What a person should know of this one: the frequency it was tried at.
+    change : FreeMotion, Exchange or Contact, optional
+        For what is not a sum of columns.
+    """
+
+    kind: str
+    where: tuple[str, ...]
+    columns: tuple[Column, ...]
+    driver: tuple[str, ...] = ()
+    trial: str | None = None
+    note: str = ""
+    change: FreeMotion | Exchange | Contact | None = None
+
+    @property
+    def of_forces(self) -> bool:
+        """Whether it shows in the ground wrench rather than among the markers."""
+        return isinstance(self.change, Contact) or any(c.load is not None for c in self.columns)
+
+    @property
+    def name(self) -> str:
+        """Short and unique in one search."""
+        driven = f" by {', '.join(self.driver)}" if self.driver else ""
+        only = f" in {self.trial}" if self.trial else ""
+        said = f" ({self.note})" if self.note else ""
+        return f"{self.kind} at {', '.join(self.where)}{driven}{only}{said}"

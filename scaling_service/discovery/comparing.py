@@ -1,0 +1,131 @@
+"""Candidates against each other, and against recordings that were not used to fit them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.evidence import Evidence, Stretch
+from scaling_service.discovery.judging import inverse_of
+from scaling_service.kernels.laws import Array
+
+_FEWEST = 3
+"""Stretches from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """What a fitted candidate takes off each stretch that it was fitted to.
+
+    Parameters
+    ----------
+    size : ndarray, shape (k,)
+        Of the candidate's columns, SI.
+    along : ndarray, shape (n_nuisances,)
+        How the nuisances move with it.
+    gains : ndarray, shape (n_stretches,)
+        Of the whitened sum of squares.
+    """
+
+    size: Array
+    along: Array
+    gains: Array
+
+
+def explained(evidence: Evidence, index: int, stretches: Sequence[Stretch]) -> Explained:
+    """Fit one candidate to stretches.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Gathered together.
+    index : int
+        Of the candidate.
+    """
+    rows, count = evidence.groups[index], evidence.nuisances
+    total = np.sum([s.own for s in stretches], axis=0)
+    score = np.sum([s.scores for s in stretches], axis=0)
+    follow = inverse_of(total[:count, :count], evidence.raw[:count])[0] @ total[:count, rows]
+    curvature = total[rows, rows] - total[rows, :count] @ follow
+    size = inverse_of(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
+    along = -follow @ size
+    return Explained(size, along, gains_of(evidence, index, size, along, stretches))
+
+
+def gains_of(
+    evidence: Evidence, index: int, size: Array, along: Array, stretches: Sequence[Stretch]
+) -> Array:
+    """What a candidate of given size takes off stretches, (n_stretches,)."""
+    rows = evidence.groups[index]
+    chosen = np.r_[0 : evidence.nuisances, rows.start : rows.stop]
+    change = np.concatenate([along, size])
+    return np.array(
+        [2.0 * change @ s.scores[chosen] - change @ s.own[np.ix_(chosen, chosen)] @ change for s in stretches]
+    )
+
+
+def no_worse(best: Array, other: Array, penalty: float) -> float:
+    """How likely chance alone makes the best as much better as it is (Vuong 1989, Econometrica 57:307).
+
+    Parameters
+    ----------
+    best, other : ndarray, shape (n_stretches,)
+        Gains of the two.
+    penalty : float
+        What the best spends more on chance than the other.
+    """
+    lead = best - other - penalty / len(best)
+    spread = float(lead.std(ddof=1))
+    if spread == 0.0:
+        return 1.0 if lead.mean() <= 0.0 else 0.0
+    statistic = float(lead.mean()) / (spread / np.sqrt(len(lead)))
+    return float(stats.t.sf(statistic, len(lead) - 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """A candidate on stretches that did not fit it.
+
+    Parameters
+    ----------
+    gain : float
+        Share of their whitened sum of squares that it takes off.
+    p : float
+        Of as consistent a gain by chance.
+    folds : bool
+        Whether these were blocks of time of the same trial, for want of another one.
+    """
+
+    gain: float
+    p: float
+    folds: bool
+
+
+def unseen(evidence: Evidence, index: int, candidate: Candidate) -> Unseen:
+    """Try a candidate on what did not fit it.
+
+    Held-out trials serve one that holds everywhere; one that is in a single trial, and all where no trial
+    is held out, are fitted to every other stretch and tried on those between.
+    """
+    here = [s for s in evidence.stretches if candidate.trial in (None, s.trial)]
+    fitting = [s for s in here if s.role == "fit"]
+    held = [s for s in here if s.role == "held_out"]
+    if candidate.trial is None and held:
+        rounds = [(fitting, held)]
+    else:
+        rounds = [(here[0::2], here[1::2]), (here[1::2], here[0::2])]
+    gains, square = [], 0.0
+    for known, new in rounds:
+        found = explained(evidence, index, known)
+        gains.append(gains_of(evidence, index, found.size, found.along, new))
+        square += sum(s.square for s in new)
+    every = np.concatenate(gains)
+    share = float(every.sum() / square) if square else 0.0
+    if len(every) < _FEWEST or every.std() == 0.0:
+        return Unseen(share, 1.0, len(rounds) > 1)
+    statistic = float(every.mean() / (every.std(ddof=1) / np.sqrt(len(every))))
+    return Unseen(share, float(stats.t.sf(statistic, len(every) - 1)), len(rounds) > 1)

@@ -1,0 +1,17 @@
+"""A capture volume that is scaled as a whole: a calibration wand of another length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column, Part
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.spots import VolumeSpot
+
+KIND = "capture_scale"
+MEANING = "all measured positions are scaled by one factor"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """The whole recording."""
+    yield Candidate(KIND, ("markers",), (Column("factor", 1.0, (Part(VolumeSpot()),), neutral=1.0),))

@@ -1,0 +1,20 @@
+"""A vertical that is not vertical."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.effects._columns import DEG
+from scaling_service.discovery.loads import Tilt
+from scaling_service.discovery.scene import Scene
+
+KIND = "gravity_tilt"
+MEANING = "the laboratory's vertical is not vertical"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """The whole world, about its two level axes."""
+    if scene.plates:
+        columns = tuple(Column(name, DEG, load=Tilt(k)) for k, name in ((0, "x_deg"), (2, "z_deg")))
+        yield Candidate(KIND, ("world",), columns)

@@ -1,0 +1,22 @@
+"""A plate with something constant added."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.loads import PlateBias
+from scaling_service.discovery.scene import Scene
+
+KIND = "plate_bias"
+MEANING = "something constant is added to what the plate measures"
+_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
+    for plate in scene.plates:
+        columns = tuple(Column(name, 1.0, load=PlateBias(plate, k)) for k, name in enumerate(_NAMES))
+        for trial in scene.scopes_of_forces:
+            yield Candidate(KIND, (plate,), columns[:3], trial=trial)
+            yield Candidate(KIND, (plate,), columns, trial=trial, note="with moments")

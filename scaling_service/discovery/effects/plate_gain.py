@@ -1,0 +1,20 @@
+"""A plate that measures a multiple of the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.loads import PlateGain
+from scaling_service.discovery.scene import Scene
+
+KIND = "plate_gain"
+MEANING = "the plate measures a multiple of the true force"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, in all recordings and in each."""
+    for plate in scene.plates:
+        for trial in scene.scopes_of_forces:
+            columns = (Column("factor", 1.0, neutral=1.0, load=PlateGain(plate)),)
+            yield Candidate(KIND, (plate,), columns, trial=trial)

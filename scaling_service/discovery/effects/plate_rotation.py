@@ -1,0 +1,26 @@
+"""A plate that is turned against what the recording says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.effects._columns import DEG
+from scaling_service.discovery.loads import PlateTurn
+from scaling_service.discovery.scene import Scene
+
+KIND = "plate_rotation"
+MEANING = "the plate is turned about its middle"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, about the vertical and leaning, in all recordings and in each."""
+    for plate in scene.plates:
+        for trial in scene.scopes_of_forces:
+            vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1)),)
+            leaning = tuple(
+                Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k))
+                for k, letter in ((0, "x"), (2, "z"))
+            )
+            yield Candidate(KIND, (plate,), vertical, trial=trial)
+            yield Candidate(KIND, (plate,), leaning, trial=trial, note="leaning")

@@ -1,0 +1,20 @@
+"""A segment that is heavier or lighter than the model has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.effects._inertia import of_segment
+from scaling_service.discovery.loads import Inertial
+from scaling_service.discovery.scene import Scene
+
+KIND = "segment_mass"
+MEANING = "the segment is heavier or lighter, of the same shape"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every segment with mass, its inertia in proportion."""
+    for segment in scene.heavy:
+        change = tuple((of_segment(segment) / segment.mass).tolist())
+        yield Candidate(KIND, (segment.name,), (Column("kg", 1.0, load=Inertial(segment.name, change)),))

@@ -1,0 +1,33 @@
+"""Skin that oscillates when the segment accelerates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column, Part
+from scaling_service.discovery.profiles import Swing
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.spots import MarkerSpot
+from scaling_service.discovery.wobbles import TRIED
+
+KIND = "skin_wobble"
+MEANING = "the skin under the marker swings when the segment accelerates"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every marker and every segment's markers together, at each frequency and damping tried."""
+    for segment in scene.bearing:
+        markers = scene.on(segment.name)
+        groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
+        for group in groups:
+            for frequency, damping in TRIED:
+                yield swinging(group, frequency, damping)
+
+
+def swinging(markers: tuple[str, ...], frequency_hz: float, damping: float) -> Candidate:
+    """Markers whose skin swings at one frequency."""
+    parts = tuple(
+        Part(MarkerSpot(m, k), Swing(m, frequency_hz, damping, k)) for m in markers for k in range(3)
+    )
+    note = f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
+    return Candidate(KIND, markers, (Column("share", 1.0, parts),), note=note)

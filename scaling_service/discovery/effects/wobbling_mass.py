@@ -1,0 +1,27 @@
+"""Part of a segment's own mass that swings against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.loads import Wobbling
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.wobbles import TRIED
+
+KIND = "wobbling_mass"
+MEANING = "part of the segment's own mass swings on a spring"
+
+
+def candidates(scene: Scene) -> Iterator[Candidate]:
+    """Every segment with mass, at each frequency and damping tried."""
+    for segment in scene.heavy:
+        for frequency, damping in TRIED:
+            yield hanging(segment.name, frequency, damping)
+
+
+def hanging(segment: str, frequency_hz: float, damping: float) -> Candidate:
+    """A segment with part of its mass swinging at one frequency."""
+    note = f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
+    columns = (Column("kg", 1.0, load=Wobbling(segment, frequency_hz, damping)),)
+    return Candidate(KIND, (segment,), columns, note=note)

@@ -1,0 +1,284 @@
+"""Everything that the search needs from the recordings, as sums over stretches of time.
+
+The residuals of all markers, divided by their floors, are freed of what the pose of the frame could
+explain. So are the columns of every candidate: what is left of a column is what the markers would show of
+it, the pose having followed as far as it can. Products of the two, summed over *stretches* of time, are
+all that scores, gains, tests and likenesses are made of, so that the recordings are passed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.discovery.candidates import Candidate, Column, Part
+from scaling_service.discovery.profiles import Profile
+from scaling_service.discovery.spots import Spot, VolumeSpot, freed
+from scaling_service.discovery.watched import Role, Watched
+from scaling_service.discovery.wobbles import shapes as shapes_of
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.tree import Tree, forward, jacobian, positions
+from scaling_service.models.compile import compile_model, parameter_values
+
+_FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
+_BLOCK = 48  # frames at once: 42 rows by 1,000 columns by 48 frames are 16 MB
+_NULL = 1e-9  # of the largest curvature of a pose, below which the frame does not determine the direction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Sums over a stretch of one trial.
+
+    Parameters
+    ----------
+    trial : str
+    role : 'fit' or 'held_out'
+    scores : ndarray, shape (n_columns,)
+        Columns times residuals.
+    cross : ndarray, shape (n_nuisances, n_columns)
+        The first columns, which are nuisances, times all columns.
+    own : ndarray, shape (n_columns, n_columns) or (n_groups, widest, widest)
+        Columns times columns: all of them, or only those of one group with each other.
+    square : float
+        Residuals times residuals.
+    freedom : float
+        How many numbers the residuals are, the pose's taken off.
+    """
+
+    trial: str
+    role: Role
+    scores: Array
+    cross: Array
+    own: Array
+    square: float
+    freedom: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Stretches of all recordings.
+
+    Parameters
+    ----------
+    stretches : tuple of Stretch
+    raw : ndarray, shape (n_columns,)
+        Squares of the columns before the pose was taken out, over all stretches.
+    nuisances : int
+        How many of the columns, the first ones, may take any value.
+    groups : tuple of slice
+        The columns of each candidate.
+    """
+
+    stretches: tuple[Stretch, ...]
+    raw: Array
+    nuisances: int
+    groups: tuple[slice, ...]
+
+
+def gather(
+    watched: Sequence[Watched],
+    nuisances: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+    stretch_s: float,
+    *,
+    together: bool,
+) -> Evidence:
+    """Pass all recordings once.
+
+    Parameters
+    ----------
+    watched : sequence of Watched
+    nuisances, candidates : sequence of Candidate
+        What may take any value anyhow, and what is looked at.
+    stretch_s : float
+        Length of a stretch, s.
+    together : bool
+        Whether products of different candidates are wanted.
+    """
+    every = [*nuisances, *candidates]
+    columns = [column for candidate in every for column in candidate.columns]
+    count = sum(len(candidate.columns) for candidate in nuisances)
+    edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
+    spots = tuple(dict.fromkeys(part.spot for column in columns for part in column.parts))
+    profiles = tuple(dict.fromkeys(part.profile for column in columns for part in column.parts))
+    layout = Layout.of(columns, spots, profiles, count, None if together else edges)
+    stretches, raw = [], np.zeros(len(columns))
+    for item in watched:
+        generators = Generators.of(item, spots)
+        shapes = shapes_of(profiles, item)
+        here = layout.only([c.trial in (None, item.name) for c in every for _ in c.columns])
+        for rows in stretches_of(item, stretch_s):
+            found, own = _sums(item, generators, here, shapes, rows)
+            stretches.append(found)
+            raw += own
+    spans = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    return Evidence(tuple(stretches), raw, count, spans)
+
+
+def stretches_of(item: Watched, length_s: float) -> Iterator[slice]:
+    """Stretches of about this length, at least four to a trial."""
+    clock = item.trial.times
+    count = max(_FEWEST, int((clock[-1] - clock[0]) / length_s))
+    edges = np.linspace(0, len(clock), count + 1).round().astype(int)
+    return (slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """Which spot and profile makes which column: the first part of each, then what is added; and groups of columns."""
+
+    spot: NDArray[np.intp]
+    profile: NDArray[np.intp]
+    gain: Array
+    added: tuple[tuple[int, int, int, float], ...]
+    nuisances: int
+    padded: NDArray[np.intp] | None
+
+    @classmethod
+    def of(
+        cls,
+        columns: Sequence[Column],
+        spots: Sequence[Spot],
+        profiles: Sequence[Profile],
+        nuisances: int,
+        edges: NDArray[np.intp] | None,
+    ) -> Layout:
+        at = {spot: k for k, spot in enumerate(spots)}
+        of = {profile: k for k, profile in enumerate(profiles)}
+
+        def place(part: Part) -> tuple[int, int, float]:
+            return at[part.spot], of[part.profile], part.gain
+
+        first = [place(column.parts[0]) for column in columns]
+        rest = [(k, *place(part)) for k, column in enumerate(columns) for part in column.parts[1:]]
+        return cls(
+            np.array([f[0] for f in first], dtype=np.intp),
+            np.array([f[1] for f in first], dtype=np.intp),
+            np.array([f[2] for f in first]),
+            tuple(rest),
+            nuisances,
+            None if edges is None else _padded(edges),
+        )
+
+    @classmethod
+    def plain(cls, count: int, nuisances: int, edges: NDArray[np.intp] | None) -> Layout:
+        """For columns that are made already."""
+        none = np.zeros(count, dtype=np.intp)
+        return cls(none, none, np.zeros(count), (), nuisances, None if edges is None else _padded(edges))
+
+    def only(self, active: Sequence[bool]) -> Layout:
+        """The layout with columns that are not active zero."""
+        on = np.array(active, dtype=float)
+        added = tuple((k, spot, profile, gain * on[k]) for k, spot, profile, gain in self.added)
+        return replace(self, gain=self.gain * on, added=added)
+
+    @property
+    def own_shape(self) -> tuple[int, ...]:
+        """The shape of a stretch's ``own``."""
+        if self.padded is None:
+            return (len(self.spot), len(self.spot))
+        count, widest = self.padded.shape
+        return (count, widest, widest)
+
+    def own(self, made: Array) -> Array:
+        """Columns (n, rows, n_columns) times columns, as ``own`` of a stretch."""
+        flat = made.reshape(-1, made.shape[2])
+        if self.padded is None:
+            return np.asarray(flat.T @ flat)
+        wide = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1).T[self.padded]
+        return np.asarray(wide @ wide.transpose(0, 2, 1))
+
+    def columns(self, generated: Array, shapes: Array) -> Array:
+        """Columns (n, rows, n_columns) from generators (n, rows, n_spots) and profiles (n_profiles, n)."""
+        made = generated[:, :, self.spot]
+        made *= (shapes[self.profile] * self.gain[:, None]).T[:, None]
+        for column, spot, profile, gain in self.added:
+            made[:, :, column] += generated[:, :, spot] * (gain * shapes[profile])[:, None]
+        return made
+
+
+def _padded(edges: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The columns of each group in rows of equal length, filled up with the column after the last."""
+    widest = int(np.diff(edges).max(initial=0))
+    table = edges[:-1, None] + np.arange(widest)
+    return np.where(table < edges[1:, None], table, edges[-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Generators:
+    """The derivative of all markers with respect to every spot."""
+
+    tree: Tree
+    p: Array
+    variables: NDArray[np.intp]
+    volumes: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, item: Watched, spots: Sequence[Spot]) -> Generators:
+        opened, names = freed(item.task.model, spots)
+        tree = compile_model(opened, item.markers)
+        number = {p.name: k for k, p in enumerate(opened.parameters)}
+        free = np.flatnonzero(item.task.free)
+        chosen = [tree.n_coordinates + number[name] for name in names if name]
+        volumes = [k for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot)]
+        return cls(
+            tree,
+            parameter_values(opened),
+            np.concatenate([free, np.array(chosen, dtype=np.intp)]),
+            np.array(volumes, dtype=np.intp),
+        )
+
+    def at(self, item: Watched, rows: slice) -> tuple[Array, Array, Array]:
+        """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""
+        poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
+        placed = positions(self.tree, poses)
+        rates = jacobian(self.tree, poses, placed, self.variables)
+        for k in self.volumes:
+            rates = np.insert(rates, int(item.task.free.sum()) + k, placed, axis=0)
+        n = placed.shape[-1]
+        measured = item.task.measured[rows]
+        scale = np.repeat(1.0 / item.floor, 3)
+        shown = np.isfinite(measured).reshape(n, -1)
+        gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
+        white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0).transpose(0, 2, 1))
+        white *= (shown * scale)[:, :, None]
+        count = int(item.task.free.sum())
+        return gap, white[:, :, :count], white[:, :, count:]
+
+
+def _sums(
+    item: Watched, generators: Generators, layout: Layout, shapes: Array, rows: slice
+) -> tuple[Stretch, Array]:
+    count = len(layout.spot)
+    scores, raw, own = np.zeros(count), np.zeros(count), np.zeros(layout.own_shape)
+    cross = np.zeros((layout.nuisances, count))
+    square = freedom = 0.0
+    for start in range(rows.start, rows.stop, _BLOCK):
+        block = slice(start, min(start + _BLOCK, rows.stop))
+        gap, pose, spots = generators.at(item, block)
+        basis = span(pose)
+        made = layout.columns(spots, shapes[:, block])
+        raw += np.einsum("nrk,nrk->k", made, made)
+        made -= basis @ (basis.transpose(0, 2, 1) @ made)
+        gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+        flat = made.reshape(-1, count)
+        scores += flat.T @ gap.ravel()
+        cross += flat[:, : layout.nuisances].T @ flat
+        own += layout.own(made)
+        square += float((gap**2).sum())
+        freedom += 3.0 * float(item.seen[block].sum()) - float((basis**2).sum())
+    return Stretch(item.name, item.role, scores, cross, own, square, freedom), raw
+
+
+def span(pose: Array) -> Array:
+    """An orthonormal basis of the columns of every frame, (n, r, q); columns without meaning are zero."""
+    size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
+    even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
+    value, vector = np.linalg.eigh(even.transpose(0, 2, 1) @ even)
+    known = value > _NULL * value[:, -1:]
+    root = np.where(known, 1.0 / np.sqrt(np.where(known, value, 1.0)), 0.0)
+    basis: Array = even @ (vector * root[:, None])
+    return basis

@@ -1,0 +1,105 @@
+"""Two labels that changed places for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from scaling_service.discovery.candidates import Candidate, Exchange
+from scaling_service.discovery.evidence import Generators, span
+from scaling_service.discovery.watched import Watched
+from scaling_service.kernels.laws import Array
+
+KIND = "marker_swap"
+_BLOCK = 128
+_SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swap:
+    """Two labels exchanged in a trial for some frames.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    gain : float
+        Fall of the whitened sum of squares.
+    share : float
+        Of the trial's sum of squares in these frames that is left.
+    level : float
+        Whitened square of one number in the other frames.
+    rows : slice
+    """
+
+    candidate: Candidate
+    gain: float
+    share: float
+    level: float
+    rows: slice
+
+
+def swaps(watched: Sequence[Watched]) -> list[Swap]:
+    """The best pair and span of every trial, if any helps."""
+    found = [_best(item) for item in watched]
+    return [swap for swap in found if swap is not None]
+
+
+def _best(item: Watched) -> Swap | None:
+    pairs = list(combinations(range(len(item.markers)), 2))
+    if not pairs:
+        return None
+    gains, square, freedom = _gains(item, pairs)
+    spans = [_span(gains[:, k]) for k in range(len(pairs))]
+    k = int(np.argmax([gain for gain, _ in spans]))
+    gain, rows = spans[k]
+    if gain <= 0.0 or rows.stop - rows.start < _SHORTEST:
+        return None
+    first, second = (item.markers[m] for m in pairs[k])
+    times = item.trial.times
+    change = Exchange(first, second, float(times[rows.start]), float(times[rows.stop - 1]))
+    outside = np.ones(len(times), dtype=bool)
+    outside[rows] = False
+    level = float(square[outside].sum() / max(freedom[outside].sum(), 1.0)) if outside.any() else 1.0
+    left = 1.0 - gain / max(float(square[rows].sum()), 1e-300)
+    candidate = Candidate(KIND, (first, second), (), trial=item.name, change=change)
+    return Swap(candidate, gain, left, level, rows)
+
+
+def _gains(item: Watched, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
+    """Of every frame what exchanging each pair would take off, (n, n_pairs); its square; its freedom."""
+    n, count = len(item.q), len(item.markers)
+    generators = Generators.of(item, ())
+    gains, square, freedom = np.empty((n, len(pairs))), np.empty(n), np.empty(n)
+    a, b = np.array(pairs, dtype=np.intp).T
+    for start in range(0, n, _BLOCK):
+        block = slice(start, min(start + _BLOCK, n))
+        gap, pose, _ = generators.at(item, block)
+        basis = span(pose)
+        gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+        measured = item.task.measured[block]
+        apart = np.nan_to_num(measured[:, b] - measured[:, a])
+        to_a, to_b = apart / item.floor[a][:, None], -apart / item.floor[b][:, None]
+        by_marker = gap.reshape(-1, count, 3)
+        hidden = basis.reshape(len(gap), count, 3, -1)
+        slope = (by_marker[:, a] * to_a).sum(axis=2) + (by_marker[:, b] * to_b).sum(axis=2)
+        along = np.einsum("npc,npcq->npq", to_a, hidden[:, a]) + np.einsum(
+            "npc,npcq->npq", to_b, hidden[:, b]
+        )
+        size = (to_a**2).sum(axis=2) + (to_b**2).sum(axis=2) - (along**2).sum(axis=2)
+        known = item.seen[block]
+        gains[block] = np.where(known[:, a] & known[:, b], -2.0 * slope - size, 0.0)
+        square[block] = (gap**2).sum(axis=1)
+        freedom[block] = 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
+    return gains, square, freedom
+
+
+def _span(gain: Array) -> tuple[float, slice]:
+    """The span of the largest sum (Bentley 1984, Commun ACM 27:865)."""
+    total = np.concatenate([[0.0], np.cumsum(gain)])
+    low = np.minimum.accumulate(total)
+    stop = int(np.argmax(total - low))
+    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
+    return float(total[stop] - total[start]), slice(start, stop)

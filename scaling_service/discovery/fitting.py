@@ -1,0 +1,153 @@
+"""All named effects and everything that was free before, estimated together.
+
+Variable projection (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): the motion is solved anew for every
+value of the shared numbers, whose steps come from columns that the pose cannot hide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.discovery.additions import Sized, corrected, still, with_effects
+from scaling_service.discovery.candidates import Contact
+from scaling_service.discovery.contacts import wrench_of
+from scaling_service.discovery.evidence import Evidence, gather
+from scaling_service.discovery.forces import gather_forces, weigh
+from scaling_service.discovery.judging import inverse_of
+from scaling_service.discovery.watched import Role, Watched
+from scaling_service.discovery.weighed import Footing, Weighed
+from scaling_service.models.body import BodyModel
+from scaling_service.models.trial import Trial
+
+_ROUNDS = 8
+_SETTLED = 1e-4  # of the cost, chosen: steps below are far smaller than a parameter's own deviation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A trial, what it is for, and the ground's forces in it."""
+
+    trial: Trial
+    role: Role
+    footing: Footing | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Account:
+    """What is assumed of the body and the recordings, and how well it follows them.
+
+    Parameters
+    ----------
+    model : BodyModel
+        What the search started from.
+    free : tuple of Sized
+        What may take any value beside the effects: the calibration's own parameters.
+    effects : tuple of Sized
+    watched : tuple of Watched
+        The recordings, followed with all of these.
+    weighed : tuple of Weighed
+        Those of them with forces.
+    """
+
+    model: BodyModel
+    free: tuple[Sized, ...]
+    effects: tuple[Sized, ...]
+    watched: tuple[Watched, ...]
+    weighed: tuple[Weighed, ...] = ()
+
+    @property
+    def everything(self) -> tuple[Sized, ...]:
+        """What is free and the effects."""
+        return self.free + self.effects
+
+    def model_in(self, trial: str) -> BodyModel:
+        """The model as it is in one trial."""
+        return with_effects(self.model, self.everything, trial)
+
+
+def account(
+    model: BodyModel,
+    recordings: Sequence[Recording],
+    free: Sequence[Sized] = (),
+    effects: Sequence[Sized] = (),
+    starts: Sequence[Watched] = (),
+) -> Account:
+    """Follow the recordings with a model to which effects of known size are added."""
+    near = {item.name: item.q for item in starts}
+    both = (*free, *effects)
+    watched, weighed = [], []
+    for recording in recordings:
+        trial = corrected(recording.trial, both)
+        known = with_effects(model, both, trial.name)
+        item = Watched.of(known, trial, recording.role, near.get(trial.name))
+        rested = still(item, both)
+        if rested is not trial:
+            item = Watched.of(known, rested, recording.role, item.q)
+        watched.append(item)
+        if recording.footing is not None:
+            weighed.append(_weighed(item, known, recording.footing, both))
+    return Account(model, tuple(free), tuple(effects), tuple(watched), tuple(weighed))
+
+
+def _weighed(item: Watched, known: BodyModel, footing: Footing, effects: Sequence[Sized]) -> Weighed:
+    made = weigh(item, known, footing, effects)
+    for effect in effects:
+        contact = effect.candidate.change
+        if isinstance(contact, Contact) and effect.candidate.trial == item.name:
+            before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
+            made = replace(made, touched=before + wrench_of(made, contact))
+    return made
+
+
+def refined(
+    start: Account, recordings: Sequence[Recording], added: Sequence[Sized], stretch_s: float
+) -> Account:
+    """Estimate what is free and the effects, with some more of them, on the recordings that are to fit."""
+    now = account(start.model, recordings, start.free, (*start.effects, *added), start.watched)
+    best = cost(now)
+    for _round in range(_ROUNDS):
+        trial = _stepped(now, recordings, stretch_s)
+        reached = cost(trial)
+        if reached >= best:
+            break
+        now, best, before = trial, reached, best
+        if before - best < _SETTLED * before:
+            break
+    return now
+
+
+def cost(now: Account, *, role: Role = "fit") -> float:
+    """Whitened sum of squares of the recordings of a role, markers and wrenches."""
+    markers = sum(item.square for item in now.watched if item.role == role)
+    return float(markers + sum(item.square for item in now.weighed if item.role == role))
+
+
+def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
+    """One step of everything that is shared."""
+    moved: dict[int, Sized] = {}
+    for of_forces in (False, True):
+        moving = [s for s in now.everything if s.candidate.columns and s.candidate.of_forces == of_forces]
+        if moving:
+            chosen = [s.candidate for s in moving]
+            if of_forces:
+                evidence = gather_forces(now.weighed, [], chosen, stretch_s, together=True)
+            else:
+                evidence = gather(now.watched, [], chosen, stretch_s, together=True)
+            moved |= {id(old): new for old, new in zip(moving, _moved(evidence, moving), strict=True)}
+    free = tuple(moved.get(id(s), s) for s in now.free)
+    effects = tuple(moved.get(id(s), s) for s in now.effects)
+    return account(now.model, recordings, free, effects, now.watched)
+
+
+def _moved(evidence: Evidence, moving: Sequence[Sized]) -> list[Sized]:
+    owners = [s.candidate.trial for s in moving for _ in s.candidate.columns]
+    curvature, score = np.zeros((len(owners),) * 2), np.zeros(len(owners))
+    for stretch in evidence.stretches:
+        counts = np.array([t == stretch.trial if t else stretch.role == "fit" for t in owners], dtype=float)
+        curvature += stretch.own * np.outer(counts, counts)
+        score += stretch.scores * counts
+    step = inverse_of(curvature, evidence.raw)[0] @ score
+    return [replace(s, size=s.size + step[rows]) for s, rows in zip(moving, evidence.groups, strict=True)]

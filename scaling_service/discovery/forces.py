@@ -1,0 +1,196 @@
+"""Sums over stretches of the ground wrench, and effects put into forces, masses and gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.evidence import Evidence, Layout, Stretch, stretches_of
+from scaling_service.discovery.loads import (
+    Inertial,
+    Late,
+    Load,
+    PlateBias,
+    PlateGain,
+    PlateShift,
+    PlateTurn,
+    Tilt,
+    Wobbling,
+)
+from scaling_service.discovery.watched import Watched
+from scaling_service.discovery.weighed import Footing, Weighed
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.mechanism import Inertias
+from scaling_service.kernels.rigid import rotation_about
+from scaling_service.kernels.wrench import GRAVITY
+from scaling_service.models.body import BodyModel
+from scaling_service.models.forces import GroundForces
+from scaling_service.models.massive import inertias_of, with_inertias
+
+_FEWEST = 5  # frames of a stretch; chosen: fewer say nothing of a stretch of half a second
+_UNIT = np.eye(3)
+_CARRIED = 4
+"""Columns of a carried load: its mass and its first moments."""
+
+
+def gather_forces(
+    weighed: Sequence[Weighed],
+    nuisances: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+    stretch_s: float,
+    *,
+    together: bool,
+) -> Evidence:
+    """As :func:`scaling_service.discovery.evidence.gather`, of the wrench and not of the markers."""
+    every = [*nuisances, *candidates]
+    columns = [column for candidate in every for column in candidate.columns]
+    count = sum(len(candidate.columns) for candidate in nuisances)
+    edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
+    layout = Layout.plain(len(columns), count, None if together else edges)
+    loads = [column.load for column in columns]
+    stretches, raw = [], np.zeros(len(columns))
+    for item in weighed:
+        active = np.array([c.trial in (None, item.name) for c in every for _ in c.columns], dtype=float)
+        made = _columns(item, loads) * active
+        gap = item.gap / item.floor
+        for rows in stretches_of(item.item, stretch_s):
+            used = np.flatnonzero(item.usable[rows]) + rows.start
+            if len(used) >= _FEWEST:
+                stretches.append(_stretch(item, made[used], gap[used], layout))
+                raw += np.square(made[used]).sum(axis=(0, 1))
+    spans = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    return Evidence(tuple(stretches), raw, count, spans)
+
+
+def _columns(item: Weighed, loads: Sequence[Load | None]) -> Array:
+    """All columns about the trunk's origin, by floors, (n, 6, n_columns)."""
+    made = np.empty((len(item.times), 6, len(loads)))
+    for k, load in enumerate(loads):
+        assert load is not None
+        made[:, :, k] = item.moved(load.column(item)) / item.floor
+    return made
+
+
+def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout) -> Stretch:
+    flat = made.reshape(-1, made.shape[2])
+    return Stretch(
+        item.name,
+        item.role,
+        flat.T @ gap.ravel(),
+        flat[:, : layout.nuisances].T @ flat,
+        layout.own(made),
+        float(np.square(gap).sum()),
+        float(gap.size),
+    )
+
+
+def weigh(item: Watched, model: BodyModel, footing: Footing, effects: Sequence[Sized]) -> Weighed:
+    """Bring a followed trial and its forces together, effects of known size taken into account."""
+    here = [s for s in effects if s.candidate.trial in (None, item.name)]
+    ground = corrected_forces(footing.ground, item.trial.times, here)
+    swinging = tuple(
+        (column.load, size) for s in here for column, size in s.columns if isinstance(column.load, Wobbling)
+    )
+    return Weighed(
+        item,
+        weighty(model, here),
+        replace(footing, ground=ground),
+        gravity_of(here),
+        footing.cutoff_hz,
+        swinging,
+    )
+
+
+def weighty(model: BodyModel, effects: Iterable[Sized]) -> BodyModel:
+    """The model with masses, centres and tensors changed."""
+    numbers = inertias_of(model).parameters()
+    changed = False
+    for effect in effects:
+        for segment, change in _changes(effect):
+            numbers[model.segment_names.index(segment)] += change
+            changed = True
+    return with_inertias(model, Inertias.of_parameters(numbers)) if changed else model
+
+
+def _changes(effect: Sized) -> list[tuple[str, Array]]:
+    found = [
+        (column.load.segment, size * np.array(column.load.change))
+        for column, size in effect.columns
+        if isinstance(column.load, Inertial)
+    ]
+    if effect.candidate.kind == "carried_load" and len(found) == _CARRIED and effect.size[0] > 0.0:
+        mass, moment = float(effect.size[0]), effect.size[1:]
+        tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
+        six = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+        found.append((found[0][0], np.concatenate([np.zeros(4), six])))
+    return found
+
+
+def gravity_of(effects: Iterable[Sized]) -> Array:
+    """The acceleration of gravity once the vertical leans, (3,), m/s2."""
+    turn = np.zeros(3)
+    for effect in effects:
+        for column, size in effect.columns:
+            if isinstance(column.load, Tilt):
+                turn[column.load.axis] += size
+    return GRAVITY + np.cross(turn, GRAVITY)
+
+
+def corrected_forces(ground: GroundForces, times: Array, effects: Iterable[Sized]) -> GroundForces:
+    """The forces freed of the plates' own faults."""
+    force, moment = ground.force.copy(), ground.moment.copy()
+    late = 0.0
+    for effect in effects:
+        for column, size in effect.columns:
+            load = column.load
+            if isinstance(load, Late):
+                late += size
+            elif (
+                isinstance(load, PlateShift | PlateBias | PlateGain | PlateTurn)
+                and load.plate in ground.plates
+            ):
+                k = ground.plates.index(load.plate)
+                force[:, k], moment[:, k] = _mended(load, size, force[:, k], moment[:, k], _middle(ground, k))
+    if late:
+        force, moment = (_earlier(values, times, late) for values in (force, moment))
+    return ground.changed(force=force, moment=moment)
+
+
+def _middle(ground: GroundForces, k: int) -> Array:
+    centres = ground.centre_of_pressure()[:, k]
+    known = np.isfinite(centres).all(axis=1)
+    return np.asarray(centres[known].mean(axis=0) if known.any() else ground.surfaces[k])
+
+
+def _mended(load: Load, size: float, force: Array, moment: Array, middle: Array) -> tuple[Array, Array]:
+    """One plate's force and moment about the ground origin, freed of one fault."""
+    if isinstance(load, PlateShift):
+        return force, moment + np.cross(size * _UNIT[load.axis], force)
+    if isinstance(load, PlateGain):
+        return force / (1.0 + size), moment / (1.0 + size)
+    if isinstance(load, PlateBias):
+        if load.component >= _UNIT.shape[0]:
+            return force, moment - size * _UNIT[load.component - 3]
+        added = size * _UNIT[load.component]
+        return force - added, moment - np.cross(middle, added)
+    assert isinstance(load, PlateTurn)
+    turn = rotation_about(_UNIT[load.axis], size)
+    about = moment - np.cross(middle, force)
+    turned = force @ turn.T
+    return turned, about @ turn.T + np.cross(middle, turned)
+
+
+def _earlier(values: Array, times: Array, late: float) -> Array:
+    """Values (n, k, 3) as they were ``late`` seconds later, held at the end of what is known."""
+    known = np.isfinite(values).all(axis=(1, 2))
+    if known.sum() < 4:
+        return values
+    spline = CubicSpline(times[known], values[known])
+    moved: Array = spline(np.clip(times + late, times[known][0], times[known][-1]))
+    moved[~known] = np.nan
+    return moved

@@ -1,0 +1,215 @@
+"""A degree of freedom that the model locks: a turn or shift that may take any value in any frame.
+
+It has no column of its own, for its course is not known. What is known is its direction among the markers:
+residuals that keep to it more than to any other direction speak for it. Courses are looked at below the
+frequencies of voluntary movement, where noise is weakest and movement is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from scaling_service.discovery.candidates import Candidate, FreeMotion
+from scaling_service.discovery.evidence import Generators, span, stretches_of
+from scaling_service.discovery.judging import HIDDEN, Fitted
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.spots import At, JointSpot
+from scaling_service.discovery.watched import Role, Watched
+from scaling_service.kernels.filters import butterworth
+from scaling_service.kernels.laws import Array
+
+KIND = "missing_dof"
+_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
+_BLOCK = 64
+_ROUNDS = 10
+_PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
+    ("before", "rotation"),
+    ("start", "translation"),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Course:
+    """One joint in one trial: what the residuals say of three directions in every frame.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (n, 3)
+    curvature : ndarray, shape (n, 3, 3)
+    square : ndarray, shape (n,)
+        Of the residuals, smoothed like the slopes.
+    freedom : ndarray, shape (n,)
+    """
+
+    slope: Array
+    curvature: Array
+    square: Array
+    freedom: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Freedom:
+    """A locked motion, and what it would take off each stretch.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    fitted : Fitted
+    gains : ndarray, shape (n_stretches of the trials to fit,)
+    unseen_gain, unseen_p : float
+        Share of the held-out residuals that it takes off, and how likely chance takes as much.
+    """
+
+    candidate: Candidate
+    fitted: Fitted
+    gains: Array
+    unseen_gain: float
+    unseen_p: float
+
+
+def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[Freedom]:
+    """Every joint that turns, with its best direction of turning and of shifting."""
+    spots = [JointSpot(s.name, at, kind, k) for s in scene.jointed for at, kind in _PLACES for k in range(3)]
+    joints = [(s, kind) for s in scene.jointed for _, kind in _PLACES]
+    courses = [_courses(item, spots) for item in watched]
+    shares = _shares(courses)
+    found = []
+    for k, (segment, kind) in enumerate(joints):
+        if shares[k] > HIDDEN:
+            by_trial = [each[0][k] for each in courses]
+            made = _freedom(watched, by_trial, stretch_s)
+            if made is not None:
+                axis, fitted, gains, share, p = made
+                free = FreeMotion(segment.name, kind, axis)
+                note = "extra turn" if kind == "rotation" else "extra shift"
+                candidate = Candidate(KIND, (segment.joint_name,), (), note=note, change=free)
+                found.append(Freedom(candidate, fitted, gains, share, p))
+    return found
+
+
+def _shares(courses: Sequence[tuple[list[_Course], Array]]) -> Array:
+    """Of every joint and kind: the largest share of a direction's square that no pose hides."""
+    shown = [
+        np.linalg.eigvalsh(np.sum([each[0][k].curvature.sum(axis=0) for each in courses], axis=0))[-1]
+        for k in range(len(courses[0][0]))
+    ]
+    return np.asarray(np.array(shown) / np.maximum(np.sum([raw for _, raw in courses], axis=0), 1e-300))
+
+
+def _courses(item: Watched, spots: Sequence[JointSpot]) -> tuple[list[_Course], Array]:
+    n, groups = len(item.q), len(spots) // 3
+    generators = Generators.of(item, spots)
+    rows = 3 * len(item.markers)
+    gaps, made = np.empty((n, rows)), np.empty((n, rows, len(spots)))
+    freedom, raw = np.empty(n), np.zeros(groups)
+    for start in range(0, n, _BLOCK):
+        block = slice(start, min(start + _BLOCK, n))
+        gap, pose, columns = generators.at(item, block)
+        basis = span(pose)
+        raw += np.square(columns).sum(axis=(0, 1)).reshape(groups, 3).max(axis=1)
+        made[block] = columns - basis @ (basis.transpose(0, 2, 1) @ columns)
+        gaps[block] = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+        freedom[block] = 3.0 * item.seen[block].sum(axis=1) - np.square(basis).sum(axis=(1, 2))
+    rate = 1.0 / float(np.median(np.diff(item.trial.times)))
+    if rate > 2.5 * _CUTOFF_HZ:
+        gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=_CUTOFF_HZ, order=4).values
+    square = np.square(gaps).sum(axis=1)
+    found = []
+    for g in range(groups):
+        own = made[:, :, 3 * g : 3 * g + 3]
+        slope = np.einsum("nrk,nr->nk", own, gaps)
+        found.append(_Course(slope, np.einsum("nrk,nrl->nkl", own, own), square, freedom))
+    return found, raw
+
+
+def _freedom(
+    watched: Sequence[Watched], courses: Sequence[_Course], stretch_s: float
+) -> tuple[tuple[float, float, float], Fitted, Array, float, float] | None:
+    def parts(role: Role | None) -> list[_Course]:
+        return [
+            _cut(course, rows)
+            for item, course in zip(watched, courses, strict=True)
+            if role is None or item.role == role
+            for rows in stretches_of(item, stretch_s)
+        ]
+
+    fit, held = parts("fit"), parts("held_out")
+    axis = _axis(fit)
+    if axis is None:
+        return None
+    gains, chance = _energies(fit, axis)
+    crossed = [
+        _log_ratio(new, other)
+        for known, new in ((fit[0::2], fit[1::2]), (fit[1::2], fit[0::2]))
+        if (other := _axis(known)) is not None and new
+    ]
+    p = above(np.concatenate(crossed)) if crossed else 1.0
+    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), float(gains.sum()), float(chance.sum()), p, 1.0)
+    if held:
+        held_gain, held_chance = _energies(held, axis)
+        share = float((held_gain - held_chance).sum() / sum(c.square.sum() for c in held))
+        held_p = above(_log_ratio(held, axis))
+    else:
+        share, held_p = float((gains - chance).sum() / sum(c.square.sum() for c in fit)), p
+    x, y, z = (float(v) for v in axis)
+    return (x, y, z), fitted, gains, share, held_p
+
+
+def _cut(course: _Course, rows: slice) -> _Course:
+    return _Course(course.slope[rows], course.curvature[rows], course.square[rows], course.freedom[rows])
+
+
+def _axis(courses: Sequence[_Course]) -> Array | None:
+    """The direction that the residuals keep to most, (3,)."""
+    if not courses:
+        return None
+    slope = np.concatenate([c.slope for c in courses])
+    curvature = np.concatenate([c.curvature for c in courses])
+    total = curvature.sum(axis=0)
+    value, vector = np.linalg.eigh(total)
+    known = value > HIDDEN * value[-1]
+    half = vector[:, known] / np.sqrt(value[known])
+    axis = half @ np.linalg.eigh(half.T @ slope.T @ slope @ half)[1][:, -1]
+    for _ in range(_ROUNDS):
+        axis = axis / np.linalg.norm(axis)
+        bend = np.einsum("k,nkl,l->n", axis, curvature, axis)
+        course = np.divide(slope @ axis, bend, out=np.zeros(len(bend)), where=bend > 0)
+        matrix = np.einsum("n,nkl->kl", course**2, curvature)
+        axis = half @ np.linalg.solve(half.T @ matrix @ half, half.T @ (course @ slope))
+    largest = axis[np.argmax(np.abs(axis))]
+    return np.asarray(axis / np.linalg.norm(axis) * np.sign(largest))
+
+
+def _along(course: _Course, axis: Array) -> Array:
+    """Square of the residuals along the direction, in every frame."""
+    bend = np.einsum("k,nkl,l->n", axis, course.curvature, axis)
+    return np.asarray(np.divide((course.slope @ axis) ** 2, bend, out=np.zeros(len(bend)), where=bend > 0))
+
+
+def _energies(courses: Sequence[_Course], axis: Array) -> tuple[Array, Array]:
+    """Of each stretch what the direction takes off, and what any other direction would."""
+    own = np.array([_along(c, axis).sum() for c in courses])
+    others = np.array([c.square.sum() for c in courses]) - own
+    freedom = np.array([c.freedom.sum() for c in courses])
+    frames = np.array([len(c.square) for c in courses])
+    return own, others / np.maximum(freedom - frames, 1.0) * frames
+
+
+def _log_ratio(courses: Sequence[_Course], axis: Array) -> Array:
+    own, chance = _energies(courses, axis)
+    return np.asarray(np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300)))
+
+
+def above(values: Array) -> float:
+    """How likely chance alone brings the mean so far above zero."""
+    if len(values) < 3:
+        return 1.0
+    spread = float(values.std(ddof=1))
+    if spread == 0.0:
+        return 1.0
+    return float(stats.t.sf(values.mean() / (spread / np.sqrt(len(values))), len(values) - 1))

@@ -1,0 +1,167 @@
+"""How much each candidate explains, and whether that could be chance.
+
+Each candidate is fitted to the stretches beside the nuisances. What it leaves of the scores of every stretch
+shows how far scores stray by themselves, whatever the size, the shape and the memory of the noise, as long
+as stretches are longer than its memory (cluster-robust variance: Liang & Zeger 1986, Biometrika 73:13; with
+the leverage of few clusters taken off: Bell & McCaffrey 2002, Surv Methodol 28:169). The sum of the scores
+against that variance is Hotelling's statistic, whose reference has as many degrees of freedom as there are
+stretches that really count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.evidence import Evidence, Stretch
+from scaling_service.kernels.laws import Array
+
+HIDDEN = 1e-3
+"""Share of a direction's square below which the pose or a nuisance is taken to hide it (chosen: at 1e-3 a change of
+10 mm shows as 0.3 mm, no more than the model's curvature leaves)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """One candidate, fitted to some stretches.
+
+    Parameters
+    ----------
+    size : ndarray, shape (k,)
+        Of each column, SI.
+    covariance : ndarray, shape (k, k)
+        Robust; of what the recordings do not show, zero.
+    gain : float
+        Fall of the whitened sum of squares.
+    by_chance : float
+        The gain that noise of this kind gives on average.
+    p : float
+        Of as large a statistic by chance, for this candidate alone.
+    shown : float
+        Share of the columns' square that neither pose nor nuisances hide.
+    freedom : float
+        Degrees of freedom of the p-value's reference.
+    """
+
+    size: Array
+    covariance: Array
+    gain: float
+    by_chance: float
+    p: float
+    shown: float
+    freedom: float = float("nan")
+
+    @property
+    def expected(self) -> float:
+        """The gain to expect on as much other data (Takeuchi 1976, after Konishi & Kitagawa 2008, ch. 3)."""
+        return self.gain - 2.0 * self.by_chance
+
+
+NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
+
+
+def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitted, ...]:
+    """Fit every candidate by itself to the trials that are to fit.
+
+    One that is in a single trial is fitted to that trial, whatever its role; what is held out does not
+    decide the nuisances.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Gathered one by one.
+    candidates : sequence of Candidate
+        In the evidence's order.
+    """
+    fitting = {s.trial for s in evidence.stretches if s.role == "fit"}
+    alone = {c.trial for c in candidates if c.trial is not None} - fitting
+    fits = [s for s in evidence.stretches if s.role == "fit"]
+    nothing = np.zeros((0, len(evidence.raw))), np.zeros((0, *evidence.stretches[0].own.shape))
+    sums: dict[str | None, tuple[Array, Array]] = {
+        None: _without_nuisances(evidence, fits) if fits else nothing
+    }
+    for trial in alone:
+        here = [s for s in evidence.stretches if s.trial == trial]
+        sums[trial] = np.array([s.scores for s in here]), np.array([s.own for s in here])
+    found = []
+    for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
+        scores, own = sums[candidate.trial if candidate.trial in alone else None]
+        width = rows.stop - rows.start
+        found.append(fit(scores[:, rows], own[:, k, :width, :width], evidence.raw[rows]))
+    return tuple(found)
+
+
+def _without_nuisances(evidence: Evidence, chosen: Sequence[Stretch]) -> tuple[Array, Array]:
+    """Scores (B, n_columns) and own products (B, n_groups, w, w) where the nuisances follow."""
+    scores, own = np.array([s.scores for s in chosen]), np.array([s.own for s in chosen])
+    count = evidence.nuisances
+    if not count:
+        return scores, own
+    cross = np.array([s.cross for s in chosen])
+    total = cross.sum(axis=0)
+    follow = inverse_of(total[:, :count], evidence.raw[:count])[0] @ total
+    scores = scores - scores[:, :count] @ follow
+    own = own.copy()
+    inner = cross[:, :, :count]
+    for k, rows in enumerate(evidence.groups):
+        width = rows.stop - rows.start
+        f = follow[:, rows]
+        mixed = f.T @ cross[:, :, rows]
+        own[:, k, :width, :width] += f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
+    return scores, own
+
+
+def fit(scores: Array, own: Array, raw: Array) -> Fitted:
+    """Fit columns to stretches.
+
+    Parameters
+    ----------
+    scores : ndarray, shape (n_stretches, k)
+    own : ndarray, shape (n_stretches, k, k)
+    raw : ndarray, shape (k,)
+        Squares of the columns before anything was taken out.
+    """
+    curvature = own.sum(axis=0)
+    inverse, shown, directions = inverse_of(curvature, raw)
+    rank = directions.shape[1]
+    if rank == 0:
+        return NOTHING
+    white, shares = scores @ directions, np.einsum("ki,bkl,lj->bij", directions, own, directions)
+    total = white.sum(axis=0)
+    left = white - shares @ total
+    leverage = np.einsum("bii->b", shares) / rank
+    left /= np.sqrt(np.maximum(1.0 - leverage, 0.05))[:, None]
+    variance = left.T @ left
+    counting = 1.0 / float((leverage**2).sum())
+    freedom = counting - rank
+    gain = float(total @ total)
+    if freedom < 1.0:
+        return Fitted(inverse @ scores.sum(axis=0), np.zeros_like(inverse), gain, float("inf"), 1.0, shown)
+    value, vector = np.linalg.eigh(variance)
+    value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
+    hotelling = float(((vector.T @ total) ** 2 / value).sum())
+    p = float(stats.f.sf(hotelling * freedom / (rank * (counting - 1.0)), rank, freedom))
+    covariance = directions @ variance @ directions.T
+    return Fitted(inverse @ scores.sum(axis=0), covariance, gain, float(np.trace(variance)), p, shown, freedom)
+
+
+def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
+    """Inverse of a curvature where the recordings show something, and how much they show.
+
+    Returns
+    -------
+    inverse : ndarray, shape (k, k)
+    shown : float
+        The largest share of any direction's square that is not hidden.
+    directions : ndarray, shape (k, rank)
+        D with D D' = inverse: D' score has unit variance for white noise.
+    """
+    scale = np.divide(1.0, np.sqrt(raw), out=np.zeros_like(raw), where=raw > 0)
+    value, vector = np.linalg.eigh(curvature * np.outer(scale, scale))
+    known = value > HIDDEN
+    directions = scale[:, None] * vector[:, known] / np.sqrt(value[known])
+    return directions @ directions.T, float(value.max(initial=0.0)), directions

@@ -1,0 +1,140 @@
+"""What an unknown number does to the disagreement of the ground wrench.
+
+The disagreement is what the plates measured minus what the motion needs. Each load gives its derivative
+with respect to one number: force (N) and moment about the ground origin (N m), in every frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from scaling_service.discovery.oscillator import oscillate, pulled
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.wrench import GRAVITY
+
+if TYPE_CHECKING:
+    from scaling_service.discovery.weighed import Weighed
+
+_UNIT = np.eye(3)
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """The forces come late: seconds. ``measured(t) = true(t - d)``."""
+
+    def column(self, weighed: Weighed) -> Array:
+        """Minus the rate of the measured wrench, (n, 6)."""
+        return -np.gradient(weighed.measured, weighed.times, axis=0)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateShift:
+    """A plate lies elsewhere: m along a ground axis."""
+
+    plate: str
+    axis: int
+
+    def column(self, weighed: Weighed) -> Array:
+        """Its forces act elsewhere than was taken, (n, 6)."""
+        force = weighed.plate(self.plate)[:, :3]
+        return np.concatenate([np.zeros_like(force), -np.cross(_UNIT[self.axis], force)], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateBias:
+    """Something constant is added to a plate: N along an axis, or N m about one through its middle."""
+
+    plate: str
+    component: int
+
+    def column(self, weighed: Weighed) -> Array:
+        """One component in every frame, (n, 6)."""
+        wrench = np.zeros((len(weighed.times), 6))
+        wrench[:, self.component] = 1.0
+        if self.component < 3:
+            wrench[:, 3:] = np.cross(weighed.centre(self.plate), _UNIT[self.component])
+        return wrench
+
+
+@dataclass(frozen=True, slots=True)
+class PlateGain:
+    """A plate measures a multiple: measured over true, less one."""
+
+    plate: str
+
+    def column(self, weighed: Weighed) -> Array:
+        """The plate's own wrench, (n, 6)."""
+        return weighed.plate(self.plate)
+
+
+@dataclass(frozen=True, slots=True)
+class PlateTurn:
+    """A plate is turned about an axis through its middle: rad, true minus taken."""
+
+    plate: str
+    axis: int
+
+    def column(self, weighed: Weighed) -> Array:
+        """Minus what turning its wrench would add, (n, 6)."""
+        wrench, centre = weighed.plate(self.plate), weighed.centre(self.plate)
+        about = wrench[:, 3:] - np.cross(centre, wrench[:, :3])
+        turned = -np.cross(_UNIT[self.axis], wrench[:, :3])
+        moment = np.cross(centre, turned) - np.cross(_UNIT[self.axis], about)
+        return np.concatenate([turned, moment], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """A segment's inertial parameters change along a direction.
+
+    Parameters
+    ----------
+    change : (10,)
+        As :meth:`scaling_service.kernels.mechanism.Inertias.parameters` orders them.
+    """
+
+    segment: str
+    change: tuple[float, ...]
+
+    def column(self, weighed: Weighed) -> Array:
+        """What the motion needs more, (n, 6)."""
+        return np.asarray(weighed.regressor(self.segment) @ np.array(self.change))
+
+
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """The vertical leans: rad about a ground axis, true minus taken."""
+
+    axis: int
+
+    def column(self, weighed: Weighed) -> Array:
+        """What the whole weight does then, (n, 6)."""
+        force = -weighed.mass * np.cross(_UNIT[self.axis], GRAVITY)
+        moment = np.cross(weighed.centre_of_mass, force)
+        return np.concatenate([np.broadcast_to(force, moment.shape), moment], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Wobbling:
+    """Part of a segment's own mass hangs on a spring: kg."""
+
+    segment: str
+    frequency_hz: float
+    damping: float
+
+    def column(self, weighed: Weighed) -> Array:
+        """A kilogram's acceleration against the segment, at its centre of mass, (n, 6)."""
+        place = weighed.segment_centre(self.segment)
+        step = float(np.median(np.diff(weighed.times)))
+        pull = pulled(place, step)
+        displaced, speed = oscillate(pull, step, self.frequency_hz, self.damping)
+        w = 2.0 * np.pi * self.frequency_hz
+        force = pull - 2.0 * self.damping * w * speed - w * w * displaced
+        return np.concatenate([force, np.cross(place, force)], axis=1)
+
+
+Load = Late | PlateShift | PlateBias | PlateGain | PlateTurn | Inertial | Tilt | Wobbling
+Source = Literal["recording", "body", "world"]

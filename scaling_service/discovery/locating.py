@@ -1,0 +1,132 @@
+"""Where, when and along with what simulation and measurement disagree."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from scaling_service.discovery.findings import Disagreement, Observable
+from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.tallies import Tally, marker_tally, wrench_tally
+from scaling_service.discovery.weighed import COMPONENTS
+from scaling_service.kernels.laws import Array
+
+_FOLLOWS = 0.3  # share of a residual's variance that a coordinate explains, from which it is told (chosen)
+
+
+def disagreements(account: Account, stretch_s: float) -> tuple[Disagreement, ...]:
+    """All places, those that stand highest above their floors first.
+
+    The p-values pay for the number of places (Holm 1979, Scand J Stat 6:65).
+    """
+    tallies = [marker_tally(account, None, stretch_s), wrench_tally(account, None, stretch_s)]
+    rows = [(tally, k) for tally in tallies if tally is not None for k in range(len(tally.places))]
+    p = holm(np.array([_p(tally, k) for tally, k in rows]))
+    excess = np.array([_excess(tally, k) for tally, k in rows])
+    share = excess / max(float(excess.sum()), 1e-300)
+    found = [
+        _place(account, tally, k, float(share[i]), float(p[i])) for i, (tally, k) in enumerate(rows)
+    ]
+    return tuple(sorted(found, key=lambda d: -d.share))
+
+
+def _excess(tally: Tally, k: int) -> float:
+    """Whitened square above the floor."""
+    floor = float(tally.floor[:, k].sum())
+    frames = float(tally.frames[:, k].sum())
+    return frames * max(float(tally.square[:, k].sum()) / max(floor, 1e-300) - 1.0, 0.0)
+
+
+def _p(tally: Tally, k: int) -> float:
+    """How likely a place stands so far above its floor by chance, stretch by stretch."""
+    used = tally.frames[:, k] > 0
+    if used.sum() < 3:
+        return 1.0
+    ratio = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)
+    spread = float(ratio.std(ddof=1))
+    if spread == 0.0:
+        return 1.0
+    return float(stats.t.sf(ratio.mean() / (spread / np.sqrt(used.sum())), int(used.sum()) - 1))
+
+
+def holm(p: Array) -> Array:
+    """P-values that pay for their number."""
+    order, count = np.argsort(p), len(p)
+    stepped = np.maximum.accumulate((count - np.arange(count)) * p[order])
+    result = np.empty(count)
+    result[order] = np.minimum(stepped, 1.0)
+    return result
+
+
+def _place(account: Account, tally: Tally, k: int, share: float, p: float) -> Disagreement:
+    name = tally.places[k]
+    observable: Observable = "marker"
+    if name in COMPONENTS:
+        observable = "force" if name.startswith("f") else "moment"
+    trials = {}
+    for trial in dict.fromkeys(tally.trials):
+        here = np.array([t == trial for t in tally.trials])
+        frames = float(tally.frames[here, k].sum())
+        if frames:
+            trials[trial] = float((tally.square[here, k].sum() / frames) ** 0.5)
+    total = float(tally.frames[:, k].sum())
+    return Disagreement(
+        name,
+        observable,
+        float((tally.square[:, k].sum() / total) ** 0.5),
+        float((tally.floor[:, k].sum() / total) ** 0.5),
+        share,
+        p,
+        trials,
+        _when(tally, k),
+        _along(account, name, observable),
+    )
+
+
+def _when(tally: Tally, k: int) -> str:
+    mean = np.divide(
+        tally.square[:, k], tally.frames[:, k], out=np.zeros(len(tally.frames)), where=tally.frames[:, k] > 0
+    )
+    worst = int(np.argmax(mean))
+    return f"{tally.trials[worst]}, from {tally.starts[worst]:.2f} s"
+
+
+def _along(account: Account, name: str, observable: Observable) -> str:
+    """The coordinate, or its rate, that the residual follows best."""
+    model, best = account.model, (_FOLLOWS, "")
+    residual, motion = [], []
+    items = account.watched if observable == "marker" else account.weighed
+    for item in items:
+        values, q, times = _series(item, name, observable)
+        if values is not None:
+            rate = np.gradient(q, times, axis=0)
+            residual.append(values)
+            motion.append(np.stack([q, rate, np.gradient(rate, times, axis=0)], axis=2))
+    if not residual:
+        return ""
+    y, x = np.concatenate(residual), np.concatenate(motion)
+    known = np.isfinite(y).all(axis=1)
+    y, x = y[known] - y[known].mean(axis=0), x[known] - x[known].mean(axis=0)
+    total = float((y**2).sum())
+    for c, coordinate in enumerate(model.coordinates):
+        for kind, word in enumerate(("", "the rate of ", "the acceleration of ")):
+            size = float((x[:, c, kind] ** 2).sum())
+            if size > 0.0 and total > 0.0:
+                explained = float(((x[:, c, kind] @ y) ** 2).sum()) / size / total
+                if explained > best[0]:
+                    best = explained, f"{word}{coordinate.name} ({100.0 * explained:.0f} % of it)"
+    return best[1]
+
+
+def _series(item: object, name: str, observable: Observable) -> tuple[Array | None, Array, Array]:
+    from scaling_service.discovery.watched import Watched
+    from scaling_service.discovery.weighed import Weighed
+
+    if isinstance(item, Watched):
+        q, times = item.q, item.trial.times
+        if name not in item.markers:
+            return None, q, times
+        return item.residuals[:, item.markers.index(name)], q, times
+    assert isinstance(item, Weighed)
+    values = np.where(item.usable[:, None], item.gap[:, [COMPONENTS.index(name)]], np.nan)
+    return values, item.rated.q, item.times

@@ -1,0 +1,32 @@
+"""Something on a spring that its support drives: ``u'' + 2 z w u' + w^2 u = -a``."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from scaling_service.kernels.filters import butterworth
+from scaling_service.kernels.laws import Array
+
+CUTOFF_HZ = 20.0
+"""Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
+
+
+def pulled(places: Array, step: float) -> Array:
+    """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2."""
+    cutoff = min(CUTOFF_HZ, 0.4 / step)
+    flat = places.reshape(len(places), -1)
+    smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=cutoff, order=4).values
+    twice = np.gradient(np.gradient(smooth, step, axis=0), step, axis=0)
+    return np.asarray(-twice.reshape(places.shape))
+
+
+def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
+    """Displacement (m) and speed (m/s) of oscillators at rest at first, each of the shape of ``pull`` (m/s2)."""
+    w = 2.0 * np.pi * frequency_hz
+    below = [1.0, 2.0 * damping * w, w * w]
+    found = []
+    for above in ([1.0], [1.0, 0.0]):
+        numerator, denominator, _ = signal.cont2discrete((above, below), step, "foh")
+        found.append(np.asarray(signal.lfilter(np.ravel(numerator), denominator, pull, axis=0)))
+    return found[0], found[1]

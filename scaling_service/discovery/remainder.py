@@ -1,0 +1,134 @@
+"""What is left above the floor and matches no effect: where, and the simplest law that describes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.discovery.findings import Unexplained
+from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.locating import disagreements
+from scaling_service.discovery.weighed import COMPONENTS
+from scaling_service.kernels.filters import butterworth
+from scaling_service.kernels.laws import Array
+
+LEVEL = 0.05
+"""Family-wise, over all places."""
+
+STANDS_OUT = 1.5
+"""RMS over floor from which something left is worth a word (chosen: below it, the floor's own error and the
+model's curvature could be all there is)."""
+
+_TERMS = 3  # chosen: a law of more is no longer simple
+_WORTH = 0.05  # of the variance: what a further term must explain, on the half that did not fit it (chosen)
+_CUTOFF_HZ = 6.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Function:
+    name: str
+    values: Array
+
+
+def unexplained(account: Account, stretch_s: float) -> tuple[Unexplained, ...]:
+    """Places that still stand above their floors, the largest first."""
+    found = []
+    for place in disagreements(account, stretch_s):
+        if place.p <= LEVEL and place.rms > STANDS_OUT * place.floor:
+            law = _law(account, place.where)
+            found.append(Unexplained((place.where,), place.observable, law, place.rms, place.floor))
+    return tuple(found)
+
+
+def _law(account: Account, place: str) -> str:
+    """A sparse sum of simple functions along the residual's main direction, in words."""
+    gathered = _gathered(account, place)
+    if gathered is None:
+        return "too short to say"
+    residual, functions, unit = gathered
+    direction = np.linalg.svd(residual, full_matrices=False)[2][0]
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    y = residual @ direction
+    halves = np.asarray(np.arange(len(y)) * 8 // len(y) % 2 == 0)
+    taken: list[int] = []
+    best = 0.0
+    for _ in range(_TERMS):
+        scores = [_explained(y, functions, [*taken, k], halves) for k in range(len(functions))]
+        k = int(np.argmax(scores))
+        if scores[k] < best + _WORTH:
+            break
+        taken.append(k)
+        best = scores[k]
+    towards = ", ".join(f"{v:.2f}" for v in direction) if len(direction) == 3 else ""
+    along = f" along ({towards}) in ground axes" if towards else ""
+    if not taken:
+        return f"no simple law{along}"
+    size = np.linalg.lstsq(np.stack([functions[k].values for k in taken], axis=1), y, rcond=None)[0]
+    terms = " + ".join(
+        f"{s * unit[0]:.3g} {unit[1]}" + (f" x {functions[k].name}" if functions[k].name != "1" else "")
+        for s, k in zip(size, taken, strict=True)
+    )
+    return f"{terms}{along} ({100.0 * best:.0f} % of it)".replace("+ -", "- ")
+
+
+def _explained(y: Array, functions: list[_Function], chosen: list[int], halves: NDArray[np.bool_]) -> float:
+    """Share of the squares that a sum explains where it was not fitted."""
+    x = np.stack([functions[k].values for k in chosen], axis=1)
+    left = 0.0
+    for known in (halves, ~halves):
+        size = np.linalg.lstsq(x[known], y[known], rcond=None)[0]
+        left += float(((y[~known] - x[~known] @ size) ** 2).sum())
+    return 1.0 - left / max(float((y**2).sum()), 1e-300)
+
+
+def _gathered(account: Account, place: str) -> tuple[Array, list[_Function], tuple[float, str]] | None:
+    """Residuals (n, 1 or 3), functions of the movement at the same frames, and the unit to tell them in."""
+    residual, q, speed, pull, clock, load = [], [], [], [], [], []
+    forces = {item.name: item for item in account.weighed}
+    for item in account.watched:
+        other = forces.get(item.name)
+        if place in COMPONENTS:
+            if other is None:
+                continue
+            values = np.where(other.usable[:, None], other.gap[:, [COMPONENTS.index(place)]], np.nan)
+        elif place in item.markers:
+            values = item.residuals[:, item.markers.index(place)]
+        else:
+            continue
+        times = item.trial.times
+        rate = 1.0 / float(np.median(np.diff(times)))
+        smooth = butterworth(item.q, rate_hz=rate, cutoff_hz=min(_CUTOFF_HZ, 0.4 * rate), order=4).values
+        first = np.gradient(smooth, times, axis=0)
+        known = np.isfinite(values).all(axis=1)
+        residual.append(values[known])
+        q.append(smooth[known])
+        speed.append(first[known])
+        pull.append(np.gradient(first, times, axis=0)[known])
+        clock.append(times[known] - times[0])
+        load.append(other.measured[known, 1] if other is not None else np.zeros(int(known.sum())))
+    if not residual or sum(map(len, residual)) < 16:
+        return None
+    names = account.model.coordinate_names
+    functions = [_Function("1", np.ones(sum(map(len, residual))))]
+    time = np.concatenate(clock)
+    functions += [_Function("time (s)", time)]
+    functions += [_Function(f"(time after {t:.2f} s)", (time > t).astype(float)) for t in _steps(time)]
+    vertical = np.concatenate(load)
+    if vertical.any():
+        functions += [
+            _Function("the vertical force (N)", vertical),
+            _Function("contact", (vertical > 20.0).astype(float)),
+        ]
+    for word, parts, power in (("{}", q, 1), ("{}^2", q, 2), ("rate of {}", speed, 1), ("acceleration of {}", pull, 1)):
+        values = np.concatenate(parts)
+        functions += [_Function(word.format(n), values[:, k] ** power) for k, n in enumerate(names)]
+    functions = [f for f in functions if f.values.any()]
+    unit = (1.0, "N" if place.startswith("f") else "N m") if place in COMPONENTS else (1e3, "mm")
+    return np.concatenate(residual), functions, unit
+
+
+def _steps(time: Array) -> Array:
+    """Times at which something may have changed for good."""
+    return np.linspace(time.min(), time.max(), 11)[1:-1]

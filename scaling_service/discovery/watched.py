@@ -1,0 +1,102 @@
+"""A recording as the search sees it: followed by the model, with its floor of noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.discovery.floor import marker_floor
+from scaling_service.estimation.inverse_kinematics import Task, solve_task
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.tree import forward, positions
+from scaling_service.models.body import BodyModel
+from scaling_service.models.trial import Trial
+
+Role = Literal["fit", "held_out"]
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """One trial, and the motion with which the model follows it best.
+
+    Parameters
+    ----------
+    trial : Trial
+        Not smoothed and not filled: what was measured.
+    role : 'fit' or 'held_out'
+    task : Task
+        The model as followed, with the markers used.
+    q : ndarray, shape (n_frames, n_coordinates), rad or m
+    floor : ndarray, shape (n_markers,), m
+        Standard deviation of the noise of one coordinate of each marker.
+    """
+
+    trial: Trial
+    role: Role
+    task: Task
+    q: Array
+    floor: Array
+
+    @classmethod
+    def of(cls, model: BodyModel, trial: Trial, role: Role, start: Array | None = None) -> Watched:
+        """Follow a trial with a model.
+
+        Parameters
+        ----------
+        start : ndarray, shape (n_frames, n_coordinates), optional
+            A motion close to it.
+
+        Raises
+        ------
+        TrialUnusable
+            The trial shows no marker of the model.
+        """
+        plain = Task.of(model, trial, bounded=False)
+        floor = marker_floor(plain.measured)
+        task = Task.of(model, trial, bounded=False, weights=_weights(plain, floor))
+        return cls(trial, role, task, solve_task(task, trial.times, _widened(task, start)).q, floor)
+
+    @property
+    def name(self) -> str:
+        """The trial's."""
+        return self.trial.name
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Those followed."""
+        return self.task.markers
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Measured minus model, (n_frames, n_markers, 3), m; NaN where not seen."""
+        tree = self.task.tree
+        poses = forward(tree, np.ascontiguousarray(self.q.T), self.task.p)
+        return np.asarray(self.task.measured - np.moveaxis(positions(tree, poses), -1, 0))
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of all residuals."""
+        return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Where a marker was seen, (n_frames, n_markers)."""
+        return np.asarray(np.isfinite(self.task.measured).all(axis=2))
+
+
+def _weights(task: Task, floor: Array) -> dict[str, float]:
+    """One over the variance of each marker, the median marker's being one."""
+    typical = float(np.median(floor))
+    return {name: (typical / sd) ** 2 for name, sd in zip(task.markers, floor, strict=True)}
+
+
+def _widened(task: Task, start: Array | None) -> Array | None:
+    """A motion of fewer coordinates, those that came after it at zero."""
+    if start is None:
+        return None
+    more = len(task.model.coordinates) - start.shape[1]
+    return np.pad(start, ((0, 0), (0, max(more, 0))))

@@ -1,0 +1,229 @@
+"""A recording with forces as the search sees it: what the plates measured minus what the motion needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.discovery.loads import Wobbling
+from scaling_service.discovery.watched import Role, Watched
+from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion, rated_motion
+from scaling_service.kernels import wrench
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.mechanism import N_PARAMETERS
+from scaling_service.kernels.regressor import regressor_blocks
+from scaling_service.kernels.tree import forward, jacobian, positions
+from scaling_service.models.body import BodyModel
+from scaling_service.models.compile import parameter_values
+from scaling_service.models.forces import GroundForces
+from scaling_service.models.massive import mechanism_of
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+_DRAWS = 8  # of marker noise for the floor; chosen: 8 trials of thousands of frames tell it to some 5 %
+_PLATE_N, _PLATE_NM = 0.5, 0.2
+"""Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and 0.2 mm
+of 1000 N are 0.2 N m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Footing:
+    """The ground's forces in one trial.
+
+    Parameters
+    ----------
+    ground : GroundForces
+        At the trial's times, in its axes, filtered like the motion.
+    usable : ndarray of bool, shape (n,)
+        Frames in which nothing but the plates is known to touch the body.
+    cutoff_hz : float
+        Of the forces and the motion.
+    """
+
+    ground: GroundForces
+    usable: NDArray[np.bool_]
+    cutoff_hz: float = CUTOFF_HZ
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """One trial with forces, its motion and what is left between the two.
+
+    Parameters
+    ----------
+    item : Watched
+    model : BodyModel
+        With mass, as it is in this trial.
+    footing : Footing
+    gravity : ndarray, shape (3,), m/s2
+    cutoff_hz : float
+        Of the motion and the forces.
+    swinging : tuple of (Wobbling, float)
+        Masses (kg) that swing.
+    touched : ndarray, shape (n, 6), optional
+        What touches the body beside the plates, moment about the ground origin.
+    """
+
+    item: Watched
+    model: BodyModel
+    footing: Footing
+    gravity: Array
+    cutoff_hz: float = CUTOFF_HZ
+    swinging: tuple[tuple[Wobbling, float], ...] = ()
+    touched: Array | None = None
+
+    @property
+    def name(self) -> str:
+        """The trial's."""
+        return self.item.name
+
+    @property
+    def role(self) -> Role:
+        """The trial's."""
+        return self.item.role
+
+    @property
+    def times(self) -> Array:
+        """Of the frames, s."""
+        return self.item.trial.times
+
+    @cached_property
+    def rated(self) -> RatedMotion:
+        """The filtered motion with its rates."""
+        return rated_motion(self.model, self.times, self.item.q, cutoff_hz=self.cutoff_hz)
+
+    @cached_property
+    def measured(self) -> Array:
+        """All plates together, (n, 6), moment about the ground origin; zero where not known."""
+        ground = self.footing.ground
+        both = np.concatenate([ground.force, ground.moment], axis=2)
+        return np.asarray(np.nan_to_num(both).sum(axis=1))
+
+    @cached_property
+    def usable(self) -> NDArray[np.bool_]:
+        """Frames that count: usable, known, away from the ends where filters lean on nothing."""
+        known = self.footing.usable & np.isfinite(self.rated.qddot).all(axis=1)
+        known &= self.footing.ground.known.all(axis=1)
+        edge = 0.5 / self.cutoff_hz
+        inside = (self.times >= self.times[0] + edge) & (self.times <= self.times[-1] - edge)
+        return np.asarray(known & inside)
+
+    @cached_property
+    def about(self) -> Array:
+        """The point that moments are taken about: the trunk's origin, (n, 3), m."""
+        return self._needed[1]
+
+    @cached_property
+    def _needed(self) -> tuple[Array, Array]:
+        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
+        need, root = wrench.root_wrench(mechanism, self.rated.rates, p, gravity=self.gravity)
+        return np.ascontiguousarray(need.T), np.ascontiguousarray(root.T)
+
+    @cached_property
+    def gap(self) -> Array:
+        """Measured minus needed, (n, 6), moment about :attr:`about`."""
+        left = self.measured - self._needed[0]
+        for load, size in self.swinging:
+            left = left - size * load.column(self)
+        if self.touched is not None:
+            left = left + self.touched
+        return self.moved(left)
+
+    def moved(self, ground_wrench: Array) -> Array:
+        """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""
+        moment = ground_wrench[:, 3:] - np.cross(self.about, ground_wrench[:, :3])
+        return np.concatenate([ground_wrench[:, :3], moment], axis=1)
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of all components in the frames that count."""
+        return float(np.square(self.gap[self.usable] / self.floor).sum())
+
+    @cached_property
+    def floor(self) -> Array:
+        """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
+        own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
+        return np.asarray(np.hypot(own, _from_markers(self)))
+
+    @cached_property
+    def _regressors(self) -> Array:
+        """Wrench about :attr:`about` per inertial parameter, (n, 6, 10 n_segments)."""
+        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
+        found = regressor_blocks(mechanism, self.rated.rates, p, gravity=self.gravity)
+        return np.concatenate([block.ground for block in found])
+
+    def regressor(self, segment: str) -> Array:
+        """Wrench about the ground origin per inertial parameter of a segment, (n, 6, 10)."""
+        k = self.model.segment_names.index(segment)
+        own = self._regressors[:, :, N_PARAMETERS * k : N_PARAMETERS * (k + 1)].copy()
+        own[:, 3:] += np.cross(self.about[:, :, None], own[:, :3], axis=1)
+        return own
+
+    @cached_property
+    def _places(self) -> tuple[Array, Array, Array]:
+        """Centres of mass (n, s, 3), origins (n, s, 3) and axes (n, s, 3, 3) of all segments."""
+        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
+        poses = forward(mechanism.tree, self.rated.rates.q, p)
+        centres = np.moveaxis(positions(mechanism.tree, poses), -1, 0)
+        return centres, np.moveaxis(poses.origins, -1, 0), np.moveaxis(poses.axes, -1, 0)
+
+    def segment_centre(self, segment: str) -> Array:
+        """A segment's centre of mass, (n, 3), m."""
+        return np.asarray(self._places[0][:, self.model.segment_names.index(segment)])
+
+    def segment_frame(self, segment: str) -> tuple[Array, Array]:
+        """A segment's origin (n, 3) and axes (n, 3, 3), the axes as rows."""
+        k = self.model.segment_names.index(segment)
+        return self._places[1][:, k], self._places[2][:, k]
+
+    @property
+    def mass(self) -> float:
+        """Of the whole body, kg."""
+        return float(sum(s.mass for s in self.model.segments))
+
+    @cached_property
+    def centre_of_mass(self) -> Array:
+        """Of the whole body, (n, 3), m."""
+        masses = np.array([s.mass for s in self.model.segments])
+        return np.asarray(np.einsum("s,nsa->na", masses / masses.sum(), self._places[0]))
+
+    def plate(self, name: str) -> Array:
+        """One plate's wrench, (n, 6), moment about the ground origin; zero for a plate that there is not."""
+        ground = self.footing.ground
+        if name not in ground.plates:
+            return np.zeros((len(self.times), 6))
+        k = ground.plates.index(name)
+        return np.asarray(np.nan_to_num(np.concatenate([ground.force[:, k], ground.moment[:, k]], axis=1)))
+
+    def centre(self, name: str) -> Array:
+        """The mean centre of pressure of a plate, else the point of its surface that is known, (3,), m."""
+        ground = self.footing.ground
+        if name not in ground.plates:
+            return np.zeros(3)
+        k = ground.plates.index(name)
+        centres = ground.centre_of_pressure()[:, k]
+        known = np.isfinite(centres).all(axis=1)
+        return np.asarray(centres[known].mean(axis=0) if known.any() else ground.surfaces[k])
+
+
+def _from_markers(weighed: Weighed) -> Array:
+    """RMS over frames of what noise of the markers does to the needed wrench, (6,)."""
+    item, model = weighed.item, weighed.model
+    tree, free = item.task.tree, np.flatnonzero(item.task.free)
+    poses = forward(tree, np.ascontiguousarray(item.q.T), item.task.p)
+    rates = jacobian(tree, poses, positions(tree, poses), free)
+    white = np.moveaxis(rates.reshape(len(free), -1, len(item.q)), -1, 0) / np.repeat(item.floor, 3)
+    white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
+    follow = np.linalg.pinv(np.ascontiguousarray(white.transpose(0, 2, 1)), rcond=1e-5)
+    mechanism, p = mechanism_of(model), parameter_values(model)
+    stream, total = np.random.default_rng(0), np.zeros(6)
+    for _ in range(_DRAWS):
+        noisy = item.q.copy()
+        noisy[:, free] += np.einsum("nqr,nr->nq", follow, stream.normal(size=white.shape[::2]))
+        rated = rated_motion(model, weighed.times, noisy, cutoff_hz=weighed.cutoff_hz)
+        need, _ = wrench.root_wrench(mechanism, rated.rates, p, gravity=weighed.gravity)
+        change = weighed.moved(need.T - weighed._needed[0])[weighed.usable]
+        total += np.square(change).mean(axis=0) if len(change) else 0.0
+    return np.sqrt(total / _DRAWS)

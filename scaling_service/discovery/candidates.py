@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,6 +37,8 @@ class Column:
         The number in the results where the effect is absent: 1 for a factor.
     load : Load, optional
         Of the ground wrench, in place of parts.
+    low, high : float
+        What is plausible, as in the results.
     """
 
     name: str
@@ -43,6 +46,12 @@ class Column:
     parts: tuple[Part, ...] = ()
     neutral: float = 0.0
     load: Load | None = None
+    low: float = -math.inf
+    high: float = math.inf
+
+    def plausible(self, size: float) -> bool:
+        """Whether a coefficient (SI) is one that a laboratory could meet."""
+        return self.low <= self.neutral + self.unit * size <= self.high
 
 
 @dataclass(frozen=True, slots=True)

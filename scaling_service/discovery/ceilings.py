@@ -27,9 +27,7 @@ _LOOKED_AT = 60  # single columns compared; chosen: far more than effects have n
 _ABSORBING = ("marker_offset", "segment_length", "joint_axis_tilt")
 
 
-def black_box(
-    before: Account, scene: Scene, count: int, stretch_s: float
-) -> dict[Role, float]:
+def black_box(before: Account, scene: Scene, count: int, stretch_s: float) -> dict[Role, float]:
     """Share of the markers' squares that the best ``count`` columns leave, by role.
 
     Notes
@@ -77,9 +75,7 @@ def _pursue(detail: Evidence, count: int) -> tuple[list[int], Array]:
     return taken, size
 
 
-def absorbed(
-    before: Account, recordings: Sequence[Recording], scene: Scene, stretch_s: float
-) -> Account:
+def absorbed(before: Account, recordings: Sequence[Recording], scene: Scene, stretch_s: float) -> Account:
     """The account in which what calibration can free takes up what it can."""
     modules = kinds()
     taken = {s.candidate.name for s in before.everything}

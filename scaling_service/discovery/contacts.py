@@ -28,9 +28,20 @@ hand's grip stays within some 2 cm (both chosen)."""
 _FEET = ("calcn", "toes", "foot", "talus")
 _STRONG = 4.0  # chosen: of the level of the disagreement elsewhere, from which a contact is looked for
 _SHORTEST_S = 0.1  # chosen: a shorter one is a knock
-_ROUNDS = 4
-_LEAST_SHARE = 1.0 / 3.0
-"""Of the moment about the segment that may be left (chosen: with more, any force would be called a contact)."""
+_LEAST_SHARE = 0.2
+"""Of the whole disagreement that may be left where a foot is known to rest beside the plates (chosen)."""
+
+_STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
+"""A resting foot is slower, lies lower above the lowest marker, and bears on a plate when its pressure is nearer
+(chosen: a swinging foot moves at 1 to 4 m/s; a shoe is 0.3 m long)."""
+
+_SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
+_QUIET = 0.1  # chosen: the quietest tenth of the frames
+_FEWEST, _MANY = 5, 4  # frames of a stretch, and stretches, from which something is told
+_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
+_ALIKE = (
+    6.0  # twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,98 +53,116 @@ class Touch:
     candidate : Candidate
     fitted : Fitted
     gain_share : float
-        Of the trial's whitened square that it takes off.
-    wrench : ndarray, shape (n, 6), N and N m
-        On the body, moment about the ground origin; zero outside its span.
+        Of the trials' whitened squares that it takes off.
+    others : tuple of Candidate
+        Segments whose contact would explain nearly as much.
     """
 
     candidate: Candidate
     fitted: Fitted
     gain_share: float
-    wrench: Array
+    others: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spell:
+    """The frames of one trial in which something may touch."""
+
+    item: Weighed
+    rows: NDArray[np.intp]
 
 
 def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
-    """Every segment in every trial, where something stands out."""
-    found = []
-    level = _level(weighed)
-    for item in weighed:
-        span = _span(item, level)
-        if span is not None:
-            for segment in _reachable(item):
-                touch = _touch(item, segment, span, level, stretch_s)
-                if touch is not None:
-                    found.append(touch)
-    return found
+    """The best segment of every trial in which the force stands out, and of all of them if all do throughout."""
+    spells = {item.name: spell for item in weighed if (spell := _spell(item, _level(weighed))) is not None}
+    through = [spell for spell in spells.values() if len(spell.rows) > _THROUGHOUT * spell.item.usable.sum()]
+    found = [_best([spell], spell.item.name, stretch_s) for spell in spells.values()]
+    if len(through) == len(weighed) > 1:
+        found.append(_best(through, None, stretch_s))
+    return [touch for touch in found if touch is not None]
 
 
 def _level(weighed: Sequence[Weighed]) -> float:
-    """Whitened square per number that the disagreement has where it is quietest, at least one."""
+    """Whitened square per number of the force where it disagrees least, at least one."""
     quiet = [
-        float(np.median(np.square(item.gap[item.usable] / item.floor).mean(axis=1)))
+        float(np.quantile(np.square(item.gap[item.usable, :3] / item.floor[:3]).mean(axis=1), _QUIET))
         for item in weighed
         if item.usable.any()
     ]
     return max(1.0, min(quiet, default=1.0))
 
 
-def _span(item: Weighed, level: float) -> slice | None:
-    """The stretch of time in which the force disagrees much more than elsewhere."""
+def _spell(item: Weighed, level: float) -> _Spell | None:
+    """The stretch of time in which the force disagrees much more than where it is quietest."""
     strength = np.square(item.gap[:, :3] / item.floor[:3]).mean(axis=1)
     usual = float(np.median(strength[item.usable])) if item.usable.any() else 0.0
-    quiet = min(usual, _STRONG * level)
-    excess = np.where(item.usable, strength - _STRONG * max(quiet, 1.0), 0.0)
+    allowed = _STRONG * max(level, min(usual, _STRONG * level))
+    excess = np.where(item.usable, strength - allowed, 0.0)
     total = np.concatenate([[0.0], np.cumsum(excess)])
     low = np.minimum.accumulate(total)
     stop = int(np.argmax(total - low))
     start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
-    long_enough = stop > start and item.times[stop - 1] - item.times[start] >= _SHORTEST_S
-    return slice(start, stop) if long_enough and total[stop] > total[start] else None
+    if stop <= start or item.times[stop - 1] - item.times[start] < _SHORTEST_S:
+        return None
+    rows = np.arange(start, stop)[item.usable[start:stop]]
+    return _Spell(item, rows) if len(rows) >= _FEWEST else None
 
 
 def _reachable(item: Weighed) -> list[str]:
-    """Segments with markers or mass, the lightest parts of a foot left to the foot."""
+    """Segments that carry markers."""
     shown = {item.model.marker(m).segment for m in item.item.markers}
     return [s.name for s in item.model.segments if s.name in shown]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    point: Array
-    left: Array
-    force: Array
-
-
-def _touch(item: Weighed, segment: str, span: slice, level: float, stretch_s: float) -> Touch | None:
-    rows = np.arange(span.start, span.stop)[item.usable[span]]
-    if len(rows) < 10:
+def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touch | None:
+    names = [n for n in _reachable(spells[0].item) if all(n in _reachable(s.item) for s in spells)]
+    if not names:
         return None
-    wander = WANDER_M["foot" if segment.startswith(_FEET) else "other"]
-    fit = _point(item, segment, rows, wander, level)
-    gap = np.square(item.gap[rows] / item.floor)
-    gain = float(gap.sum() - fit.left.sum())
-    chance = float(fit.left.sum())
-    about = _about(item, segment, rows)
-    before = np.square(about / item.floor[3:]).sum()
-    p = _p(item, segment, rows, wander, level, stretch_s)
-    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gain, chance, p, 1.0)
-    if fit.left.sum() > _LEAST_SHARE * before and before > 3.0 * level * len(rows) * 9.0:
-        fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gain, chance, 1.0, 1.0)
-    x, y, z = (float(v) for v in fit.point)
-    change = Contact(segment, float(item.times[span.start]), float(item.times[span.stop - 1]), (x, y, z))
-    candidate = Candidate(KIND, (segment,), (), trial=item.name, change=change)
-    square = np.square(item.gap[item.usable] / item.floor).sum()
-    return Touch(candidate, fitted, gain / float(square), wrench_of(item, change))
+    gap = sum(float(np.square(s.item.gap[s.rows] / s.item.floor).sum()) for s in spells)
+    fits = {name: _point(spells, name) for name in names}
+    beside = [n for n in names if n.startswith(_FEET) and all(_beside_plates(s, n) for s in spells)]
+    likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap] or names
+    order = sorted(likely, key=lambda name: fits[name].misfit)
+    best = fits[order[0]]
+    square = sum(float(np.square(s.item.gap[s.item.usable] / s.item.floor).sum()) for s in spells)
+    p = _p(spells, order[0], stretch_s)
+    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gap - best.left, best.left, p, 1.0)
+    near = [n for n in order[1:] if fits[n].misfit - best.misfit < _ALIKE]
+    made = {n: _candidate(spells, n, fits[n].point, trial) for n in (order[0], *near)}
+    return Touch(made[order[0]], fitted, (gap - best.left) / square, tuple(made[n] for n in near))
+
+
+def _beside_plates(spell: _Spell, foot: str) -> bool:
+    """Whether a foot rests low and still most of the time, and no loaded plate's pressure is near it."""
+    item, rows = spell.item, spell.rows
+    on = [k for k, m in enumerate(item.item.markers) if item.model.marker(m).segment == foot]
+    places = item.item.task.measured
+    speed = np.linalg.norm(np.gradient(places[:, on], item.times, axis=0), axis=2)
+    lowest = np.nanmin(places[..., 1])
+    still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
+    if still[rows].any(axis=1).mean() < _THROUGHOUT:
+        return False
+    centre = np.nanmean(places[:, on], axis=1)[:, None]
+    pressed = item.footing.ground.centre_of_pressure()
+    apart = np.linalg.norm((pressed - centre)[..., [0, 2]], axis=2)
+    near = np.nan_to_num(apart, nan=np.inf)[rows].min(axis=1) < _NEAR_M
+    return bool(near.mean() < 1.0 - _THROUGHOUT)
+
+
+def _candidate(spells: Sequence[_Spell], segment: str, point: Array, trial: str | None) -> Candidate:
+    x, y, z = (float(v) for v in point)
+    times = spells[0].item.times[spells[0].rows]
+    start, end = (float(times[0]), float(times[-1])) if trial is not None else (-np.inf, np.inf)
+    return Candidate(KIND, (segment,), (), trial=trial, change=Contact(segment, start, end, (x, y, z)))
 
 
 def wrench_of(item: Weighed, contact: Contact) -> Array:
     """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
     inside = (item.times >= contact.start_s - 1e-9) & (item.times <= contact.end_s + 1e-9) & item.usable
-    wander = WANDER_M["foot" if contact.segment.startswith(_FEET) else "other"]
     rows = np.flatnonzero(inside)
     found = np.zeros((len(item.times), 6))
     if len(rows):
-        force, moment, _ = _solved(item, contact.segment, rows, np.array(contact.point), wander, 1.0)
+        force, moment, _ = _solved(item, contact.segment, rows, np.array(contact.point))
         found[rows] = np.concatenate([force, moment], axis=1)
     return found
 
@@ -145,45 +174,67 @@ def _about(item: Weighed, segment: str, rows: NDArray[np.intp]) -> Array:
     return np.asarray(item.gap[rows, 3:] - np.cross(arm, item.gap[rows, :3]))
 
 
-def _point(item: Weighed, segment: str, rows: NDArray[np.intp], wander: float, level: float) -> _Fit:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood."""
+
+    point: Array
+    left: float
+    misfit: float
+
+
+def _point(spells: Sequence[_Spell], segment: str) -> _Fit:
     """The point of the segment about which the disagreement has least moment."""
-    point = np.zeros(3)
-    _, axes = item.segment_frame(segment)
-    for _ in range(_ROUNDS):
+    wander = _wander(segment)
+    normal, target, spread, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
+    for spell in spells:
+        item, rows = spell.item, spell.rows
         force = item.gap[rows, :3]
-        # moment of p x f in ground: -[f]x R' p, linear in p
-        lever = -_crossing(force) @ axes[rows].transpose(0, 2, 1)
-        weight = _weights(item, rows, force, wander, level)
-        normal = np.einsum("nak,nab,nbl->kl", lever, weight, lever)
-        target = np.einsum("nak,nab,nb->k", lever, weight, _about(item, segment, rows))
-        ridge = 1e-6 * np.trace(normal) * np.eye(3)
-        point = np.linalg.solve(normal + ridge, target)
-    force, _, left = _solved(item, segment, rows, point, wander, level)
-    return _Fit(point, left, force)
+        lever = -_crossing(force) @ item.segment_frame(segment)[1][rows].transpose(0, 2, 1)
+        weight = _weights(item, force, wander)
+        normal += np.einsum("nak,nab,nbl->kl", lever, weight, lever)
+        target += np.einsum("nak,nab,nb->k", lever, weight, _about(item, segment, rows))
+        spread -= float(np.linalg.slogdet(weight)[1].sum())
+        count += 3 * len(rows)
+    point = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(3), target)
+    low, high = _extent(spells[0].item, segment)
+    point = np.clip(point, low, high)
+    left = sum(float(_solved(s.item, segment, s.rows, point)[2].sum()) for s in spells)
+    # frames are not independent: the likelihood counts one of them for each period of the filter
+    share = float(np.median(np.diff(spells[0].item.times))) * 2.0 * spells[0].item.cutoff_hz
+    misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
+    return _Fit(point, left, misfit)
 
 
-def _solved(
-    item: Weighed, segment: str, rows: NDArray[np.intp], point: Array, wander: float, level: float
-) -> tuple[Array, Array, Array]:
+def _extent(item: Weighed, segment: str) -> tuple[Array, Array]:
+    """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
+    own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
+    places = np.array([*own, np.array(item.model.segment(segment).com)])
+    return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
+
+
+def _wander(segment: str) -> float:
+    return WANDER_M["foot" if segment.startswith(_FEET) else "other"]
+
+
+def _solved(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
     """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
     origin, axes = item.segment_frame(segment)
-    force = -item.gap[rows, :3]
+    force, wander = -item.gap[rows, :3], _wander(segment)
     place = origin[rows] + np.einsum("njk,j->nk", axes[rows], point)
     left = item.gap[rows, 3:] - np.cross(place - item.about[rows], item.gap[rows, :3])
-    weight = _weights(item, rows, force, wander, level)
-    square = np.einsum("na,nab,nb->n", left, weight, left) * level
+    weight = _weights(item, force, wander)
+    square = np.einsum("na,nab,nb->n", left, weight, left)
     inside = _crossing(force) * wander
     spread = inside @ inside.transpose(0, 2, 1)
     wandering = np.einsum("nab,nbc,nc->na", spread, weight, left)
-    moment = np.cross(place, force) - wandering
-    return force, moment, square
+    return force, np.cross(place, force) - wandering, square
 
 
-def _weights(item: Weighed, rows: NDArray[np.intp], force: Array, wander: float, level: float) -> Array:
+def _weights(item: Weighed, force: Array, wander: float) -> Array:
     """Inverse covariance of the moment left, (n, 3, 3): its floor and the wandering of the point."""
     inside = _crossing(force) * wander
-    covariance = inside @ inside.transpose(0, 2, 1) + level * np.diag(item.floor[3:] ** 2)
-    return np.asarray(np.linalg.inv(covariance))
+    return np.asarray(np.linalg.inv(inside @ inside.transpose(0, 2, 1) + np.diag(item.floor[3:] ** 2)))
 
 
 def _crossing(vectors: Array) -> Array:
@@ -193,26 +244,29 @@ def _crossing(vectors: Array) -> Array:
     return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
 
 
-def _p(
-    item: Weighed, segment: str, rows: NDArray[np.intp], wander: float, level: float, stretch_s: float
-) -> float:
-    """How likely chance leaves as little moment about one point, stretch by stretch."""
-    inside = [rows[(rows >= s.start) & (rows < s.stop)] for s in stretches_of(item.item, stretch_s)]
-    parts = [part for part in inside if len(part) >= 5]
-    if len(parts) < 4:
-        return _short_p(item, segment, rows, wander, level)
+def _p(spells: Sequence[_Spell], segment: str, stretch_s: float) -> float:
+    """How likely chance leaves so little moment about one point, stretch by stretch."""
+    parts = [
+        _Spell(spell.item, rows)
+        for spell in spells
+        for s in stretches_of(spell.item.item, stretch_s)
+        if len(rows := spell.rows[(spell.rows >= s.start) & (spell.rows < s.stop)]) >= _FEWEST
+    ]
+    if len(parts) < _MANY:
+        return _short_p(spells, segment)
     ratios = []
     for known, new in ((parts[0::2], parts[1::2]), (parts[1::2], parts[0::2])):
-        point = _point(item, segment, np.concatenate(known), wander, level).point
+        point = _point(known, segment).point
         for part in new:
-            _, _, left = _solved(item, segment, part, point, wander, level)
-            gap = np.square(item.gap[part] / item.floor).sum()
-            ratios.append(np.log((gap - left.sum()).clip(1e-12) / max(float(left.sum()), 1e-12)))
+            left = float(_solved(part.item, segment, part.rows, point)[2].sum())
+            gap = float(np.square(part.item.gap[part.rows] / part.item.floor).sum())
+            ratios.append(np.log(max(gap - left, 1e-12) / max(left, 1e-12)))
     return above(np.array(ratios))
 
 
-def _short_p(item: Weighed, segment: str, rows: NDArray[np.intp], wander: float, level: float) -> float:
-    """For a contact too short for stretches: how far its force stands above the level elsewhere."""
-    strength = float(np.square(item.gap[rows, :3] / item.floor[:3]).mean()) / level
-    left = float(_point(item, segment, rows, wander, level).left.mean()) / 3.0 / level
-    return float(np.exp(-0.5 * min(max(strength - 3.0 * left, 0.0), 1e3)))
+def _short_p(spells: Sequence[_Spell], segment: str) -> float:
+    """For contacts too short for stretches: how far the force stands above what is left of the moment."""
+    fit = _point(spells, segment)
+    count = 3.0 * sum(len(s.rows) for s in spells)
+    force = sum(float(np.square(s.item.gap[s.rows, :3] / s.item.floor[:3]).sum()) for s in spells) / count
+    return float(np.exp(-0.5 * min(max(force - 3.0 * fit.left / count, 0.0), 1e3)))

@@ -25,6 +25,7 @@ from scaling_service.models.compile import compile_model, parameter_values
 
 _FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
 _BLOCK = 48  # frames at once: 42 rows by 1,000 columns by 48 frames are 16 MB
+_MOST = 2e8  # numbers of all columns together; chosen: some ten seconds on one core
 _NULL = 1e-9  # of the largest curvature of a pose, below which the frame does not determine the direction
 
 
@@ -105,17 +106,24 @@ def gather(
     spots = tuple(dict.fromkeys(part.spot for column in columns for part in column.parts))
     profiles = tuple(dict.fromkeys(part.profile for column in columns for part in column.parts))
     layout = Layout.of(columns, spots, profiles, count, None if together else edges)
+    step = _step(watched, len(columns))
     stretches, raw = [], np.zeros(len(columns))
     for item in watched:
         generators = Generators.of(item, spots)
         shapes = shapes_of(profiles, item)
         here = layout.only([c.trial in (None, item.name) for c in every for _ in c.columns])
         for rows in stretches_of(item, stretch_s):
-            found, own = _sums(item, generators, here, shapes, rows)
+            found, own = _sums(item, generators, here, shapes, rows, step)
             stretches.append(found)
             raw += own
     spans = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
     return Evidence(tuple(stretches), raw, count, spans)
+
+
+def _step(watched: Sequence[Watched], n_columns: int) -> int:
+    """Every how many frames to look at, so that the products stay within bounds."""
+    products = sum(3 * item.task.measured.shape[0] * len(item.markers) for item in watched) * n_columns
+    return 1 + int(products / _MOST)
 
 
 def stretches_of(item: Watched, length_s: float) -> Iterator[slice]:
@@ -250,14 +258,14 @@ class Generators:
 
 
 def _sums(
-    item: Watched, generators: Generators, layout: Layout, shapes: Array, rows: slice
+    item: Watched, generators: Generators, layout: Layout, shapes: Array, rows: slice, step: int
 ) -> tuple[Stretch, Array]:
     count = len(layout.spot)
     scores, raw, own = np.zeros(count), np.zeros(count), np.zeros(layout.own_shape)
     cross = np.zeros((layout.nuisances, count))
     square = freedom = 0.0
-    for start in range(rows.start, rows.stop, _BLOCK):
-        block = slice(start, min(start + _BLOCK, rows.stop))
+    for start in range(rows.start, rows.stop, _BLOCK * step):
+        block = slice(start, min(start + _BLOCK * step, rows.stop), step)
         gap, pose, spots = generators.at(item, block)
         basis = span(pose)
         made = layout.columns(spots, shapes[:, block])

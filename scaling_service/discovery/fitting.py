@@ -73,10 +73,11 @@ def account(
     recordings: Sequence[Recording],
     free: Sequence[Sized] = (),
     effects: Sequence[Sized] = (),
-    starts: Sequence[Watched] = (),
+    starts: Account | None = None,
 ) -> Account:
     """Follow the recordings with a model to which effects of known size are added."""
-    near = {item.name: item.q for item in starts}
+    near = {item.name: item.q for item in starts.watched} if starts else {}
+    floors = {item.name: item.floor for item in starts.weighed} if starts else {}
     both = (*free, *effects)
     watched, weighed = [], []
     for recording in recordings:
@@ -88,7 +89,8 @@ def account(
             item = Watched.of(known, rested, recording.role, item.q)
         watched.append(item)
         if recording.footing is not None:
-            weighed.append(_weighed(item, known, recording.footing, both))
+            made = _weighed(item, known, recording.footing, both)
+            weighed.append(replace(made, known_floor=floors.get(item.name)))
     return Account(model, tuple(free), tuple(effects), tuple(watched), tuple(weighed))
 
 
@@ -96,7 +98,7 @@ def _weighed(item: Watched, known: BodyModel, footing: Footing, effects: Sequenc
     made = weigh(item, known, footing, effects)
     for effect in effects:
         contact = effect.candidate.change
-        if isinstance(contact, Contact) and effect.candidate.trial == item.name:
+        if isinstance(contact, Contact) and effect.candidate.trial in (None, item.name):
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
             made = replace(made, touched=before + wrench_of(made, contact))
     return made
@@ -106,7 +108,7 @@ def refined(
     start: Account, recordings: Sequence[Recording], added: Sequence[Sized], stretch_s: float
 ) -> Account:
     """Estimate what is free and the effects, with some more of them, on the recordings that are to fit."""
-    now = account(start.model, recordings, start.free, (*start.effects, *added), start.watched)
+    now = account(start.model, recordings, start.free, (*start.effects, *added), start)
     best = cost(now)
     for _round in range(_ROUNDS):
         trial = _stepped(now, recordings, stretch_s)
@@ -139,7 +141,7 @@ def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float) ->
             moved |= {id(old): new for old, new in zip(moving, _moved(evidence, moving), strict=True)}
     free = tuple(moved.get(id(s), s) for s in now.free)
     effects = tuple(moved.get(id(s), s) for s in now.effects)
-    return account(now.model, recordings, free, effects, now.watched)
+    return account(now.model, recordings, free, effects, now)
 
 
 def _moved(evidence: Evidence, moving: Sequence[Sized]) -> list[Sized]:

@@ -146,7 +146,9 @@ def fit(scores: Array, own: Array, raw: Array) -> Fitted:
     hotelling = float(((vector.T @ total) ** 2 / value).sum())
     p = float(stats.f.sf(hotelling * freedom / (rank * (counting - 1.0)), rank, freedom))
     covariance = directions @ variance @ directions.T
-    return Fitted(inverse @ scores.sum(axis=0), covariance, gain, float(np.trace(variance)), p, shown, freedom)
+    return Fitted(
+        inverse @ scores.sum(axis=0), covariance, gain, float(np.trace(variance)), p, shown, freedom
+    )
 
 
 def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:

@@ -24,9 +24,7 @@ def disagreements(account: Account, stretch_s: float) -> tuple[Disagreement, ...
     p = holm(np.array([_p(tally, k) for tally, k in rows]))
     excess = np.array([_excess(tally, k) for tally, k in rows])
     share = excess / max(float(excess.sum()), 1e-300)
-    found = [
-        _place(account, tally, k, float(share[i]), float(p[i])) for i, (tally, k) in enumerate(rows)
-    ]
+    found = [_place(account, tally, k, float(share[i]), float(p[i])) for i, (tally, k) in enumerate(rows)]
     return tuple(sorted(found, key=lambda d: -d.share))
 
 

@@ -37,7 +37,11 @@ MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {
         "lumbar_extension": _wave(-3, 3),
         "arm_flex": _wave(5, 20, 0.5),
     },
-    "hip circumduction": {"hip_flexion": _wave(15, 30), "hip_adduction": _wave(-10, 20, 0.25), "knee": _wave(5, 4)},
+    "hip circumduction": {
+        "hip_flexion": _wave(15, 30),
+        "hip_adduction": _wave(-10, 20, 0.25),
+        "knee": _wave(5, 4),
+    },
     "standing hip rotation with a straight knee": {"hip_rotation": _wave(0, 30), "knee": _wave(2, 1)},
     "bending the knee with a still hip": {"hip_flexion": _wave(10, 3), "knee": _wave(55, -50)},
     "a jump": {
@@ -52,7 +56,11 @@ MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {
 """Coordinate (the beginning of its name) to its course over one cycle of two seconds, degrees. Ranges are
 those of healthy adults (gait: Winter 2009, appendix; the others chosen round)."""
 
-_ALSO = {"knee": ("knee_angle", "knee_flexion"), "ankle": ("ankle_angle", "ankle_flexion"), "elbow": ("elbow_flex",)}
+_ALSO = {
+    "knee": ("knee_angle", "knee_flexion"),
+    "ankle": ("ankle_angle", "ankle_flexion"),
+    "elbow": ("elbow_flex",),
+}
 
 
 def coordinates_of(model: BodyModel, movement: str) -> Array | None:

@@ -33,12 +33,15 @@ class Option:
     ----------
     gains : ndarray, shape (n_stretches,), or None
         What it takes off each stretch of the trials that are to fit, or of its own trial.
+    alike : tuple of Candidate
+        Those that are known not to be told from it.
     """
 
     candidate: Candidate
     fitted: Fitted
     gains: Array | None
     unseen: Unseen
+    alike: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +86,8 @@ def _columns(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
         return gather(now.watched, known, candidates, stretch_s, together=together)
 
     fitted = fit_each(passed(choice, together=False), choice)
-    order = sorted(range(len(choice)), key=lambda k: -fitted[k].expected)[:shortlist]
+    likely = [k for k, c in enumerate(choice) if _plausible(c, fitted[k])]
+    order = sorted(likely, key=lambda k: -fitted[k].expected)[:shortlist]
     picked = [choice[k] for k in order]
     detail = passed(picked, together=True)
     found = []
@@ -95,9 +99,20 @@ def _columns(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
     return found
 
 
+def _plausible(candidate: Candidate, fitted: Fitted) -> bool:
+    """Whether every number lies in its range, give or take its own deviation."""
+    if not len(fitted.size):
+        return False
+    spread = np.sqrt(np.diag(fitted.covariance))
+    return all(
+        column.plausible(size - sd) or column.plausible(size + sd) or column.plausible(size)
+        for column, size, sd in zip(candidate.columns, fitted.size.tolist(), spread.tolist(), strict=True)
+    )
+
+
 def _of_touch(touch: Touch) -> Option:
     tried = Unseen(touch.gain_share, touch.fitted.p, True)
-    return Option(touch.candidate, touch.fitted, None, tried)
+    return Option(touch.candidate, touch.fitted, None, tried, touch.others)
 
 
 def _of_freedom(free: Freedom) -> Option:
@@ -121,7 +136,7 @@ def confusable(option: Option, others: Sequence[Option]) -> tuple[Candidate, ...
     A motion that may take any course could always stand for one that follows a law, so it does not count.
     """
     if option.gains is None:
-        return ()
+        return option.alike
     found = []
     for other in others:
         comparable = other.gains is not None and len(other.gains) == len(option.gains)

@@ -121,7 +121,12 @@ def _gathered(account: Account, place: str) -> tuple[Array, list[_Function], tup
             _Function("the vertical force (N)", vertical),
             _Function("contact", (vertical > 20.0).astype(float)),
         ]
-    for word, parts, power in (("{}", q, 1), ("{}^2", q, 2), ("rate of {}", speed, 1), ("acceleration of {}", pull, 1)):
+    for word, parts, power in (
+        ("{}", q, 1),
+        ("{}^2", q, 2),
+        ("rate of {}", speed, 1),
+        ("acceleration of {}", pull, 1),
+    ):
         values = np.concatenate(parts)
         functions += [_Function(word.format(n), values[:, k] ** power) for k, n in enumerate(names)]
     functions = [f for f in functions if f.values.any()]

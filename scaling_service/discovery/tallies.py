@@ -14,7 +14,9 @@ from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import forward, jacobian, positions
 
 _BLOCK = 128
-_LEAST_LEFT = 1e-3  # of a marker's noise that its pose always leaves (chosen: so that nothing is divided by zero)
+_LEAST_LEFT = (
+    1e-3  # of a marker's noise that its pose always leaves (chosen: so that nothing is divided by zero)
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,9 @@ def _wrench_row(item: Weighed, part: slice) -> Array:
     return np.array([square, count * item.floor**2, np.full(len(COMPONENTS), count)])
 
 
-def _tally(places: tuple[str, ...], rows: list[Array], trials: list[str], starts: list[float]) -> Tally | None:
+def _tally(
+    places: tuple[str, ...], rows: list[Array], trials: list[str], starts: list[float]
+) -> Tally | None:
     kept = [k for k, row in enumerate(rows) if row[2].any()]
     if not kept:
         return None

@@ -23,6 +23,7 @@ from scaling_service.models.massive import mechanism_of
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 _DRAWS = 8  # of marker noise for the floor; chosen: 8 trials of thousands of frames tell it to some 5 %
+_RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
 _PLATE_N, _PLATE_NM = 0.5, 0.2
 """Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and 0.2 mm
 of 1000 N are 0.2 N m."""
@@ -64,6 +65,8 @@ class Weighed:
         Masses (kg) that swing.
     touched : ndarray, shape (n, 6), optional
         What touches the body beside the plates, moment about the ground origin.
+    known_floor : ndarray, shape (6,), optional
+        The floor, where it is known from before.
     """
 
     item: Watched
@@ -73,6 +76,7 @@ class Weighed:
     cutoff_hz: float = CUTOFF_HZ
     swinging: tuple[tuple[Wobbling, float], ...] = ()
     touched: Array | None = None
+    known_floor: Array | None = None
 
     @property
     def name(self) -> str:
@@ -144,6 +148,8 @@ class Weighed:
     @cached_property
     def floor(self) -> Array:
         """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
+        if self.known_floor is not None:
+            return self.known_floor
         own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
         return np.asarray(np.hypot(own, _from_markers(self)))
 
@@ -216,7 +222,9 @@ def _from_markers(weighed: Weighed) -> Array:
     rates = jacobian(tree, poses, positions(tree, poses), free)
     white = np.moveaxis(rates.reshape(len(free), -1, len(item.q)), -1, 0) / np.repeat(item.floor, 3)
     white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
-    follow = np.linalg.pinv(np.ascontiguousarray(white.transpose(0, 2, 1)), rcond=1e-5)
+    bend = white @ white.transpose(0, 2, 1)
+    size = np.einsum("nqq->nq", bend).max(axis=1)
+    follow = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), white)
     mechanism, p = mechanism_of(model), parameter_values(model)
     stream, total = np.random.default_rng(0), np.zeros(6)
     for _ in range(_DRAWS):

@@ -168,7 +168,9 @@ def _looked_back(
             now = without
     by_name = {e.candidate.name: e for e in now.effects}
     return [
-        replace(n, effect=by_name[n.effect.candidate.name], details=details(by_name[n.effect.candidate.name], now))
+        replace(
+            n, effect=by_name[n.effect.candidate.name], details=details(by_name[n.effect.candidate.name], now)
+        )
         for n in named
     ], now
 
@@ -253,7 +255,9 @@ def _whitened(now: Account, role: Role, stretch_s: float) -> float:
 def _limits(before: Account, folds: bool) -> tuple[str, ...]:
     said = []
     if folds:
-        said.append("no trial was held out: effects were tried on blocks of time between those that fitted them")
+        said.append(
+            "no trial was held out: effects were tried on blocks of time between those that fitted them"
+        )
     if not before.weighed:
         said.append("no forces: effects of forces and masses were not tried")
     longest = max(float(np.ptp(item.trial.times)) for item in before.watched)

@@ -13,6 +13,10 @@ MM = 1e3
 DEG = 180.0 / math.pi
 MM_PER_DEG = MM / DEG
 
+MOST_MM_PER_DEG = 3.0
+"""Chosen: skin over the thigh moves by up to some 40 mm over 60 degrees of knee flexion (Peters et al. 2010,
+Gait Posture 31:1)."""
+
 
 def shifts(
     spots: Callable[[int], Sequence[Spot]],
@@ -20,11 +24,12 @@ def shifts(
     suffix: str = "_mm",
     unit: float = MM,
     profile: Profile = ALWAYS,
-    axes: Sequence[int] = (0, 1, 2),
+    most: float,
 ) -> tuple[Column, ...]:
-    """A column for each axis; ``spots`` gives what moves together along one."""
+    """A column for each axis, of ``most`` at most; ``spots`` gives what moves together along one."""
     return tuple(
-        Column(f"{LETTERS[k]}{suffix}", unit, tuple(Part(s, profile) for s in spots(k))) for k in axes
+        Column(f"{LETTERS[k]}{suffix}", unit, tuple(Part(s, profile) for s in spots(k)), low=-most, high=most)
+        for k in range(3)
     )
 
 
@@ -35,6 +40,7 @@ def skin(markers: Sequence[str], driver: str) -> tuple[Column, ...]:
         suffix="_mm_per_deg",
         unit=MM_PER_DEG,
         profile=Following(driver),
+        most=MOST_MM_PER_DEG,
     )
 
 
@@ -45,4 +51,5 @@ def glide(segment: str, driver: str) -> tuple[Column, ...]:
         suffix="_mm_per_deg",
         unit=MM_PER_DEG,
         profile=Following(driver),
+        most=MOST_MM_PER_DEG,
     )

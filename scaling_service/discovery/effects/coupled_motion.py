@@ -25,5 +25,6 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
                 suffix="_deg_per_deg",
                 unit=1.0,
                 profile=Following(driver),
+                most=1.0,
             )
             yield Candidate(KIND, (segment.joint_name,), turns, (driver,), note="turning")

@@ -15,6 +15,6 @@ MEANING = "the forces come later (or earlier) than the markers"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
-        columns = (Column("delay_s", 1.0, load=Late()),)
+        columns = (Column("delay_s", 1.0, load=Late(), low=-0.3, high=0.3),)
         for trial in scene.scopes_of_forces:
             yield Candidate(KIND, ("forces",), columns, trial=trial)

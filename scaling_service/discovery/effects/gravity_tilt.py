@@ -16,5 +16,7 @@ MEANING = "the laboratory's vertical is not vertical"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """The whole world, about its two level axes."""
     if scene.plates:
-        columns = tuple(Column(name, DEG, load=Tilt(k)) for k, name in ((0, "x_deg"), (2, "z_deg")))
+        columns = tuple(
+            Column(name, DEG, load=Tilt(k), low=-15.0, high=15.0) for k, name in ((0, "x_deg"), (2, "z_deg"))
+        )
         yield Candidate(KIND, ("world",), columns)

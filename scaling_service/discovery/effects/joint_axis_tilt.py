@@ -29,6 +29,8 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
                         Part(JointSpot(segment.name, "before", "rotation", k)),
                         Part(JointSpot(segment.name, "after", "rotation", k), gain=-1.0),
                     ),
+                    low=-45.0,
+                    high=45.0,
                 )
                 for k in (0, 1)
             )

@@ -17,5 +17,5 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
     for segment in scene.jointed:
         name = segment.name
-        columns = shifts(lambda k, name=name: [JointSpot(name, "start", "translation", k)])  # type: ignore[misc]
+        columns = shifts(lambda k, name=name: [JointSpot(name, "start", "translation", k)], most=80.0)  # type: ignore[misc]
         yield Candidate(KIND, (segment.joint_name,), columns)

@@ -16,7 +16,7 @@ MEANING = "the marker sits elsewhere on its segment"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every marker, in all trials and in each one."""
     for marker in scene.markers:
-        columns = shifts(lambda k, marker=marker: [MarkerSpot(marker, k)])  # type: ignore[misc]
+        columns = shifts(lambda k, marker=marker: [MarkerSpot(marker, k)], most=80.0)  # type: ignore[misc]
         yield Candidate(KIND, (marker,), columns)
         if len(scene.trials) > 1:
             for trial in scene.trials:

@@ -16,7 +16,10 @@ _NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
     for plate in scene.plates:
-        columns = tuple(Column(name, 1.0, load=PlateBias(plate, k)) for k, name in enumerate(_NAMES))
+        columns = tuple(
+            Column(name, 1.0, load=PlateBias(plate, k), low=-300.0, high=300.0)
+            for k, name in enumerate(_NAMES)
+        )
         for trial in scene.scopes_of_forces:
             yield Candidate(KIND, (plate,), columns[:3], trial=trial)
             yield Candidate(KIND, (plate,), columns, trial=trial, note="with moments")

@@ -17,6 +17,9 @@ MEANING = "the plate lies elsewhere, so that its centre of pressure is shifted"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
-        columns = tuple(Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k)) for k in range(3))
+        columns = tuple(
+            Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-500.0, high=500.0)
+            for k in range(3)
+        )
         for trial in scene.scopes_of_forces:
             yield Candidate(KIND, (plate,), columns, trial=trial)

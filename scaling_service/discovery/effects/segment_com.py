@@ -19,7 +19,13 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass."""
     for segment in scene.heavy:
         columns = tuple(
-            Column(f"{LETTERS[k]}_mm", MM, load=Inertial(segment.name, tuple(of_centre(segment, k).tolist())))
+            Column(
+                f"{LETTERS[k]}_mm",
+                MM,
+                load=Inertial(segment.name, tuple(of_centre(segment, k).tolist())),
+                low=-200.0,
+                high=200.0,
+            )
             for k in range(3)
         )
         yield Candidate(KIND, (segment.name,), columns)

@@ -18,5 +18,7 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     sized |= {m.segment for m in scene.model.markers if m.follows_size}
     for segment in scene.bearing:
         if segment.name in sized:
-            columns = (Column("factor", 1.0, (Part(SizeSpot(segment.name)),), neutral=1.0),)
+            columns = (
+                Column("factor", 1.0, (Part(SizeSpot(segment.name)),), neutral=1.0, low=0.7, high=1.4),
+            )
             yield Candidate(KIND, (segment.name,), columns)

@@ -17,4 +17,5 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
         change = tuple((of_segment(segment) / segment.mass).tolist())
-        yield Candidate(KIND, (segment.name,), (Column("kg", 1.0, load=Inertial(segment.name, change)),))
+        column = Column("kg", 1.0, load=Inertial(segment.name, change), low=-0.9 * segment.mass, high=20.0)
+        yield Candidate(KIND, (segment.name,), (column,))

@@ -30,4 +30,4 @@ def swinging(markers: tuple[str, ...], frequency_hz: float, damping: float) -> C
         Part(MarkerSpot(m, k), Swing(m, frequency_hz, damping, k)) for m in markers for k in range(3)
     )
     note = f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
-    return Candidate(KIND, markers, (Column("share", 1.0, parts),), note=note)
+    return Candidate(KIND, markers, (Column("share", 1.0, parts, low=0.1, high=10.0),), note=note)

@@ -1,0 +1,81 @@
+"""A virtual person's recordings with something put into the person that the model does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from scaling_service.discovery.additions import Sized, with_effects
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.catalogue import candidates
+from scaling_service.discovery.fitting import Recording, account
+from scaling_service.discovery.workflow import scene_of
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel
+from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.models.trial import Trial
+from scaling_service.studies.virtual_subject import VirtualSettings, VirtualSubject, virtual_subject
+
+TRIALS = {"knee_r": "fit", "gait_1": "fit", "gait_2": "held_out"}
+NOISE_M = 1e-3
+
+
+@cache
+def person(seed: int = 1) -> VirtualSubject:
+    """Someone whose skin does not move, seen by perfect cameras."""
+    return virtual_subject(seed, VirtualSettings(artefact=0, noise=0, gaps=0, functional_s=5.0))
+
+
+def recorded(
+    someone: VirtualSubject,
+    truth: BodyModel,
+    *,
+    more: Array | None = None,
+    noise_m: float = NOISE_M,
+    seed: int = 0,
+) -> list[Recording]:
+    """Recordings of the person's movements by another body, with white noise of the cameras.
+
+    Parameters
+    ----------
+    more : ndarray, shape (any,), optional
+        The course of a further coordinate of the truth, repeated as needed.
+    """
+    rng = np.random.default_rng(seed)
+    made = []
+    for name, role in TRIALS.items():
+        trial, q = someone.trials[name], someone.motions[name]
+        if more is not None:
+            q = np.column_stack([q, np.resize(more, len(q))])
+        places = marker_positions(compile_model(truth, trial.labels), q, parameter_values(truth))
+        places = places + noise_m * rng.normal(size=places.shape)
+        made.append(Recording(Trial(name, trial.times.copy(), trial.labels, places, 100.0), role))  # type: ignore[arg-type]
+    return made
+
+
+@cache
+def choice(seed: int = 1) -> tuple[Candidate, ...]:
+    """All that could be missing in this person's recordings."""
+    someone = person(seed)
+    return tuple(candidates(scene_of(account(someone.model, recorded(someone, someone.model)))))
+
+
+def candidate(kind: str, *where: str, driver: str | None = None) -> Candidate:
+    """One of them by kind and place, in all trials."""
+    return next(
+        c
+        for c in choice()
+        if c.kind == kind and c.where == where and c.trial is None and driver in (None, *c.driver)
+    )
+
+
+def hide(
+    kind: str, *where: str, numbers: Sequence[float], driver: str | None = None
+) -> tuple[Candidate, BodyModel]:
+    """The candidate, and the person's body with it; ``numbers`` are as in the results."""
+    found = candidate(kind, *where, driver=driver)
+    size = [(n - c.neutral) / c.unit for n, c in zip(numbers, found.columns, strict=True)]
+    return found, with_effects(person().model, [Sized(found, np.array(size))], "")

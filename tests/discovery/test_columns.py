@@ -1,0 +1,45 @@
+"""Columns are the derivatives of the markers: against differences of the body with the effect put into it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized, with_effects
+from scaling_service.discovery.evidence import Generators
+from scaling_service.discovery.fitting import account
+from scaling_service.discovery.wobbles import shapes
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.compile import compile_model, parameter_values
+from tests.discovery.hidden import choice, person, recorded
+
+KINDS = (
+    "marker_offset",
+    "soft_tissue_artefact",
+    "segment_length",
+    "joint_centre_offset",
+    "joint_axis_tilt",
+    "coupled_motion",
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_column_is_what_a_small_effect_does(kind: str) -> None:
+    someone = person()
+    item = account(someone.model, recorded(someone, someone.model)[:1]).watched[0]
+    for candidate in [c for c in choice() if c.kind == kind and c.trial is None][:4]:
+        for k, column in enumerate(candidate.columns):
+            step = np.zeros(len(candidate.columns))
+            step[k] = 1e-6
+            sides = []
+            for sign in (1.0, -1.0):
+                body = with_effects(someone.model, [Sized(candidate, sign * step)], "")
+                tree = compile_model(body, item.markers)
+                sides.append(marker_positions(tree, item.q, parameter_values(body)))
+            wanted = (sides[0] - sides[1]) / 2e-6
+            spots = [part.spot for part in column.parts]
+            _, _, made = Generators.of(item, spots).at(item, slice(0, len(item.q)))
+            courses = shapes([part.profile for part in column.parts], item)
+            gains = np.array([part.gain for part in column.parts])
+            got = np.einsum("nrs,sn,s->nr", made, courses, gains).reshape(wanted.shape) * item.floor[:, None]
+            np.testing.assert_allclose(got, wanted, atol=2e-6)

@@ -8,7 +8,7 @@ import numpy as np
 
 from scaling_service.discovery.findings import Gap, Level
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.tallies import Tally, marker_tally, wrench_tally
+from scaling_service.discovery.tallies import Floors, Tally, marker_tally, wrench_tally
 from scaling_service.discovery.watched import Role
 from scaling_service.kernels.laws import Array
 
@@ -21,6 +21,7 @@ def gap(
     after: Account,
     role: Role,
     stretch_s: float,
+    floors: Floors,
     *,
     ceiling: Mapping[str, float],
     absorbed: float,
@@ -29,14 +30,15 @@ def gap(
 
     Parameters
     ----------
+    floors : Floors
     ceiling : mapping
         Observable to the share of its squares that a black-box correction with as many numbers leaves.
     absorbed : float
         Whitened RMS where the calibration's parameters take up what they can instead.
     """
     pairs = {}
-    markers = marker_tally(before, role, stretch_s), marker_tally(after, role, stretch_s)
-    wrenches = wrench_tally(before, role, stretch_s), wrench_tally(after, role, stretch_s)
+    markers = tuple(marker_tally(a, role, stretch_s, floors) for a in (before, after))
+    wrenches = tuple(wrench_tally(a, role, stretch_s, floors) for a in (before, after))
     if markers[0] is not None and markers[1] is not None:
         pairs[_MARKERS] = markers[0], markers[1], slice(None)
     if wrenches[0] is not None and wrenches[1] is not None:

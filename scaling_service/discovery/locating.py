@@ -7,19 +7,19 @@ from scipy import stats
 
 from scaling_service.discovery.findings import Disagreement, Observable
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.tallies import Tally, marker_tally, wrench_tally
+from scaling_service.discovery.tallies import Floors, Tally, marker_tally, wrench_tally
 from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.kernels.laws import Array
 
 _FOLLOWS = 0.3  # share of a residual's variance that a coordinate explains, from which it is told (chosen)
 
 
-def disagreements(account: Account, stretch_s: float) -> tuple[Disagreement, ...]:
+def disagreements(account: Account, stretch_s: float, floors: Floors) -> tuple[Disagreement, ...]:
     """All places, those that stand highest above their floors first.
 
     The p-values pay for the number of places (Holm 1979, Scand J Stat 6:65).
     """
-    tallies = [marker_tally(account, None, stretch_s), wrench_tally(account, None, stretch_s)]
+    tallies = [tally(account, None, stretch_s, floors) for tally in (marker_tally, wrench_tally)]
     rows = [(tally, k) for tally in tallies if tally is not None for k in range(len(tally.places))]
     p = holm(np.array([_p(tally, k) for tally, k in rows]))
     excess = np.array([_excess(tally, k) for tally, k in rows])
@@ -58,9 +58,7 @@ def holm(p: Array) -> Array:
 
 def _place(account: Account, tally: Tally, k: int, share: float, p: float) -> Disagreement:
     name = tally.places[k]
-    observable: Observable = "marker"
-    if name in COMPONENTS:
-        observable = "force" if name.startswith("f") else "moment"
+    observable = observable_of(name)
     trials = {}
     for trial in dict.fromkeys(tally.trials):
         here = np.array([t == trial for t in tally.trials])
@@ -79,6 +77,13 @@ def _place(account: Account, tally: Tally, k: int, share: float, p: float) -> Di
         _when(tally, k),
         _along(account, name, observable),
     )
+
+
+def observable_of(place: str) -> Observable:
+    """What kind of place a name is."""
+    if place not in COMPONENTS:
+        return "marker"
+    return "force" if place.startswith("f") else "moment"
 
 
 def _when(tally: Tally, k: int) -> str:

@@ -7,9 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.findings import Unexplained
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.locating import disagreements
+from scaling_service.discovery.freedoms import above
+from scaling_service.discovery.locating import holm, observable_of
+from scaling_service.discovery.predictable import marker_names
+from scaling_service.discovery.tallies import Floors, marker_tally, wrench_tally
 from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
@@ -17,9 +21,8 @@ from scaling_service.kernels.laws import Array
 LEVEL = 0.05
 """Family-wise, over all places."""
 
-STANDS_OUT = 1.5
-"""RMS over floor from which something left is worth a word (chosen: below it, the floor's own error and the
-model's curvature could be all there is)."""
+STANDS_OUT = 1.25
+"""RMS over floor from which something left is worth a word (chosen: a third of its squares is then predicted)."""
 
 _TERMS = 3  # chosen: a law of more is no longer simple
 _WORTH = 0.05  # of the variance: what a further term must explain, on the half that did not fit it (chosen)
@@ -32,14 +35,34 @@ class _Function:
     values: Array
 
 
-def unexplained(account: Account, stretch_s: float) -> tuple[Unexplained, ...]:
-    """Places that still stand above their floors, the largest first."""
+def unexplained(account: Account, stretch_s: float, floors: Floors) -> tuple[Unexplained, ...]:
+    """Places of which the movement or the time still predicts much, the largest first."""
+    tallies = [tally(account, None, stretch_s, floors) for tally in (marker_tally, wrench_tally)]
+    rows = [(tally, k) for tally in tallies if tally is not None for k in range(len(tally.places))]
+    p = holm(np.array([_p(account, tally.places[k], floors, stretch_s) for tally, k in rows]))
     found = []
-    for place in disagreements(account, stretch_s):
-        if place.p <= LEVEL and place.rms > STANDS_OUT * place.floor:
-            law = _law(account, place.where)
-            found.append(Unexplained((place.where,), place.observable, law, place.rms, place.floor))
-    return tuple(found)
+    for (tally, k), chance in zip(rows, p.tolist(), strict=True):
+        frames = float(tally.frames[:, k].sum())
+        if frames and chance <= LEVEL:
+            rms, floor = ((float(x[:, k].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
+            if rms > STANDS_OUT * floor:
+                place = tally.places[k]
+                found.append(Unexplained((place,), observable_of(place), _law(account, place), rms, floor))
+    return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
+
+
+def _p(account: Account, place: str, floors: Floors, stretch_s: float) -> float:
+    """How likely chance lets a place be predicted so well, stretch by stretch."""
+    wrench = place in COMPONENTS
+    table = floors.explained_wrenches if wrench else floors.explained_markers
+    k = COMPONENTS.index(place) if wrench else marker_names(account).index(place)
+    gains = [
+        table[item.name][rows, k].sum()
+        for item in account.watched
+        if item.name in table
+        for rows in stretches_of(item, stretch_s)
+    ]
+    return above(np.array([g for g in gains if g != 0.0]))
 
 
 def _law(account: Account, place: str) -> str:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.ceilings import absorbed, black_box
-from scaling_service.discovery.details import details, smallest_nameable
+from scaling_service.discovery.details import smallest_nameable
 from scaling_service.discovery.findings import Findings, Gap, Named, Verdict
 from scaling_service.discovery.fitting import Account, Recording, account, refined
 from scaling_service.discovery.gaps import gap
+from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.locating import disagreements
 from scaling_service.discovery.options import Option, Options, confusable, look
 from scaling_service.discovery.remainder import unexplained
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.separating import would_separate
-from scaling_service.discovery.tallies import marker_tally
+from scaling_service.discovery.tallies import Floors, floors_of, marker_tally
 from scaling_service.discovery.watched import Role
+from scaling_service.discovery.tuning import tuned
 from scaling_service.discovery.weighed import Weighed
 from scaling_service.models.body import GROUND, BodyModel
 
@@ -103,7 +105,7 @@ def discover(
         now = refined(now, recordings, [n.effect for n in found], settings.stretch_s)
         named += found
     report("looking back", 0.85)
-    named, now = _looked_back(named, now, before, recordings, settings)
+    named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
     return Discovery(_told(named, options, before, now, recordings, settings, report, notes), before, now)
 
 
@@ -135,6 +137,7 @@ def _passes(option: Option, options: Options, settings: DiscoverySettings) -> bo
 
 
 def _named(option: Option, options: Options, now: Account, settings: DiscoverySettings) -> Named:
+    option = tuned(option, now, settings.stretch_s)
     effect = Sized(option.candidate, option.fitted.size)
     twins = confusable(option, options.best)
     return Named(
@@ -150,38 +153,6 @@ def _named(option: Option, options: Options, now: Account, settings: DiscoverySe
     )
 
 
-def _looked_back(
-    named: list[Named],
-    now: Account,
-    before: Account,
-    recordings: Sequence[Recording],
-    settings: DiscoverySettings,
-) -> tuple[list[Named], Account]:
-    """Drop what later effects made superfluous: without it, the rest explains as much of what was not fitted."""
-    for n in list(named):
-        if len(named) < 2 or n.effect.candidate.change is not None:
-            continue
-        others = [e for e in now.effects if e.candidate != n.effect.candidate]
-        without = refined(replace(now, effects=tuple(others)), recordings, [], settings.stretch_s)
-        if _squares(without) <= _squares(now):
-            named = [m for m in named if m is not n]
-            now = without
-    by_name = {e.candidate.name: e for e in now.effects}
-    return [
-        replace(
-            n, effect=by_name[n.effect.candidate.name], details=details(by_name[n.effect.candidate.name], now)
-        )
-        for n in named
-    ], now
-
-
-def _squares(now: Account) -> float:
-    """Whitened squares of what is held out, else of everything."""
-    roles: tuple[Role, ...] = ("held_out",) if any(i.role == "held_out" for i in now.watched) else ("fit",)
-    markers = sum(item.square for item in now.watched if item.role in roles)
-    return float(markers + sum(item.square for item in now.weighed if item.role in roles))
-
-
 def _told(
     named: Sequence[Named],
     options: Options,
@@ -194,11 +165,12 @@ def _told(
 ) -> Findings:
     report("measuring the gap", 0.9)
     scene = scene_of(before)
-    places = disagreements(before, settings.stretch_s)
-    left = unexplained(after, settings.stretch_s)
+    floors = floors_of(after, scene.moving, settings.stretch_s)
+    places = disagreements(before, settings.stretch_s, floors)
+    left = unexplained(after, settings.stretch_s, floors)
     verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
     folds = not any(item.role == "held_out" for item in before.watched)
-    gaps = _gaps(named, before, after, recordings, scene, settings, folds)
+    gaps = _gaps(named, before, after, recordings, scene, settings, folds, floors)
     spent = any(
         sum(n.effect.candidate.of_forces == kind for n in named) >= settings.most for kind in (False, True)
     )
@@ -230,6 +202,7 @@ def _gaps(
     scene: Scene,
     settings: DiscoverySettings,
     folds: bool,
+    floors: Floors,
 ) -> dict[Role, Gap]:
     count = sum(max(len(n.effect.candidate.columns), 1) for n in named if not n.effect.candidate.of_forces)
     shares = black_box(before, scene, count, settings.stretch_s) if count else {"fit": 1.0, "held_out": 1.0}
@@ -237,14 +210,16 @@ def _gaps(
     found: dict[Role, Gap] = {}
     roles: tuple[Role, ...] = ("fit",) if folds else ("fit", "held_out")
     for role in roles:
-        reached = _whitened(swallowed, role, settings.stretch_s)
+        reached = _whitened(swallowed, role, settings.stretch_s, floors)
         ceiling = {"markers": shares[role]}
-        found[role] = gap(before, after, role, settings.stretch_s, ceiling=ceiling, absorbed=reached)
+        found[role] = gap(
+            before, after, role, settings.stretch_s, floors, ceiling=ceiling, absorbed=reached
+        )
     return found
 
 
-def _whitened(now: Account, role: Role, stretch_s: float) -> float:
-    tally = marker_tally(now, role, stretch_s)
+def _whitened(now: Account, role: Role, stretch_s: float, floors: Floors) -> float:
+    tally = marker_tally(now, role, stretch_s, floors)
     if tally is None:
         return float("nan")
     ratio = tally.square.sum(axis=0) / tally.floor.sum(axis=0).clip(1e-300)

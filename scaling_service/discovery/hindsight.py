@@ -1,0 +1,77 @@
+"""Effects looked at again once all are known: superfluous ones and ill-fitting names are dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.discovery.details import details
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import Account, Recording, refined
+from scaling_service.discovery.predictable import marker_names
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.tallies import floors_of
+from scaling_service.discovery.watched import Role
+
+LACK = 0.3
+"""Of what an effect explains at its place: when the movement or the time predicts more than this of what is left
+there, the name does not fit (chosen: a law that is right leaves nothing to predict)."""
+
+
+def looked_back(
+    named: Sequence[Named],
+    now: Account,
+    before: Account,
+    recordings: Sequence[Recording],
+    scene: Scene,
+    stretch_s: float,
+) -> tuple[list[Named], Account]:
+    """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
+    kept = list(named)
+    for n in named:
+        if len(kept) > 1 and n.effect.candidate.change is None:
+            without = _without(n, now, recordings, stretch_s)
+            if _squares(without) <= _squares(now):
+                kept = [m for m in kept if m is not n]
+                now = without
+    for n in list(kept):
+        if _lack(n, before, now, scene, stretch_s) > LACK:
+            kept = [m for m in kept if m is not n]
+            now = _without(n, now, recordings, stretch_s)
+    by_name = {e.candidate.name: e for e in now.effects}
+    found = [replace(n, effect=by_name[n.effect.candidate.name]) for n in kept]
+    return [replace(n, details=details(n.effect, now)) for n in found], now
+
+
+def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
+    others = tuple(e for e in now.effects if e.candidate != n.effect.candidate)
+    return refined(replace(now, effects=others), recordings, [], stretch_s)
+
+
+def _squares(now: Account) -> float:
+    """Whitened squares of what is held out, else of everything."""
+    roles: tuple[Role, ...] = ("held_out",) if any(i.role == "held_out" for i in now.watched) else ("fit",)
+    markers = sum(item.square for item in now.watched if item.role in roles)
+    return float(markers + sum(item.square for item in now.weighed if item.role in roles))
+
+
+def _lack(n: Named, before: Account, now: Account, scene: Scene, stretch_s: float) -> float:
+    """What is still predicted at the place of a marker's effect, over what the effect took off there.
+
+    Of effects of joints, segments and forces no single place is theirs, so nothing is asked.
+    """
+    names = marker_names(now)
+    rows = [names.index(m) for m in n.effect.candidate.where if m in names]
+    if not rows or n.effect.candidate.trial is None or n.effect.candidate.change is not None:
+        return 0.0
+    floors = floors_of(now, scene.moving, stretch_s)
+    trial = n.effect.candidate.trial
+    left = float(floors.explained_markers[trial][:, rows].sum())
+    squares = []
+    for account in (before, now):
+        item = next(i for i in account.watched if i.name == trial)
+        at = [item.markers.index(names[r]) for r in rows if names[r] in item.markers]
+        squares.append(float(np.nansum(item.residuals[:, at] ** 2)))
+    return left / max(squares[0] - squares[1], 1e-300)

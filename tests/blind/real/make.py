@@ -1,0 +1,63 @@
+"""``python -m tests.blind.real.make --out BANK``: the real recordings with something hidden."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+from tests.blind.real.angles import data_folder
+from tests.blind.real.hiding import CASES, RealCase
+from tests.blind.real.squats import read_squats, write_subject
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the cases; without the recordings say so and fail."""
+    parser = argparse.ArgumentParser(prog="python -m tests.blind.real.make", description=__doc__)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the bank")
+    given = parser.parse_args(arguments)
+    data = data_folder()
+    if data is None:
+        sys.stderr.write("the real recordings are not here: set SCALING_SERVICE_DATA\n")
+        return 2
+    for case in CASES:
+        make_real(case, data, given.out)
+        sys.stdout.write(f"{case_id(case)} {case.name}\n")
+    return 0
+
+
+def case_id(case: RealCase) -> str:
+    """A name that tells nothing."""
+    return "real_" + hashlib.sha256(case.name.encode()).hexdigest()[:10]
+
+
+def make_real(case: RealCase, data: Path, out: Path) -> Path:
+    """Write one case's folder and its label; gives the subject file."""
+    trials = [case.change(trial, k) for k, trial in enumerate(read_squats(data))]
+    subject = write_subject(out / "subjects" / case_id(case), data, trials)
+    labels = out / "labels"
+    labels.mkdir(parents=True, exist_ok=True)
+    names = [t.markers.name for t in trials]
+    truth = {
+        "id": case_id(case),
+        "group": "real",
+        "kinds": [case.name],
+        "size": "real",
+        "movement": "squat",
+        "forces": True,
+        "c3d": False,
+        "real": True,
+        "seed": 0,
+        "hidden": list(case.hidden),
+        "calibration": names[:-1],
+        "evaluation": names[-1:],
+        **case.also,
+    }
+    (labels / f"{case_id(case)}.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+    return subject
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

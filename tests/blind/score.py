@@ -1,0 +1,42 @@
+"""``python -m tests.blind.score --bank BANK --results RESULTS``: how well the hidden was found.
+
+Reads ``discovery.json`` of each case and its label; prints the table of what must be reached, the confusion
+matrix and the power of each kind. Cases that were not run yet do not count, and their number is told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from tests.blind.scoring.outcomes import outcomes
+from tests.blind.scoring.tables import TABLES, markdown, remarks, text
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the tables; with ``--out`` write them as Markdown, too."""
+    parser = argparse.ArgumentParser(prog="python -m tests.blind.score", description=__doc__)
+    parser.add_argument("--bank", type=Path, required=True)
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--out", type=Path, help="Markdown file to write")
+    given = parser.parse_args(arguments)
+    found = list(outcomes(given.bank, given.results))
+    total = len(list((given.bank / "labels").glob("*.json")))
+    head = f"{len(found)} of {total} cases were run."
+    if not found:
+        sys.stdout.write(head + "\n")
+        return 1
+    made = {title: table(found) for title, table in TABLES.items()}
+    tables = {title: rows for title, rows in made.items() if len(rows) > 1}
+    notes = "\n".join(remarks(found))
+    screen = "\n\n".join(f"{title}\n{text(rows)}" for title, rows in tables.items())
+    sys.stdout.write(f"{head}\n\n{screen}\n\n{notes}\n")
+    if given.out:
+        page = "\n\n".join(f"## {title}\n\n{markdown(rows)}" for title, rows in tables.items())
+        given.out.write_text(f"# The blind bank\n\n{head}\n\n{page}\n\n{notes}\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""From results and labels to figures."""

@@ -1,0 +1,126 @@
+"""What became of each case."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.blind.scoring.matching import best, opposite, parameters_right, size, smallest_nameable
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case's truth beside its result.
+
+    Parameters
+    ----------
+    truth : mapping
+        The label.
+    result : mapping, optional
+        ``discovery.json``; None if the program failed.
+    seconds : float, optional
+        That it took.
+    """
+
+    truth: Json
+    result: Json | None
+    seconds: float | None
+
+    @property
+    def effects(self) -> list[Json]:
+        """What was named, in the result's order."""
+        return list(self.result.get("effects", [])) if self.result else []
+
+    @property
+    def hidden(self) -> list[Json]:
+        """What is true."""
+        return list(self.truth["hidden"])
+
+    @property
+    def first_name(self) -> str:
+        """For the confusion matrix: the first kind named, else the verdict, else ``failed``."""
+        if self.result is None:
+            return "failed"
+        if self.effects:
+            return str(self.effects[0]["kind"])
+        return str(self.result.get("verdict", "failed"))
+
+    @property
+    def matches(self) -> list[str]:
+        """For each hidden thing: exact, class or no."""
+        return [best(thing, self.effects)[0] for thing in self.hidden]
+
+    @property
+    def right(self) -> bool:
+        """Whether everything hidden was named."""
+        return bool(self.hidden) and all(m != "no" for m in self.matches)
+
+    @property
+    def superfluous(self) -> int:
+        """Effects named that are not hidden."""
+        return sum(all(best(thing, [effect])[0] == "no" for thing in self.hidden) for effect in self.effects)
+
+    @property
+    def ratio(self) -> float | None:
+        """Size of the (first) hidden thing over the result's own smallest nameable size."""
+        stated = smallest_nameable(self.hidden[0], self.result or {}) if self.hidden else None
+        return size(self.hidden[0]) / stated if stated else None
+
+    @property
+    def parameters(self) -> bool | None:
+        """Whether the parameters of the exactly named things are right; None if there are none to judge."""
+        judged = []
+        for thing in self.hidden:
+            kind, effect = best(thing, self.effects)
+            if kind == "exact" and effect is not None:
+                judged.append(parameters_right(thing, effect))
+        known = [j for j in judged if j is not None]
+        return all(known) if known else None
+
+    @property
+    def opposite_sign(self) -> bool:
+        """Whether a thing came out as its own negative."""
+        found = [(thing, *best(thing, self.effects)) for thing in self.hidden]
+        return any(kind == "exact" and effect and opposite(thing, effect) for thing, kind, effect in found)
+
+    def closed(self) -> float | None:
+        """Share of the held-out gap from before to the floor that was closed (whitened)."""
+        gap = ((self.result or {}).get("gap") or {}).get("held_out") or {}
+        whole = gap.get("whitened")
+        if not whole or any(whole.get(k) is None for k in ("before", "after", "floor")):
+            return None
+        closable = whole["before"] - whole["floor"]
+        return (whole["before"] - whole["after"]) / closable if closable > 0 else None
+
+    @property
+    def stranger_seen(self) -> bool:
+        """Whether nothing was named, and what stands highest above its floor lies at the stranger's place."""
+        left = (self.result or {}).get("unexplained", [])
+        if self.effects or not left:
+            return False
+        highest = max(left, key=lambda item: item["rms"] / item["floor"] if item.get("floor") else 0.0)
+        place = {w for thing in self.hidden for w in (*thing["where"], *thing["also_where"])}
+        return bool(place & set(highest.get("where", [])))
+
+
+def outcomes(bank: Path, results: Path) -> Iterator[Outcome]:
+    """Every case that was run, in the order of the labels' names."""
+    for label in sorted((bank / "labels").glob("*.json")):
+        folder = results / label.stem
+        if (folder / "discovery.json").is_file() or (folder / "failed.txt").is_file():
+            yield Outcome(json.loads(label.read_text(encoding="utf-8")), _result(folder), _seconds(folder))
+
+
+def _result(folder: Path) -> Json | None:
+    file = folder / "discovery.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else None
+
+
+def _seconds(folder: Path) -> float | None:
+    file = folder / "seconds.txt"
+    return float(file.read_text(encoding="utf-8")) if file.is_file() else None

@@ -1,0 +1,211 @@
+"""The tables: must reach, confusion matrix, detection curves."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import beta
+
+from tests.blind.cases import SIZES
+from tests.blind.effects import EFFECTS
+from tests.blind.scoring.outcomes import Outcome
+
+Rows = list[list[str]]
+
+
+def upper_bound(hits: int, n: int, confidence: float = 0.95) -> float:
+    """One-sided upper bound of a share (Clopper and Pearson 1934)."""
+    return 1.0 if hits >= n else float(beta.ppf(confidence, hits + 1, n - hits))
+
+
+def must_reach(all_: Sequence[Outcome]) -> Rows:
+    """What, at least, reached, of how many."""
+    effects = _group(all_, "effect")
+    nulls = _group(all_, "null")
+    named = [o for o in nulls if o.effects]
+    rows = [["what", "at least", "reached", "cases"]]
+    rows.append(_share("named right, size >= 3 x smallest nameable", "95 %", _sized(effects, 3.0, "large")))
+    rows.append(_share("named right, size 1.5 to 3 x", "70 %", _sized(effects, 1.5, "middle", below=3.0)))
+    bound = f", upper bound {100 * upper_bound(len(named), len(nulls)):.1f} %" if nulls else ""
+    row = _share(
+        "something named on null recordings", "<= 5 %, bound <= 7 %", [bool(o.effects) for o in nulls]
+    )
+    rows.append([row[0], row[1], row[2] + bound, row[3]])
+    rows.append(_closed(effects))
+    judged = [o.parameters for o in effects if o.parameters is not None]
+    rows.append(_share("parameters within 10 % or 2 sd", "95 %", [bool(j) for j in judged]))
+    rows.append(_share("both of two effects right", "85 %", [o.right for o in _group(all_, "pair")]))
+    rows.append(
+        _share("both of two opposed effects right", "85 %", [o.right for o in _group(all_, "opposed")])
+    )
+    strangers = [o.stranger_seen for o in _group(all_, "stranger")]
+    rows.append(_share("strangers called unexplained, at the right place", "90 %", strangers))
+    for forces, text, limit in ((False, "time, markers only", "60 s"), (True, "time, with forces", "300 s")):
+        seconds = [o.seconds for o in all_ if o.truth["forces"] == forces and o.seconds is not None]
+        reached = f"median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s" if seconds else "-"
+        rows.append([text, limit, reached, str(len(seconds))])
+    return rows
+
+
+def remarks(all_: Sequence[Outcome]) -> list[str]:
+    """What the table does not show."""
+    effects = _group(all_, "effect")
+    lines = []
+    if not any(o.ratio is not None for o in effects):
+        lines.append(
+            "No result states a smallest nameable size: 'large' and 'middle' stand for 3 x and 1.5 x."
+        )
+    failed = Counter(o.truth["group"] for o in all_ if o.result is None)
+    if failed:
+        lines.append(
+            "Failed, counted as not named: " + ", ".join(f"{n} {g}" for g, n in failed.items()) + "."
+        )
+    extra = sum(o.superfluous > 0 for o in effects)
+    lines.append(f"Something that is not hidden was named beside in {extra} of {len(effects)} effect cases.")
+    opposed = Counter(o.truth["kinds"][0] for o in effects if o.opposite_sign)
+    if opposed:
+        kinds = ", ".join(f"{kind} {n}" for kind, n in opposed.items())
+        lines.append(f"Parameters with the opposite sign, right in size: {kinds}.")
+    lines += _intervals(effects)
+    verdicts = Counter(o.truth["kinds"][0] + " " + o.first_name for o in _group(all_, "null"))
+    if verdicts:
+        lines.append(
+            "Null recordings: " + ", ".join(f"{n} x {name}" for name, n in sorted(verdicts.items())) + "."
+        )
+    classes = sum("class" in o.matches for o in effects)
+    lines.append(
+        f"Right by the declared class only: {classes} of {sum(o.right for o in effects)} named right."
+    )
+    return lines
+
+
+def _intervals(effects: Sequence[Outcome]) -> list[str]:
+    """An interval in one fitted trial cannot be seen on the held-out ones, so these are told apart."""
+    lines = []
+    for kind in ("marker_swap", "external_contact"):
+        here = [o for o in effects if o.truth["kinds"] == [kind]]
+        everywhere, once = (
+            _percent([o.right for o in here if (o.hidden[0]["trials"] is None) == wanted])
+            for wanted in (True, False)
+        )
+        if here:
+            lines.append(
+                f"{kind} named right: {everywhere} where in all trials, {once} where in the first only."
+            )
+    return lines
+
+
+def confusion(all_: Sequence[Outcome]) -> Rows:
+    """Hidden kind (rows) against the first kind named (columns), all sizes."""
+    chosen = [o for o in all_ if o.truth["group"] in {"effect", "null", "stranger"}]
+    counts = Counter((_row_name(o), o.first_name) for o in chosen)
+    names = sorted({r for r, _ in counts}, key=_order)
+    columns = sorted({c for _, c in counts}, key=_order)
+    numbers = {c: str(k + 1) for k, c in enumerate(columns)}
+    rows = [["hidden \\ named", *numbers.values()]]
+    rows += [
+        [f"{r} ({numbers[r]})" if r in numbers else r, *(str(counts[r, c] or ".") for c in columns)]
+        for r in names
+    ]
+    others = [c for c in columns if c not in names]
+    rows += [[f"named: {c} ({numbers[c]})", *("" for _ in columns)] for c in others]
+    return rows
+
+
+def real_cases(all_: Sequence[Outcome]) -> Rows:
+    """Each real recording: what was hidden and what was named."""
+    rows = [["real recording", "hidden", "verdict", "named", "right"]]
+    for o in _group(all_, "real"):
+        hidden = "; ".join(f"{h['kind']} {' '.join(h['where'])}" for h in o.hidden) or "nothing"
+        named = "; ".join(f"{e['kind']} {' '.join(e['where'])}" for e in o.effects) or "-"
+        right = "" if not o.hidden else "yes" if o.right else "no"
+        rows.append(
+            [o.truth["kinds"][0], hidden, str((o.result or {}).get("verdict", "failed")), named, right]
+        )
+    return rows
+
+
+def detection(all_: Sequence[Outcome]) -> Rows:
+    """Power by kind: share named right by the bank's sizes, and by ratios to the smallest nameable size."""
+    edges = (0.0, 1.0, 1.5, 3.0, np.inf)
+    rows = [["kind", "unit", *SIZES, "< 1 x", "1-1.5 x", "1.5-3 x", ">= 3 x"]]
+    effects = _group(all_, "effect")
+    for kind, effect in EFFECTS.items():
+        here = [o for o in effects if o.truth["kinds"] == [kind]]
+        if not here:
+            continue
+        cells = []
+        for name, amount in zip(SIZES, effect.sizes, strict=True):
+            rights = [o.right for o in here if o.truth["size"] == name]
+            cells.append(f"{amount:.3g}: {_percent(rights)}")
+        for low, high in pairwise(edges):
+            cells.append(_percent([o.right for o in here if o.ratio is not None and low <= o.ratio < high]))
+        rows.append([kind, effect.unit, *cells])
+    return rows
+
+
+def text(rows: Rows) -> str:
+    """Columns side by side."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join(lines)
+
+
+def markdown(rows: Rows) -> str:
+    """The same for a page."""
+    head, *body = ["| " + " | ".join(cell.replace("|", "/") for cell in row) + " |" for row in rows]
+    return "\n".join([head, "|" + "---|" * len(rows[0]), *body])
+
+
+def _group(all_: Sequence[Outcome], group: str) -> list[Outcome]:
+    return [o for o in all_ if o.truth["group"] == group]
+
+
+def _sized(effects: Sequence[Outcome], least: float, named: str, below: float = np.inf) -> list[bool]:
+    """Whether named right, of those at least so large; by the bank's size where the result states nothing."""
+
+    def counts(o: Outcome) -> bool:
+        return o.truth["size"] == named if o.ratio is None else least <= o.ratio < below
+
+    return [o.right for o in effects if counts(o)]
+
+
+def _closed(effects: Sequence[Outcome]) -> list[str]:
+    """How much of the gap from before to the floor was closed where the effect was named right."""
+    shares = [share for o in effects if o.right and (share := o.closed()) is not None]
+    reached = "-"
+    if shares:
+        reached = (
+            f"mean {100 * np.mean(np.clip(shares, -1, 1)):.0f} %, median {100 * np.median(shares):.0f} %"
+        )
+    return ["gap to the floor closed on held-out trials, named right", "90 %", reached, str(len(shares))]
+
+
+def _share(what: str, at_least: str, hits: Sequence[bool]) -> list[str]:
+    return [what, at_least, _percent(hits), str(len(hits))]
+
+
+def _percent(hits: Sequence[bool]) -> str:
+    return f"{100 * float(np.mean(hits)):.0f} %" if hits else "-"
+
+
+def _row_name(o: Outcome) -> str:
+    return str(o.truth["kinds"][0]) if o.truth["group"] != "null" else f"null {o.truth['kinds'][0]}"
+
+
+def _order(name: str) -> tuple[int, str]:
+    """Kinds first, then strangers and nulls, then verdicts."""
+    return (0 if name in EFFECTS else 2 if name in {"nothing", "unexplained", "failed"} else 1, name)
+
+
+Table = Callable[[Sequence[Outcome]], Rows]
+
+TABLES: dict[str, Table] = {
+    "Must reach": must_reach,
+    "Confusion matrix": confusion,
+    "Detection": detection,
+    "Real recordings": real_cases,
+}

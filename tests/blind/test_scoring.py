@@ -1,0 +1,187 @@
+"""Scores of results whose merit is plain."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.blind.run import run_one
+from tests.blind.score import main
+from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable
+from tests.blind.scoring.outcomes import Outcome
+from tests.blind.scoring.tables import confusion, detection, must_reach, upper_bound
+
+OFFSET = {
+    "kind": "marker_offset",
+    "where": ["RLFE"],
+    "parameters": {"x_mm": 3.0, "y_mm": 0.0, "z_mm": 4.0},
+    "driver": [],
+    "also_where": [],
+}
+LENGTH = {"kind": "segment_length", "where": ["femur_r"], "parameters": {"factor": 1.03}, "also_where": []}
+
+
+def named(truth: dict[str, Any], factor: float = 1.0, sd: float = 0.0, **more: Any) -> dict[str, Any]:
+    values = {k: {"value": v * factor, "sd": sd} for k, v in truth["parameters"].items()}
+    return {"kind": truth["kind"], "where": truth["where"], "parameters": values, **more}
+
+
+def outcome(group: str, hidden: list[dict[str, Any]], result: dict[str, Any] | None, **truth: Any) -> Outcome:
+    label = {
+        "group": group,
+        "kinds": [h["kind"] for h in hidden] or ["white"],
+        "size": "large",
+        "forces": False,
+    }
+    return Outcome({**label, "hidden": hidden, **truth}, result, 10.0)
+
+
+def test_a_match_needs_kind_and_place() -> None:
+    assert match(OFFSET, named(OFFSET)) == "exact"
+    assert match(OFFSET, {**named(OFFSET), "where": ["RMFE"]}) == "no"
+    assert match(OFFSET, {**named(OFFSET), "kind": "skin_wobble"}) == "no"
+    two = {"kind": "marker_swap", "where": ["A", "B"], "parameters": {}}
+    assert match(two, {"kind": "marker_swap", "where": ["B", "A"]}) == "exact"
+
+
+def test_a_declared_class_counts_up_to_three_members() -> None:
+    other = {"kind": "joint_centre_offset", "where": ["hip_r"], "parameters": {}}
+    twin = {"kind": "marker_offset", "where": ["RLFE"]}
+    assert match(OFFSET, {**other, "confusable_with": [twin]}) == "class"
+    crowd = [twin, *({"kind": "segment_length", "where": [s]} for s in ("femur_r", "tibia_r"))]
+    assert match(OFFSET, {**other, "confusable_with": crowd}) == "no"
+    assert best(OFFSET, [{**other, "confusable_with": [twin]}, named(OFFSET)])[0] == "exact"
+
+
+def test_sizes() -> None:
+    assert size(OFFSET) == pytest.approx(5.0)
+    assert size(LENGTH) == pytest.approx(0.03)
+    swap = {"kind": "marker_swap", "where": [], "parameters": {"start_s": 1.0, "end_s": 1.6}}
+    assert size(swap) == pytest.approx(0.6)
+
+
+def test_parameters_within_a_tenth_or_two_sd() -> None:
+    assert parameters_right(OFFSET, named(OFFSET, 1.09))
+    assert not parameters_right(OFFSET, named(OFFSET, 1.2))
+    assert parameters_right(OFFSET, named(OFFSET, 1.2, sd=0.45))
+    # A factor is judged by its departure from one: 1.030 against 1.034 is off by more than a tenth.
+    wrong = {**LENGTH, "parameters": {"factor": {"value": 1.034, "sd": 0.0}}}
+    assert not parameters_right(LENGTH, wrong)
+    assert parameters_right(OFFSET, {"parameters": {}}) is None
+
+
+def test_the_opposite_sign_is_told_from_a_wrong_size() -> None:
+    assert opposite(OFFSET, named(OFFSET, -1.0))
+    assert not opposite(OFFSET, named(OFFSET, 1.0))
+    assert not opposite(OFFSET, named(OFFSET, -3.0))
+
+
+def test_smallest_nameable_is_found_where_it_may_stand() -> None:
+    stated = {"effects": [named(OFFSET, smallest_nameable=2.5)]}
+    assert smallest_nameable(OFFSET, stated) == 2.5
+    tried = {
+        "tried": [{"kind": "segment_length", "where": ["femur_r"], "smallest_nameable": {"factor": 1.01}}]
+    }
+    assert smallest_nameable(LENGTH, tried) == pytest.approx(0.01)
+    departure = {"tried": [{**tried["tried"][0], "smallest_nameable": {"factor": 0.01}}]}
+    assert smallest_nameable(LENGTH, departure) == pytest.approx(0.01)
+    assert smallest_nameable(OFFSET, tried) is None
+    wobble = {"kind": "skin_wobble", "where": ["RLFE"], "parameters": {"frequency_hz": 5.0, "damping": 0.2}}
+    told = {"effects": [{**wobble, "smallest_nameable": {"damping": 0.1}}]}
+    assert smallest_nameable(wobble, told) is None
+    assert outcome("effect", [OFFSET], stated).ratio == pytest.approx(2.0)
+
+
+def test_the_bound_of_a_share_is_exact() -> None:
+    # None of 59: the bound of 95 % confidence is 1 - 0.05 ** (1 / 59), close to the rule of three.
+    assert upper_bound(0, 59) == pytest.approx(1 - 0.05 ** (1 / 59))
+    assert upper_bound(5, 5) == 1.0
+
+
+def test_the_table_counts_what_it_says() -> None:
+    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.4, "floor": 1.0}}}
+    right = {"verdict": "found", "effects": [named(OFFSET)], "gap": gap}
+    wrong = {"verdict": "found", "effects": [named(LENGTH)]}
+    quiet: dict[str, Any] = {"verdict": "nothing", "effects": []}
+    stranger = {**OFFSET, "kind": "marker_restuck"}
+    seen = {
+        "verdict": "unexplained",
+        "effects": [],
+        "unexplained": [
+            {"where": ["RASIS"], "rms": 1.2, "floor": 1.0},
+            {"where": ["RLFE"], "rms": 5.0, "floor": 1.0},
+        ],
+    }
+    all_ = [
+        outcome("effect", [OFFSET], right),
+        outcome("effect", [OFFSET], wrong),
+        outcome("effect", [OFFSET], None),
+        outcome("null", [], quiet),
+        outcome("null", [], wrong),
+        outcome("pair", [OFFSET, LENGTH], {"effects": [named(OFFSET), named(LENGTH)]}),
+        outcome("pair", [OFFSET, LENGTH], right),
+        outcome("stranger", [stranger], seen),
+        outcome("stranger", [stranger], wrong),
+    ]
+    table = {row[0]: row for row in must_reach(all_)[1:]}
+    assert table["named right, size >= 3 x smallest nameable"][2:] == ["33 %", "3"]
+    assert table["something named on null recordings"][2].startswith("50 %")
+    assert "mean 90 %" in table["gap to the floor closed on held-out trials, named right"][2]
+    assert table["both of two effects right"][2:] == ["50 %", "2"]
+    assert table["strangers called unexplained, at the right place"][2:] == ["50 %", "2"]
+    matrix = confusion(all_)
+    row = next(r for r in matrix if r[0].startswith("marker_offset"))
+    assert sorted(row[1:]) == sorted(["1", "1", "1", ".", "."])
+    power = next(r for r in detection(all_) if r[0] == "marker_offset")
+    assert power[4] == "20: 33 %"
+
+
+def test_the_command_reads_folders_and_says_how_many(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    labels, results = tmp_path / "bank" / "labels", tmp_path / "results"
+    labels.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    for k in range(4):
+        truth = {
+            "group": "effect",
+            "kinds": ["marker_offset"],
+            "size": "large",
+            "forces": False,
+            "hidden": [OFFSET],
+        }
+        (labels / f"case_{k}.json").write_text(json.dumps(truth))
+        if k == 3:
+            continue
+        (results / f"case_{k}").mkdir(parents=True)
+        result = {"verdict": "found", "effects": [named(OFFSET)] if k else []}
+        (results / f"case_{k}" / "discovery.json").write_text(json.dumps(result))
+        (results / f"case_{k}" / "seconds.txt").write_text(f"{rng.uniform(5, 9)}")
+    page = tmp_path / "score.md"
+    assert main(["--bank", str(tmp_path / "bank"), "--results", str(results), "--out", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("3 of 4 cases were run.")
+    assert "67 %" in said
+    assert "| marker_offset |" in page.read_text()
+
+
+def test_running_keeps_results_and_failures_apart(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import pathlib, sys\n"
+        "subject, out = sys.argv[2], pathlib.Path(sys.argv[sys.argv.index('--out') + 1])\n"
+        "sys.exit('cannot be used') if 'bad' in subject else (out / 'discovery.json').write_text('{}')\n"
+    )
+    command = [sys.executable, str(program), "discover"]
+    good, bad = tmp_path / "good", tmp_path / "bad"
+    assert run_one(command, Path("good.yaml"), good, "none").startswith("done")
+    assert run_one(command, Path("bad.yaml"), bad, "none").startswith("failed")
+    assert (good / "discovery.json").is_file()
+    assert not (good / "failed.txt").exists()
+    assert "cannot be used" in (bad / "failed.txt").read_text()
+    assert float((bad / "seconds.txt").read_text()) > 0

@@ -10,12 +10,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from scaling_service.calibration.inertial import identify_inertia
     from scaling_service.calibration.settings import CalibrationSettings
     from scaling_service.core.errors import InputError
     from scaling_service.estimation.inverse_kinematics import inverse_kinematics
     from scaling_service.evaluation.kinematic_error import kinematic_error
     from scaling_service.formats.recording import read_recording
     from scaling_service.jobs.batch import batch
+    from scaling_service.jobs.discover import discover
+    from scaling_service.jobs.discover_saving import save_discovery
+    from scaling_service.jobs.discover_settings import DiscoverSettings
+    from scaling_service.jobs.dynamics import dynamics
+    from scaling_service.jobs.dynamics_saving import save_dynamics
+    from scaling_service.jobs.dynamics_settings import DynamicsSettings
     from scaling_service.jobs.loading import read_model
     from scaling_service.jobs.saving import save
     from scaling_service.jobs.settings import Settings
@@ -26,6 +33,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CalibrationSettings",
+    "DiscoverSettings",
+    "DynamicsSettings",
     "InputError",
     "ProcessingSettings",
     "Results",
@@ -34,17 +43,24 @@ __all__ = [
     "Subject",
     "batch",
     "compare",
+    "discover",
+    "dynamics",
+    "identify_inertia",
     "inverse_kinematics",
     "kinematic_error",
     "load_subject",
     "read_model",
     "read_recording",
     "save",
+    "save_discovery",
+    "save_dynamics",
     "scale",
 ]
 
 _HOMES = {
     "CalibrationSettings": "calibration.settings",
+    "DiscoverSettings": "jobs.discover_settings",
+    "DynamicsSettings": "jobs.dynamics_settings",
     "InputError": "core.errors",
     "ProcessingSettings": "processing.pipeline",
     "Results": "jobs.tasks",
@@ -53,12 +69,17 @@ _HOMES = {
     "Subject": "models.subject",
     "batch": "jobs.batch",
     "compare": "jobs.tasks",
+    "discover": "jobs.discover",
+    "dynamics": "jobs.dynamics",
+    "identify_inertia": "calibration.inertial",
     "inverse_kinematics": "estimation.inverse_kinematics",
     "kinematic_error": "evaluation.kinematic_error",
     "load_subject": "jobs.subjects",
     "read_model": "jobs.loading",
     "read_recording": "formats.recording",
     "save": "jobs.saving",
+    "save_discovery": "jobs.discover_saving",
+    "save_dynamics": "jobs.dynamics_saving",
     "scale": "jobs.tasks",
 }
 

@@ -31,6 +31,8 @@ def routes(kinds: Mapping[str, Kind]) -> APIRouter:
     """
     router = APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
+        if kind.route is None:
+            continue
         told, _, more = (kind.request.__doc__ or name).partition("\n")
         result = "" if kind.result is None else f"\n\nThe result follows `{kind.result.__name__}`."
         router.post(
@@ -50,7 +52,7 @@ def routes(kinds: Mapping[str, Kind]) -> APIRouter:
 
 def models(kinds: Mapping[str, Kind]) -> set[type[BaseModel]]:
     """What requests and results of the kinds follow."""
-    return {kind.request for kind in kinds.values()} | {
+    return {kind.request for kind in kinds.values() if kind.route is not None} | {
         kind.result for kind in kinds.values() if kind.result is not None
     }
 

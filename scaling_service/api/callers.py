@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
 from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
@@ -14,6 +15,8 @@ from scaling_service.api.problems import KeyNeeded, TooManyRequests, WrongHost
 from scaling_service.runner.configuration import is_here
 from scaling_service.runner.service import Service
 from scaling_service.store import keys
+
+T = TypeVar("T")
 
 LOCAL = "local"
 """Owner of what is asked without a key, which only the machine's own users can, while there is no key."""
@@ -38,8 +41,8 @@ class Callers:
         self._requests = Buckets(settings.request_rate, settings.request_burst)
         self._failures = Buckets(1.0, _FAILURES)
 
-    async def owner(self, request: Request) -> str:
-        """The owner on whose behalf a request comes.
+    def owner(self, request: Request) -> str:
+        """The owner on whose behalf a request comes; it asks the store, so call it in a thread.
 
         Raises
         ------
@@ -49,15 +52,24 @@ class Callers:
         address = request.client.host if request.client else "unix"
         token = _token(request)
         if token is None:
-            owner, caller = await self._without_key(), address
+            owner, caller = self._without_key(), address
         else:
-            owner = await self._of_key(token, address)
+            owner = self._of_key(token, address)
             caller = hashlib.sha256(token.encode()).hexdigest()
             request.scope["caller"] = token.split("_")[1]  # the key's public part, for the log
         wait_s = self._requests.take(caller)
         if wait_s > 0.0:
             raise TooManyRequests(wait_s)
         return owner
+
+    async def look(self, request: Request, see: Callable[[str], T]) -> T:
+        """What the owner of a request sees, in one visit of a thread: for what is asked most often.
+
+        Raises
+        ------
+        WrongHost, KeyNeeded, TooManyRequests
+        """
+        return await run_in_threadpool(lambda: see(self.owner(request)))
 
     def _check_host(self, request: Request) -> None:
         """A page of another site cannot make a browser on this machine ask under that site's name."""
@@ -69,8 +81,8 @@ class Callers:
                 remedy="Ask 127.0.0.1 or localhost",
             )
 
-    async def _without_key(self) -> str:
-        if self._loopback and not await run_in_threadpool(keys.any_valid, self._database):
+    def _without_key(self) -> str:
+        if self._loopback and not keys.any_valid(self._database):
             return LOCAL
         raise KeyNeeded(
             "a key is needed",
@@ -78,11 +90,11 @@ class Callers:
             remedy="Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one",
         )
 
-    async def _of_key(self, token: str, address: str) -> str:
+    def _of_key(self, token: str, address: str) -> str:
         wait_s = self._failures.wait_s(address)
         if wait_s > 0.0:
             raise TooManyRequests(wait_s)
-        owner = await run_in_threadpool(keys.owner_of, self._database, token)
+        owner = keys.owner_of(self._database, token)
         if owner is None:
             self._failures.take(address)
             raise KeyNeeded(
@@ -107,7 +119,12 @@ def _token(request: Request) -> str | None:
 
 async def _owner(request: Request) -> str:
     callers: Callers = request.app.state.callers
-    return await callers.owner(request)
+    return await run_in_threadpool(callers.owner, request)
+
+
+async def _callers(request: Request) -> Callers:
+    callers: Callers = request.app.state.callers
+    return callers
 
 
 async def _service(request: Request) -> Service:
@@ -117,6 +134,9 @@ async def _service(request: Request) -> Service:
 
 Owner = Annotated[str, Depends(_owner)]
 """Of a route: the owner whose things it may see."""
+
+Asked = Annotated[Callers, Depends(_callers)]
+"""Of a route that finds out by itself who asks."""
 
 Desk = Annotated[Service, Depends(_service)]
 """Of a route: what it asks."""

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from scaling_service.api import conditional
-from scaling_service.api.callers import Desk, Owner
+from scaling_service.api.callers import Asked, Desk, Owner
 from scaling_service.api.contents import archive, stored_file
 from scaling_service.api.events import MEDIA_TYPE, follow
 from scaling_service.api.problems import described
@@ -78,9 +78,9 @@ def list_jobs(
 @router.get(
     "/{job}", response_model=JobDocument, responses=described(404) | {304: {"description": "Unchanged"}}
 )
-async def get_job(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
+async def get_job(job: JobId, request: Request, callers: Asked, service: Desk) -> Response:
     """Look at a job."""
-    row = await run_in_threadpool(service.job, owner, job)
+    row = await callers.look(request, lambda owner: service.job(owner, job))
     current = conditional.tag(row.revision)
     if conditional.is_known(request, current):
         return conditional.unchanged(current)
@@ -92,7 +92,7 @@ async def get_job(job: JobId, request: Request, owner: Owner, service: Desk) -> 
     status_code=HTTPStatus.ACCEPTED,
     response_model=JobDocument,
     response_description="It was not over and is being cancelled",
-    responses=described(404) | {204: {"description": "It was over and is deleted for good"}},
+    responses=described(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
 async def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""

@@ -16,7 +16,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.runner.ledger import QueueFull
 from scaling_service.runner.submission import RequestInvalid
 from scaling_service.schemas.service import Problem
-from scaling_service.store.errors import NotFound, StoreFull, StoreUnavailable, TooLarge
+from scaling_service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -59,6 +59,7 @@ class WrongHost(InputError):
 
 _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (NotFound, 404),
+    (InUse, 409),
     (TooLarge, 413),
     (QueueFull, 429),
     (TooManyRequests, 429),

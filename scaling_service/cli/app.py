@@ -14,7 +14,10 @@ import typer
 
 from scaling_service.cli.batch import batch
 from scaling_service.cli.batch_progress import Interrupted
+from scaling_service.cli.consistent import consistent
 from scaling_service.cli.datasets import app as datasets
+from scaling_service.cli.discover import discover
+from scaling_service.cli.dynamics import dynamics
 from scaling_service.cli.keys import app as keys
 from scaling_service.cli.landmarks import landmarks
 from scaling_service.cli.reproduce import reproduce
@@ -38,7 +41,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, scale, compare, batch, landmarks, reproduce, serve):
+for _command in (demo, scale, compare, dynamics, consistent, discover, batch, landmarks, reproduce, serve):
     app.command()(_command)
 for _name, _group in (("datasets", datasets), ("keys", keys), ("data", data), ("settings", settings)):
     app.add_typer(_group, name=_name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ MAX_FACES = 3_000_000
 """Most triangles used: chosen, landmarking takes about a minute with as many."""
 
 _REMEDY = "Export the surface again as binary STL"
+
+_COUNTS = re.compile(rb"""NumberOf(?:Points|Verts|Lines|Strips|Polys)\s*=\s*["']\s*(\d+)""")
+"""What an element of a VTP file claims to hold (VTK file formats, "XML file formats")."""
 
 # What trimesh's readers raise on damaged files; they have no error of their own.
 _DAMAGED = (
@@ -130,7 +134,19 @@ def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
     return np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.intp)
 
 
+def _refuse_counts(file: Path) -> None:
+    """Refuse what a VTP file claims to hold: VTK ends the program when it gets no memory for it."""
+    for told in _COUNTS.findall(file.read_bytes()):
+        if int(told[:20]) > 3 * MAX_FACES:  # each face with corners of its own
+            raise FileUnreadable(
+                f"it claims to hold {int(told[:20])} points or cells, more than {3 * MAX_FACES}",
+                file=file,
+                remedy="Reduce the surface; 60,000 faces are enough for a bone",
+            )
+
+
 def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
+    _refuse_counts(file)
     # Imported here: VTK takes a second and 100 MB, and few bones come as VTP.
     import pyvista
     from vtkmodules.vtkCommonCore import vtkObject

@@ -6,7 +6,8 @@ import json
 import os
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from concurrent.futures import Executor
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -83,6 +84,7 @@ def batch(
     settings: Settings = Settings(),
     *,
     worker_count: int | None = None,
+    executor: Executor | None = None,
     force: bool = False,
     watcher: Watcher | None = None,
 ) -> BatchResult:
@@ -102,6 +104,8 @@ def batch(
     worker_count : int, optional
         Processes; as many as there are processor cores (no more than subjects) unless given. Results do not
         depend on it.
+    executor : Executor, optional
+        Where subjects are scaled, in place of these processes.
     force : bool
         Do again what is done and unchanged.
     watcher : Watcher, optional
@@ -136,10 +140,9 @@ def batch(
     count = min(worker_count or cores(), len(items))
     if watcher is not None:
         watcher.started(len(items), count)
-    with _made(folder), workers(count, None if watcher is None else watcher.stage) as executor:
-        run = run_cohort(
-            items, executor, methods, settings, finished=None if watcher is None else watcher.finished
-        )
+    listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finished)
+    with _made(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
+        run = run_cohort(items, chosen, methods, settings, finished=finished)
     document = _document(source, plan, run, methods, settings, notes, clock)
     return BatchResult(document, run, _write(folder, document, run))
 

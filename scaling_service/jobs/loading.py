@@ -43,11 +43,14 @@ class Loaded:
         Model marker to the labels that were taken for it, one unless trials differ.
     axes : str
         Which laboratory axes were taken for up and forward.
+    orientation : Orientation, optional
+        The same as a rotation, for forces.
     """
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     axes: str = ""
+    orientation: Orientation | None = None
 
 
 def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
@@ -88,7 +91,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
         (*told, *of_images, *notes(model, subject, [trial for trial, _ in named.values()])),
         images,
     )
-    return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description)
+    return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description, axes)
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:

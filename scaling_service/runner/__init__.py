@@ -9,10 +9,12 @@ The parts, each one idea:
 ``submission`` checks a request, finds the files that it names, and makes or finds the job
 ``desk``       what the HTTP layer calls: ask, look, cancel, delete
 ``ledger``     every change of a job, each in one transaction: lease, renew, finish, take back
+``moves``      one step of a job's state, and of what waits for it
 ``lifeline``   a process that ends with the one that needs it
 ``limits``     bounds on memory, time and files of one process
 ``child``      the process that computes: limits itself, calls the kind's function, answers in JSON
 ``supervisor`` starts a child, follows it, stops it, says how it ended
+``orders``     from a leased job to the order for an attempt at it
 ``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel
 ``executors``  where attempts run: threads here, or a Dask cluster
 ``runner``     takes queued jobs, looks after them, keeps what they made
@@ -27,6 +29,11 @@ itself before it touches a foreign byte. Child and supervisor talk over a pipe i
 runner talk through the attempt's folder only, so that the executor may be on another machine with the
 same data directory. When the child is done, the runner puts the files in place and the result into the
 database in one transaction, which succeeds only if the job is still leased under the same attempt.
+
+A batch is a job that is made of others, one for each member (``kinds.Parts``). They are asked for with it in
+one transaction and then are jobs like any: leased by any runner, lost and taken back alone, kept as soon as
+they are done. The whole waits, and counts them; when the last one is over, however it ended, its own
+work puts together what they made. So nothing that was finished is computed again, whoever is killed when.
 
 Who dies when: a child is killed by the kernel when its supervisor dies; a supervisor stops its child when
 the attempt's heartbeat stops; a runner that dies loses its leases in time, and any runner takes the jobs

@@ -25,7 +25,7 @@ from scaling_service.runner.child import Child, Progress
 from scaling_service.runner.identity import code_version
 from scaling_service.runner.kinds import Kind
 from scaling_service.runner.limits import Limits
-from scaling_service.runner.names import DOCUMENT
+from scaling_service.runner.names import DOCUMENT, PARTS
 from scaling_service.runner.outcomes import Failed, Finished, Hindered, Outcome
 from scaling_service.runner.supervisor import supervise
 from scaling_service.schemas.jobs import Failure
@@ -56,6 +56,8 @@ class Order:
         Of the runner; the executor's must be the same.
     patience_s : float
         Without a heartbeat for so long, the runner is taken for dead.
+    parts : str, optional
+        JSON: how the jobs ended that this one is made of.
     """
 
     kind: Kind
@@ -67,6 +69,7 @@ class Order:
     limits: Limits
     code_version: str
     patience_s: float
+    parts: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +120,13 @@ def _prepare(order: Order) -> None:
             place = order.folder / "inputs" / subject
             place.mkdir()
             (place / DOCUMENT).write_text(json.dumps(document, ensure_ascii=False), encoding="utf-8")
+        if order.parts is not None:
+            (order.folder / "inputs" / PARTS).write_text(order.parts, encoding="utf-8")
     for path, sha256 in order.inputs:
-        blobs.copy(sha256, order.folder / "inputs" / path)
+        target = order.folder / "inputs" / path
+        with disk_errors(order.data):
+            target.parent.mkdir(exist_ok=True)
+        blobs.copy(sha256, target)
 
 
 class Watch:

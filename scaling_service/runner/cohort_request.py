@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from scaling_service.calibration.methods import METHODS
 from scaling_service.jobs.cohort_members import COLUMN
@@ -16,6 +16,7 @@ from scaling_service.runner.requests import (
     Documents,
     JobRequest,
     Needed,
+    ScalingRequest,
     named_files,
 )
 from scaling_service.schemas.reading import check_document
@@ -23,6 +24,10 @@ from scaling_service.schemas.subject import Identifier
 
 MOST_SUBJECTS = 1000
 """Of a batch. Chosen: studies have tens; the inputs of all are copied for one job."""
+
+
+RECORD = "batch.json"
+"""What a member keeps for the statistics (``jobs.subject_item.RECORD``, without importing what computes)."""
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -38,6 +43,20 @@ def _no_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[str,
 
 
 _Label = Annotated[str, StringConstraints(pattern=r"^\w[\w .\-]*$", max_length=100)]
+
+
+class MemberRequest(ScalingRequest):
+    """Scale one subject's model as a member of a batch; the same member of two batches is one job."""
+
+
+class MemberResult(BaseModel):
+    """How a member of a batch ended that did not fail."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    status: Literal["done", "skipped"]
+    reason: str = Field(description="Why it was skipped; empty where it is done.")
+    wall_s: float
 
 
 class BatchRequest(JobRequest):
@@ -75,3 +94,10 @@ class BatchRequest(JobRequest):
     def needed(self, documents: Documents) -> Needed:
         """All files that the subjects' documents name."""
         return {name: named_files(check_document(documents[name])) for name in self.subjects}
+
+    def members(self) -> list[MemberRequest]:
+        """One request for each subject."""
+        return [
+            MemberRequest(subject=name, methods=self.methods, settings=self.settings)
+            for name in self.subjects
+        ]

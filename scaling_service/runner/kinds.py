@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -11,8 +11,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from scaling_service.runner.child import Progress
-from scaling_service.runner.cohort_request import BatchRequest
+from scaling_service.runner.cohort_request import RECORD, BatchRequest, MemberRequest, MemberResult
 from scaling_service.runner.comparing import JointAnglesRequest, KinematicErrorRequest, SegmentLengthsRequest
+from scaling_service.runner.discover_request import DiscoverRequest
+from scaling_service.runner.dynamics_request import DynamicsRequest
 from scaling_service.runner.requests import JobRequest, LandmarksRequest, ScalingRequest
 from scaling_service.runner.single import LinearRequest, OptimisedRequest
 from scaling_service.schemas.cohort import CohortDocument
@@ -21,6 +23,8 @@ from scaling_service.schemas.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
+from scaling_service.schemas.discovery import DiscoveryDocument
+from scaling_service.schemas.dynamics import DynamicsDocument
 from scaling_service.schemas.landmarks import LandmarksDocument
 from scaling_service.schemas.results import ComparisonDocument, ScalingDocument
 
@@ -53,6 +57,27 @@ class Late:
 
 
 @dataclass(frozen=True, slots=True)
+class Parts:
+    """How a job is made of others, which any runner computes at any time; its own work comes after them.
+
+    Parameters
+    ----------
+    kind : str
+        Of the parts.
+    requests : callable
+        From the request to those of the parts; each concerns subjects of the whole.
+    file : str
+        Name of the file of each part that the work needs: it lies where the part wrote it, but among the
+        inputs. How the parts ended stands there, too (:data:`~scaling_service.runner.names.PARTS`).
+        All files of the parts become files of the whole.
+    """
+
+    kind: str
+    requests: Callable[[Any], Sequence[JobRequest]]
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
 class Kind:
     """One kind of job.
 
@@ -62,16 +87,20 @@ class Kind:
         What is asked for; its fields are the body over HTTP.
     work : callable
         A function that can be named from another process; it runs there.
-    route : str
-        Where it is asked for over HTTP, below the version; the kind's name unless given.
+    route : str, optional
+        Where it is asked for over HTTP, below the version; the kind's name where it is empty. None: it is
+        a part of others only.
     result : type, optional
         What the result follows.
+    parts : Parts, optional
+        Where it is made of others. Its work then sees the subjects' documents, but not their files.
     """
 
     request: type[JobRequest]
     work: Work
-    route: str = ""
+    route: str | None = ""
     result: type[BaseModel] | None = None
+    parts: Parts | None = None
 
 
 KINDS: Mapping[str, Kind] = {
@@ -97,5 +126,14 @@ KINDS: Mapping[str, Kind] = {
         "comparisons/joint-angles",
         JointAngleComparison,
     ),
-    "batch": Kind(BatchRequest, Late("batch"), "batches", CohortDocument),
+    "dynamics": Kind(DynamicsRequest, Late("dynamics"), "dynamics", DynamicsDocument),
+    "discovery": Kind(DiscoverRequest, Late("discover"), "discoveries", DiscoveryDocument),
+    "batch": Kind(
+        BatchRequest,
+        Late("batch"),
+        "batches",
+        CohortDocument,
+        Parts("batch-member", BatchRequest.members, RECORD),
+    ),
+    "batch-member": Kind(MemberRequest, Late("member"), None, MemberResult),
 }

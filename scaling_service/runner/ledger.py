@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +11,13 @@ from sqlalchemy import Connection
 from sqlalchemy.exc import IntegrityError
 
 from scaling_service.core.errors import InputError
-from scaling_service.runner.machine import Event, Standing, after
+from scaling_service.runner.machine import Event
+from scaling_service.runner.moves import FRESH, await_parts, move
 from scaling_service.schemas.jobs import Failure, State
-from scaling_service.store import jobs, listing, queueing, references
+from scaling_service.store import jobs, listing, parts, queueing, references
 from scaling_service.store.blobs import Content
 from scaling_service.store.clock import NowUs
+from scaling_service.store.errors import needed
 from scaling_service.store.rows import FileRow, JobRow
 from scaling_service.store.store import Store
 
@@ -74,29 +77,43 @@ class Ledger:
         QueueFull
             The owner has too many jobs waiting.
         """
-        try:
-            return self._ask(make, most_waiting)
-        except IntegrityError:  # made by another, or a file replaced, between our reading and writing
-            return self._ask(make, most_waiting)
+        for _ in range(_TRIES):
+            with suppress(IntegrityError):  # made by another, or a file replaced, since we read
+                return self._ask(make, most_waiting)
+        return self._ask(make, most_waiting)
 
     def _ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
         with self.store.write() as connection:
             new = make(connection)
-            row = jobs.locked(connection, new.id, new.owner)
-            if row is not None and row.state not in (State.FAILED, State.CANCELLED):
+            row = jobs.seen(connection, new.id)
+            if row is not None and row.state not in _AGAIN:
                 return row, False
-            if listing.waiting_at_least(connection, new.owner, most_waiting):
+            room_from = most_waiting - max(len(new.parts), 1) + 1
+            if listing.waiting_at_least(connection, new.owner, room_from):
                 raise QueueFull(
                     f"{most_waiting} jobs are waiting, which is the most",
                     remedy="Wait until some are done, or cancel some",
                 )
+            for part in sorted(new.parts, key=lambda job: job.id):  # locked before the whole, in this order
+                self._ask_part(connection, part)
+            row = jobs.locked(connection, new.id)
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
-            else:
-                self._move(connection, row, Event.ASK, _FRESH)
-            found = jobs.locked(connection, new.id)
-            assert found is not None
-            return found, True
+            elif row.state in _AGAIN:
+                self._move(connection, row, Event.ASK, FRESH)
+            else:  # somebody else asked meanwhile
+                return row, False
+            if new.parts:
+                parts.link(connection, new.id, [part.id for part in new.parts])
+                await_parts(connection, _known(connection, new.id), self.most_losses)
+            return _known(connection, new.id), True
+
+    def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
+        row = jobs.locked(connection, part.id)
+        if row is None:
+            jobs.add(connection, part, State.QUEUED.value, part=True)
+        elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
+            self._move(connection, row, Event.ASK, FRESH)
 
     def lease(self, worker: str, host: str) -> JobRow | None:
         """Take the next job; None where nothing waits."""
@@ -109,7 +126,6 @@ class Ledger:
                 "host": host,
                 "lease_until_us": queueing.lease_end(self.lease_s),
                 "started_us": NowUs(),
-                "progress_share": 0.0,
                 "progress_what": "starting",
             }
             self._move(connection, row, Event.LEASE, begun)
@@ -126,6 +142,7 @@ class Ledger:
             references.keep(connection, self.store.blobs, [content for _, content in made.files])
             files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
             jobs.add_files(connection, row.id, files)
+            parts.take_files(connection, row.id)
             done = {
                 "result": made.result,
                 "provenance": provenance,
@@ -157,16 +174,27 @@ class Ledger:
         ------
         NotFound
             This owner has no such job.
+        InUse
+            It is a part of one that is not over.
         """
         with self.store.write() as connection:
+            made_of = [jobs.locked(connection, part) for part in parts.of(connection, [job])]
             row = jobs.locked(connection, job, owner)
             if row is None:
                 raise jobs.no_job(job)
             if not (row.state.is_over or row.state is State.CANCELLING):
+                if parts.is_needed(connection, job):
+                    raise needed(job)
                 self._move(connection, row, Event.CANCEL, {})
-            found = jobs.locked(connection, job)
-            assert found is not None
-            return found
+                for part in made_of:
+                    self._cancel_part(connection, part)
+            return _known(connection, job)
+
+    def _cancel_part(self, connection: Connection, row: JobRow | None) -> None:
+        """Cancel a part that no other job waits for."""
+        goes_on = row is not None and not (row.state.is_over or row.state is State.CANCELLING)
+        if row is not None and goes_on and not parts.is_needed(connection, row.id):
+            self._move(connection, row, Event.CANCEL, {})
 
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead.
@@ -195,22 +223,21 @@ class Ledger:
         return row if fenced and row is not None and row.state.is_leased else None
 
     def _move(self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any]) -> State:
-        """Write where a job stands after an event, with what belongs to its new state."""
-        new = after(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
-        written = {"state": new.state.value, "attempt": new.attempt, "losses": new.losses} | dict(values)
-        if not new.state.is_leased:
-            written |= {"worker": None, "lease_until_us": None}
-        if new.state.is_over:
-            written["finished_us"] = NowUs()
-        if new.state is State.QUEUED:
-            written |= {"progress_share": 0.0, "progress_what": "waiting", "provenance": None}
-        if new.state is not State.FAILED:
-            written["failure"] = None
-        jobs.change(connection, row.id, written)
-        return new.state
+        return move(connection, row, event, values, self.most_losses)
 
 
-_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}
+_AGAIN = (State.FAILED, State.CANCELLED)
+"""Asked for in one of these states, a job is queued again."""
+
+_TRIES = 4
+"""Of asking, before an error counts. Chosen: each needs another who asks for the same at the same moment."""
+
+
+def _known(connection: Connection, job: str) -> JobRow:
+    """A job that is there, for it was made or locked in this transaction."""
+    row = jobs.seen(connection, job)
+    assert row is not None
+    return row
 
 
 def lost_too_often(row: JobRow, reason: str) -> Failure:

@@ -11,6 +11,12 @@
       cancelled <----|-------- cancelling --finish/fail/stop/lose/release--> cancelled
           |          |
           +---ask----+----ask---- failed
+
+A job that is made of others first waits for them, however each of them ends::
+
+    queued --wait--> waiting --ready--> queued
+                        |
+                        +--cancel--> cancelled
 """
 
 from __future__ import annotations
@@ -40,6 +46,10 @@ class Event(StrEnum):
     """Its owner wants it no more."""
     STOP = "stop"
     """Its worker has stopped it."""
+    WAIT = "wait"
+    """It is made of others that are not over."""
+    READY = "ready"
+    """They are over, each in its own way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +114,9 @@ def after(standing: Standing, event: Event, most_losses: int) -> Standing:
 _NEXT = {
     (State.QUEUED, Event.LEASE): State.RUNNING,
     (State.QUEUED, Event.CANCEL): State.CANCELLED,
+    (State.QUEUED, Event.WAIT): State.WAITING,
+    (State.WAITING, Event.READY): State.QUEUED,
+    (State.WAITING, Event.CANCEL): State.CANCELLED,
     (State.RUNNING, Event.FINISH): State.DONE,
     (State.RUNNING, Event.FAIL): State.FAILED,
     (State.RUNNING, Event.RELEASE): State.QUEUED,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import socket
 import threading
@@ -11,17 +10,18 @@ from collections.abc import Mapping
 from concurrent.futures import Executor, wait
 from contextlib import suppress
 
-from scaling_service.runner.attempts import AttemptFolder, Order, carry_out
+from scaling_service.runner.attempts import AttemptFolder, carry_out
 from scaling_service.runner.executors import MakeExecutor, executor_maker
 from scaling_service.runner.identity import code_version
 from scaling_service.runner.kinds import KINDS, Kind
 from scaling_service.runner.ledger import Ledger, lost_too_often
 from scaling_service.runner.machine import Event
+from scaling_service.runner.orders import make_order
 from scaling_service.runner.presence import Presence
 from scaling_service.runner.settings import ServiceSettings
 from scaling_service.runner.settling import Held, settle
 from scaling_service.schemas.jobs import Failure, State
-from scaling_service.store import deletion, jobs, queueing
+from scaling_service.store import deletion, queueing
 from scaling_service.store.errors import StoreUnavailable
 from scaling_service.store.rows import JobRow
 from scaling_service.store.store import Store
@@ -195,26 +195,13 @@ class Runner:
             free -= 1
 
     def _begin(self, row: JobRow, executor: Executor) -> None:
-        specification, _, _ = jobs.documents(self._store.database, row.owner, row.id)
         kind = self._kinds.get(row.kind)
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
         folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
+        order, specification = make_order(self._store, self._settings, kind, row, folder)
         folder.open()
-        told = json.loads(specification)
-        inputs = jobs.inputs(self._store.database, row.id)
-        order = Order(
-            kind=kind,
-            request=json.dumps(told["request"]),
-            documents=told["documents"],
-            inputs=tuple((file.name, file.sha256) for file in inputs),
-            data=self._store.blobs.folder,
-            folder=folder.folder,
-            limits=self._settings.limits,
-            code_version=code_version(),
-            patience_s=self._settings.lease_s,
-        )
         try:
             future = executor.submit(carry_out, order)
         except RuntimeError as error:  # broken, or shut down behind our back

@@ -180,11 +180,11 @@ class Service:
             Too many jobs of this owner are waiting.
         """
         row = self.kinds.get(kind)
-        if row is None:
+        if row is None or row.route is None:
             raise NotFound(f"there is no kind of job '{kind}'", field="kind")
         checked = check_request(row, request)
         return self._ledger.ask(
-            lambda connection: new_job(connection, owner, kind, checked), self.settings.limit_queue
+            lambda connection: new_job(connection, owner, kind, checked, row.parts), self.settings.limit_queue
         )
 
     def job(self, owner: str, job: str) -> JobRow:
@@ -229,7 +229,7 @@ class Service:
         return self._one(self.files(owner, job), path)
 
     def cancel(self, owner: str, job: str) -> JobRow:
-        """Wish that a job ends; one that is over stays as it is."""
+        """Wish that a job ends; one that is over stays as it is, a part of one that is not is InUse."""
         return self._ledger.cancel(owner, known_name(job, "job"))
 
     def delete_job(self, owner: str, job: str) -> None:

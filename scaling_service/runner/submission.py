@@ -12,7 +12,7 @@ from sqlalchemy import Connection
 
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.runner.identity import canonical, code_version, job_id, specification
-from scaling_service.runner.kinds import Kind
+from scaling_service.runner.kinds import Kind, Parts
 from scaling_service.runner.requests import Documents, JobRequest
 from scaling_service.schemas.reading import check_document
 from scaling_service.schemas.subject import Bones, Person
@@ -91,8 +91,10 @@ def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobReq
         ) from None
 
 
-def new_job(connection: Connection, owner: str, name: str, request: JobRequest) -> NewJob:
-    """The job that a request is, with the subjects' documents and files as they are now.
+def new_job(
+    connection: Connection, owner: str, name: str, request: JobRequest, made_of: Parts | None = None
+) -> NewJob:
+    """The job that a request is, with the subjects' documents and files as they are now, and its parts.
 
     Raises
     ------
@@ -123,6 +125,9 @@ def new_job(connection: Connection, owner: str, name: str, request: JobRequest) 
         specification=text,
         subjects=request.subjects,
         inputs=inputs,
+        parts=()
+        if made_of is None
+        else tuple(new_job(connection, owner, made_of.kind, part) for part in made_of.requests(request)),
     )
 
 

@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 class State(StrEnum):
     """Where a job stands."""
 
+    WAITING = "waiting"
+    """For the jobs that it is made of."""
     QUEUED = "queued"
     RUNNING = "running"
     CANCELLING = "cancelling"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
@@ -12,21 +13,12 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 
 from scaling_service.core.errors import DependencyMissing, InputError
 from scaling_service.store.errors import StoreUnavailable, full, of_sqlite
-
-BUSY_S = 10.0
-"""How long a writer waits for another. Chosen: the longest write, a cascading delete, takes well under it."""
+from scaling_service.store.sqlite_file import SqliteFile
 
 CONNECT_S = 5
 """Chosen: a PostgreSQL that does not answer by then is told of as unavailable, and tried again later."""
 
 _POSTGRES_FULL = "53100"  # disk_full: PostgreSQL manual, appendix A
-
-_PRAGMAS = (
-    "PRAGMA journal_mode=WAL",  # readers never wait for writers
-    "PRAGMA synchronous=FULL",  # what a client was told is kept survives a power failure
-    "PRAGMA foreign_keys=ON",
-    "PRAGMA secure_delete=ON",  # deleted content is overwritten
-)
 
 
 class Database:
@@ -125,8 +117,10 @@ def _checked(text_url: str | URL) -> URL:
 
 def _engine(url: URL) -> Engine:
     if url.get_backend_name() == "sqlite":
-        engine = create_engine(url, connect_args={"timeout": BUSY_S})
-        event.listen(engine, "connect", _prepare_sqlite)
+        file = SqliteFile(Path(url.database or ""))
+        engine = create_engine(url, creator=file.connect)
+        event.listen(engine, "connect", file.connected)
+        event.listen(engine, "checkout", file.check)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
     try:
@@ -137,12 +131,6 @@ def _engine(url: URL) -> Engine:
             field="database_url",
             remedy="Install it with `pip install 'scaling-service[postgres]'`",
         ) from error
-
-
-def _prepare_sqlite(raw: Any, _record: object) -> None:
-    raw.isolation_level = None  # transactions are begun by us, below
-    for pragma in _PRAGMAS:
-        raw.execute(pragma)
 
 
 def _begin_sqlite(connection: Connection) -> None:

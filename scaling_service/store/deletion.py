@@ -14,11 +14,11 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Select, delete, exists, select, union
 
-from scaling_service.schemas.jobs import State
-from scaling_service.store import references
+from scaling_service.store import parts, references
 from scaling_service.store.blobs import Blobs
 from scaling_service.store.clock import US_PER_S, NowUs
 from scaling_service.store.database import Database
+from scaling_service.store.errors import needed
 from scaling_service.store.jobs import no_job
 from scaling_service.store.subjects import no_subject
 from scaling_service.store.tables import (
@@ -31,7 +31,6 @@ from scaling_service.store.tables import (
     subjects,
 )
 
-_OVER = tuple(state.value for state in State if state.is_over)
 _AT_ONCE = 200
 """Jobs deleted in one transaction. Chosen: others wait for some ms only."""
 
@@ -39,24 +38,28 @@ _DAY_S = 86_400
 _PATIENCE_S = 2.0
 """How long readers of the log are waited for. Chosen: every reading transaction is far shorter."""
 
-_TABLES = ("jobs", "job_subjects", "subjects", "blobs", *(table.name for table in REFERENCES))
+_TABLES = ("jobs", "job_subjects", "job_parts", "subjects", "blobs", *(table.name for table in REFERENCES))
 
 
 def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
-    """Delete a job with all that it made; if it runs, its worker notices and stops it.
+    """Delete a job with all that it made, and what it alone is made of; workers notice and stop.
 
     Raises
     ------
     NotFound
         This owner has no such job.
+    InUse
+        It is a part of one that is not over.
     """
     with database.write() as connection:
         mine = select(jobs.c.id).where(jobs.c.id == job, jobs.c.owner == owner).with_for_update()
         found = list(connection.scalars(mine))
         if not found:
             raise no_job(job)
-        digests = _delete_jobs(connection, found)
-    erase(database, blobs, found, digests)
+        if parts.is_needed(connection, job):
+            raise needed(job)
+        gone, digests = _delete_jobs(connection, found)
+    erase(database, blobs, gone, digests)
 
 
 def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
@@ -75,7 +78,7 @@ def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) 
 def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
     """Delete jobs that ended longer ago than so many days, and subjects untouched for as long.
 
-    A subject on whose data a kept job rests stays.
+    A subject on whose data a kept job rests stays, and so does what a kept job is made of.
 
     Returns
     -------
@@ -83,7 +86,8 @@ def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
         How many were deleted.
     """
     before = NowUs() - round(days * _DAY_S * US_PER_S)
-    old_jobs = select(jobs.c.id).where(jobs.c.state.in_(_OVER), jobs.c.finished_us < before)
+    over = jobs.c.state.in_(parts.OVER)
+    old_jobs = select(jobs.c.id).where(over, jobs.c.finished_us < before, jobs.c.part == 0)
     used = exists().where(job_subjects.c.owner == subjects.c.owner, job_subjects.c.subject == subjects.c.id)
     old_subjects = select(subjects.c.owner, subjects.c.id).where(subjects.c.updated_us < before, ~used)
     gone_jobs = _expire_jobs(database, blobs, old_jobs)
@@ -125,11 +129,11 @@ def _expire_jobs(database: Database, blobs: Blobs, old: Select[Any]) -> int:
     while True:
         with database.write() as connection:
             found = list(connection.scalars(old.limit(_AT_ONCE).with_for_update()))
-            digests = _delete_jobs(connection, found)
+            gone, digests = _delete_jobs(connection, found)
         if not found:
             return total
-        erase(database, blobs, found, digests)
-        total += len(found)
+        erase(database, blobs, gone, digests)
+        total += len(gone)
 
 
 def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
@@ -141,20 +145,31 @@ def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[
         job_subjects.c.owner == owner, job_subjects.c.subject == identity
     )
     found = list(connection.scalars(resting))
-    digests = _delete_jobs(connection, found)
+    gone, digests = _delete_jobs(connection, found)
     held: ColumnElement[bool] = (subject_files.c.owner == owner) & (subject_files.c.subject == identity)
     digests += connection.scalars(select(subject_files.c.sha256).where(held))
     connection.execute(delete(subjects).where(mine))
-    return found, digests
+    return gone, digests
 
 
-def _delete_jobs(connection: Connection, found: Sequence[str]) -> list[str]:
-    """Delete rows of jobs, a few hundred in a statement; the contents that they referred to."""
-    digests: list[str] = []
-    for k in range(0, len(found), _AT_ONCE):
-        some = found[k : k + _AT_ONCE]
-        digests += connection.scalars(
-            union(*(select(table.c.sha256).where(table.c.job.in_(some)) for table in (job_inputs, job_files)))
-        )
-        connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
-    return digests
+def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Delete rows of jobs and of parts that belonged to them alone; all these, and what they referred to."""
+    gone, digests = list(found), list[str]()
+    while found:
+        made_of: list[str] = []
+        for k in range(0, len(found), _AT_ONCE):
+            some = found[k : k + _AT_ONCE]
+            made_of += parts.of(connection, some)
+            digests += _delete_rows(connection, some)
+        found = parts.unneeded(connection, made_of)
+        gone += found
+    return gone, digests
+
+
+def _delete_rows(connection: Connection, some: Sequence[str]) -> list[str]:
+    """Delete rows of a few hundred jobs at most; the contents that they referred to."""
+    digests = connection.scalars(
+        union(*(select(table.c.sha256).where(table.c.job.in_(some)) for table in (job_inputs, job_files)))
+    ).all()
+    connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
+    return list(digests)

@@ -27,6 +27,10 @@ class NotFound(InputError):
     """There is no such subject, file, job or key for this owner."""
 
 
+class InUse(InputError):
+    """A part of a job that is not over can be neither cancelled nor deleted."""
+
+
 class TooLarge(InputError):
     """An upload is larger than the service accepts."""
 
@@ -109,3 +113,12 @@ def disk_errors(place: Path) -> Iterator[None]:
         if known is None:
             raise
         raise known from error
+
+
+def needed(job: str) -> InUse:
+    """The error for a part that is needed."""
+    return InUse(
+        f"the job '{job[:12]}…' is a part of another one that is not over",
+        field="job",
+        remedy="Cancel that one, or wait for its end",
+    )

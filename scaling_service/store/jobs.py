@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Table, delete, insert, select, update
+from sqlalchemy import Connection, Table, insert, select, update
 
 from scaling_service.store.clock import NowUs
 from scaling_service.store.database import Database
@@ -32,6 +32,8 @@ class NewJob:
         Whose data it rests on.
     inputs : tuple of FileRow
         Path in the folder of inputs, and content.
+    parts : tuple of NewJob
+        What it is made of.
     """
 
     id: str
@@ -41,10 +43,11 @@ class NewJob:
     specification: str
     subjects: tuple[str, ...]
     inputs: tuple[FileRow, ...]
+    parts: tuple[NewJob, ...] = ()
 
 
-def add(connection: Connection, job: NewJob, state: str) -> None:
-    """Make a job's rows; the contents of its inputs must be referred to already."""
+def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) -> None:
+    """Make a job's rows but for those of its parts; its inputs' contents must be referred to already."""
     ensure_owner(connection, job.owner)
     now = connection.scalar(select(NowUs()))
     connection.execute(
@@ -53,6 +56,7 @@ def add(connection: Connection, job: NewJob, state: str) -> None:
             owner=job.owner,
             kind=job.kind,
             state=state,
+            part=int(part),
             code_version=job.code_version,
             specification=job.specification,
             created_us=now,
@@ -68,6 +72,12 @@ def add(connection: Connection, job: NewJob, state: str) -> None:
 def add_files(connection: Connection, job: str, files: Iterable[FileRow]) -> None:
     """Say what a job made."""
     _add_files(connection, job_files, job, files)
+
+
+def seen(connection: Connection, job: str) -> JobRow | None:
+    """A job as this transaction sees it; None if there is none."""
+    found = connection.execute(select(*SHOWN).where(jobs.c.id == job)).mappings().one_or_none()
+    return None if found is None else job_row(found)
 
 
 def locked(connection: Connection, job: str, owner: str | None = None) -> JobRow | None:
@@ -86,12 +96,6 @@ def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
         .where(jobs.c.id == job)
         .values(**{"updated_us": NowUs()} | dict(values), revision=jobs.c.revision + 1)
     )
-
-
-def forget_outcome(connection: Connection, job: str) -> list[str]:
-    """Remove what an earlier attempt made; the contents that it referred to."""
-    removed = delete(job_files).where(job_files.c.job == job).returning(job_files.c.sha256)
-    return list(connection.scalars(removed))
 
 
 def get(database: Database, owner: str, job: str) -> JobRow:

@@ -20,15 +20,15 @@ def next_queued(connection: Connection) -> JobRow | None:
     """The next job, locked; None where nothing waits.
 
     Owners take turns: first who has the fewest jobs running, then who was served longest ago. Among an
-    owner's jobs, those that lost no worker come first, then the oldest: one that kills its workers
-    does not hold up the others.
+    owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
+    the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
     for owner in _waiting(connection):
         found = (
             connection.execute(
                 select(*SHOWN)
                 .where(jobs.c.owner == owner, jobs.c.state == State.QUEUED.value)
-                .order_by(jobs.c.losses, jobs.c.created_us, jobs.c.id)
+                .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
                 .limit(1)
                 .with_for_update(skip_locked=True)
             )

@@ -15,6 +15,7 @@ from scaling_service.store.blobs import Blobs, Incoming, sync_folder
 from scaling_service.store.database import Database
 from scaling_service.store.errors import disk_errors, full
 from scaling_service.store.migrate import upgrade
+from scaling_service.store.sqlite_file import SqliteFile
 
 SQLITE_NAME = "store.sqlite"
 
@@ -50,8 +51,11 @@ class Store:
             The folder cannot be written to, or the database does not answer.
         """
         blobs = Blobs(folder.absolute())
-        here = URL.create("sqlite", database=str(blobs.folder / SQLITE_NAME))
-        database = Database(database_url or here)
+        here = blobs.folder / SQLITE_NAME
+        if database_url is None:
+            with disk_errors(blobs.folder):
+                SqliteFile(here).make()
+        database = Database(database_url or URL.create("sqlite", database=str(here)))
         try:
             upgrade(database, blobs.folder)
         except BaseException:

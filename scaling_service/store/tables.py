@@ -75,6 +75,8 @@ jobs = Table(
     Column("state", String(16), nullable=False),
     Column("attempt", Integer, nullable=False, default=0, server_default="0"),
     Column("losses", Integer, nullable=False, default=0, server_default="0"),
+    # 1 for what was made for another job: it comes after what was asked for by itself.
+    Column("part", Integer, nullable=False, default=0, server_default="0"),
     Column("revision", Integer, nullable=False, default=1, server_default="1"),
     Column("worker", String(200)),
     Column("lease_until_us", BigInteger),
@@ -94,7 +96,7 @@ jobs = Table(
     Index(None, "owner", "created_us", "id"),
     Index(None, "owner", "state", "created_us", "id"),
     Index(None, "owner", "kind", "created_us", "id"),
-    Index(None, "owner", "state", "losses", "created_us", "id"),
+    Index(None, "owner", "state", "losses", "part", "created_us", "id"),
     Index(None, "state", "lease_until_us"),
     Index(None, "worker", "state"),
     Index(None, "finished_us"),
@@ -130,6 +132,15 @@ job_files = Table(
     Column("size", BigInteger, nullable=False),
 )
 """What a job made."""
+
+job_parts = Table(
+    "job_parts",
+    metadata,
+    Column("whole", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    Column("part", ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True, index=True),
+    Column("position", Integer, nullable=False),
+)
+"""What a job is made of. A part may belong to several wholes, and goes with the last of them."""
 
 REFERENCES = (subject_files, job_inputs, job_files)
 """Tables that keep content alive."""

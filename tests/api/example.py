@@ -8,6 +8,7 @@ import trimesh
 
 from scaling_service.api.subjects import EXAMPLE
 from scaling_service.client import Client
+from tests.jobs.force_laboratory import document, force_laboratory
 from tests.jobs.laboratory import laboratory
 from tests.landmarking.bones import femur
 
@@ -21,7 +22,19 @@ def example_files(folder: Path) -> list[Path]:
 
 
 def put_example(client: Client, files: list[Path]) -> None:
-    """The documented subject with its files."""
+    """The documented subject with its files, and one with forces."""
     client.put_subject(EXAMPLE)
     for file in files:
         client.upload("S01", file)
+    put_forces(client, files[0].parent / "forces")
+
+
+def put_forces(client: Client, folder: Path) -> None:
+    """A subject S02 on force plates, in a folder that is made."""
+    folder.mkdir()
+    force_laboratory(folder)
+    content = document()
+    client.put_subject(content | {"subject": content["subject"] | {"id": "S02"}})
+    for file in folder.iterdir():
+        if file.suffix != ".yaml":
+            client.upload("S02", file)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import random
-import signal
 import sys
 import time
 from pathlib import Path
@@ -14,58 +11,50 @@ import requests
 
 from scaling_service.client import Client
 from scaling_service.schemas.jobs import State
-from tests.cli.serving import start
-from tests.runner.services import children_of
-
-SERVER = [sys.executable, "-m", "tests.api.tiny_server"]
-
-
-def killed_often(folder: Path, n_jobs: int, n_kills: int, seconds: float) -> None:
-    """Ask for jobs, and kill the server, its runner or both until the last kill; then all must end."""
-    rng = random.Random(3)
-    process, url = start(folder, command=SERVER)
-    with Client(url) as client:
-        asked = [client.ask("tiny", number=k, seconds=seconds).id for k in range(n_jobs)]
-    results: dict[str, object] = {}
-    for _ in range(n_kills):
-        time.sleep(rng.uniform(0.2, 1.2))
-        runners = children_of(process.pid)
-        if rng.random() < 0.3 and runners:
-            os.kill(rng.choice(runners), signal.SIGKILL)  # the server starts another
-            continue
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-        process, url = start(folder, command=SERVER)
-        keep_results(url, results)
-    with Client(url, patience_s=60.0) as client:
-        for job in asked:
-            assert client.wait(job, 120.0).state is State.DONE
-        assert {job.id for job in client.jobs()} == set(asked)
-        for k, job in enumerate(asked):
-            assert client.result(job)["square"] == k**2
-        assert {job: client.result(job)["pid"] for job in results} == results
-    process.terminate()
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.wait(30) == 0
+from tests.api.tormented import SERVER, finished, tormented
+from tests.cli.serving import ENVIRONMENT, start
+from tests.store.postgres import server
 
 
-def keep_results(url: str, results: dict[str, object]) -> None:
-    """Note who made each result so far: a second result would tell of another process."""
-    with Client(url) as client:
-        for job in client.jobs(state="done"):
-            results.setdefault(job.id, client.result(job)["pid"])
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The database of the servers that are started."""
+    if request.param == "postgresql":
+        monkeypatch.setitem(ENVIRONMENT, "SCALING_SERVICE_DATABASE_URL", server().new_database())
+    return str(request.param)
+
+
+def killed_often(folder: Path, n_jobs: int, n_kills: int, seconds: float) -> str:
+    """Ask for jobs, and kill one process after another; then all must end. What was seen, for a report."""
+    results: dict[str, tuple[object, ...]] = {}
+    begun = time.monotonic()
+    with tormented(folder, seed=3) as service:
+        with Client(service.url) as client:
+            asked = [client.ask("tiny", number=k, seconds=seconds).id for k in range(n_jobs)]
+        for _ in range(n_kills):
+            service.kill_one((0.0, 2 * seconds))
+            with Client(service.url) as client:
+                results |= {job: how for job, how in finished(client).items() if job not in results}
+        with Client(service.url, patience_s=60.0) as client:
+            jobs = [client.wait(job, 120.0) for job in asked]
+            assert {job.id for job in client.jobs()} == set(asked)
+            for k, job in enumerate(asked):
+                assert client.result(job)["square"] == k**2
+            after = finished(client)
+            assert {job: after[job] for job in results} == results  # none has a second result
+    return (
+        f"{n_jobs} jobs, killed {dict(service.killed)}: {len(results)} done before the last kill, "
+        f"{sum(job.attempt for job in jobs) - n_jobs} attempts lost; {time.monotonic() - begun:.0f} s\n"
+    )
 
 
 def test_killed_during_a_few_jobs(tmp_path: Path) -> None:
-    killed_often(tmp_path / "data", n_jobs=12, n_kills=3, seconds=0.3)
+    killed_often(tmp_path / "data", n_jobs=8, n_kills=2, seconds=0.3)
 
 
 @pytest.mark.benchmark
-def test_killed_50_times_during_100_jobs(tmp_path: Path) -> None:
-    killed_often(tmp_path / "data", n_jobs=100, n_kills=50, seconds=0.8)
+def test_killed_50_times_during_100_jobs(tmp_path: Path, database: str) -> None:
+    sys.stdout.write(f"{database}: {killed_often(tmp_path / 'data', 100, 50, 0.8)}")
 
 
 def test_a_database_that_is_away_is_told_and_comes_back(tmp_path: Path) -> None:

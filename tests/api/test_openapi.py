@@ -34,7 +34,7 @@ def test_examples_run_as_they_stand_and_results_follow_their_schemas(served: Ser
     assert client.put_subject(subject["value"]).id == "S01"
     put_example(client, example_files(tmp_path / "lab"))
     with running(served.service):
-        for kind in KINDS.values():
+        for kind in (kind for kind in KINDS.values() if kind.route is not None):
             body = found["POST", f"/v1/{kind.route}"]["requestBody"]["content"]["application/json"]
             (example,) = body["examples"].values()
             job = client.ask(kind.route, **example["value"])

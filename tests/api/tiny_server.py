@@ -11,12 +11,12 @@ from scaling_service.runner import launcher, process
 from scaling_service.runner.kinds import KINDS, Kind
 from scaling_service.runner.process import FROM_PARENT
 from tests.api.busy import BUSY
-from tests.runner.tiny import TINY
+from tests.runner.wholes import WHOLES
 
 if __name__ == "__main__":
-    cast("dict[str, Kind]", KINDS).update(TINY | BUSY)
+    cast("dict[str, Kind]", KINDS).update(WHOLES | BUSY)
     if sys.argv[1:] == [FROM_PARENT]:
-        launcher._LAUNCHER = launcher.Launcher("tests.runner.tiny")  # warm at once: tiny jobs need little
+        launcher._LAUNCHER = launcher.Launcher("tests.runner.wholes")  # warm at once: tiny jobs need little
         sys.exit(process.main(sys.argv[1:]))
     serving.RunnerProcess.module = "tests.api.tiny_server"
     sys.exit(main(["serve", *sys.argv[1:]]))

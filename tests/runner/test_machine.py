@@ -25,6 +25,9 @@ cancelling fail    cancelled
 cancelling lose    cancelled
 cancelling release cancelled
 cancelling stop    cancelled
+queued     wait    waiting
+waiting    ready   queued
+waiting    cancel  cancelled
 failed     ask     queued
 cancelled  ask     queued
 """
@@ -71,7 +74,7 @@ def test_no_walk_loses_a_job_or_finishes_it_twice(events: list[Event]) -> None:
     assert results <= 1
     assert tokens == sorted(tokens)
     # Whatever happened, it is over, or some worker can still bring it to an end.
-    for event in (Event.LEASE, Event.FINISH):
+    for event in (Event.READY, Event.LEASE, Event.FINISH):
         if not standing.state.is_over and (standing.state, event) in TABLE:
             standing = after(standing, event, MOST)
     assert standing.state.is_over

@@ -6,10 +6,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import text
 
+from scaling_service.store import migrate, queueing
 from scaling_service.store.database import Database
 from scaling_service.store.errors import StoreTooNew
 from scaling_service.store.migrate import script
@@ -39,7 +41,7 @@ def test_many_may_start_at_once(tmp_path: Path, database_url: str | None) -> Non
         thread.join()
     assert troubles == []
     with opened[0].read() as connection:
-        assert connection.execute(text("SELECT version_num FROM alembic_version")).all() == [("0001",)]
+        assert connection.execute(text("SELECT version_num FROM alembic_version")).all() == [("0002",)]
     for store in opened:
         store.close()
 
@@ -59,3 +61,28 @@ def test_the_script_for_an_administrator_makes_the_same() -> None:
     with database.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
     database.close()
+
+
+def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "store.sqlite").touch()
+    database = Database(database_url or f"sqlite:///{folder / 'store.sqlite'}")
+    with database.write() as connection:
+        config = migrate._config()
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+        connection.execute(text("INSERT INTO owners (name) VALUES ('lab')"))
+        connection.execute(
+            text(
+                "INSERT INTO jobs (id, owner, kind, state, created_us, updated_us, code_version, "
+                "specification) VALUES ('a', 'lab', 'tiny', 'queued', 1, 1, '1', '{}')"
+            )
+        )
+    database.close()
+    store = Store.open(folder, database_url)
+    with store.write() as connection:
+        row = queueing.next_queued(connection)
+    assert row is not None
+    assert row.id == "a"
+    store.close()

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
 
-from scaling_service.core.text import few
-from scaling_service.reports.blocks import Block, Bullets, Cell, Details, Row, Table, Text
+from scaling_service.reports.blocks import Block, Cell, Details, Row, Table, Text
 from scaling_service.reports.methods import method_columns
 from scaling_service.reports.page import Section
+from scaling_service.reports.provenance import input_blocks, repair_blocks, warning_blocks
 from scaling_service.reports.subject.data import SubjectData
-from scaling_service.schemas.results import ComparisonDocument, FittedParameter, MethodResult, RepairNote
+from scaling_service.schemas.results import FittedParameter, MethodResult
 
 _SHOWN = {"m": ("mm", 1e3, 1), "rad": ("°", 180.0 / math.pi, 1), "1": ("", 1.0, 3)}
 """Unit of a parameter to the unit shown, the factor and the digits."""
@@ -90,19 +88,9 @@ def _provenance(data: SubjectData) -> Iterator[Block]:
         [Row(name, [data.titles.get(name, "")]) for name in document.methods],
         words=True,
     )
-    yield from _warnings(warnings)
-    yield from _repairs(document)
-    used = document.markers_used
-    if used:
-        named = [Row(marker, [", ".join(labels)]) for marker, labels in used.items()]
-        yield Details(
-            "Labels taken for the model's markers",
-            [Table("Markers", ["marker", "label in the files"], named, words=True)],
-        )
-    yield Details("Settings", [_settings(document)])
-    if document.input_hashes:
-        hashes = [Row(name, [sha]) for name, sha in document.input_hashes.items()]
-        yield Details("Input files", [Table("SHA-256 of each file", ["file", "SHA-256"], hashes, words=True)])
+    yield from warning_blocks(warnings)
+    yield from repair_blocks(document)
+    yield from input_blocks(document)
     times = [
         Row(
             name,
@@ -114,59 +102,3 @@ def _provenance(data: SubjectData) -> Iterator[Block]:
         "Computing time",
         [Table("Iterations and seconds", ["", "iterations", "fitting, s", "following, s"], times)],
     )
-
-
-def _warnings(warnings: list[str]) -> Iterator[Block]:
-    if warnings:
-        yield Text("Warnings:")
-        yield Bullets(warnings)
-    else:
-        yield Text("There were no warnings.")
-
-
-def _repairs(document: ComparisonDocument) -> Iterator[Block]:
-    """What was done, the same in several places told once."""
-    found: dict[tuple[str, str], list[tuple[str, RepairNote]]] = {}
-    for trial, repairs in document.repairs.items():
-        for repair in repairs:
-            found.setdefault((repair.what, repair.detail), []).append((trial, repair))
-    if not found:
-        yield Text("Nothing was repaired.")
-        return
-    rows = [
-        Row(what.replace("_", " "), [detail, few(_places(places)), _frames(places)])
-        for (what, detail), places in found.items()
-    ]
-    yield Details(
-        f"What was repaired or decided while reading ({sum(map(len, found.values()))})",
-        [Table("Repairs and decisions", ["what", "detail", "where", "frames"], rows, words=True)],
-    )
-
-
-def _places(places: Sequence[tuple[str, RepairNote]]) -> list[str]:
-    named = (r.where and not r.where.startswith(trial) for trial, r in places)
-    said = [f"{t} {r.where}" if own else t for own, (t, r) in zip(named, places, strict=True)]
-    return list(dict.fromkeys(said))
-
-
-def _frames(places: Sequence[tuple[str, RepairNote]]) -> str:
-    total = sum(repair.frames for _, repair in places)
-    return str(total) if total else ""
-
-
-def _settings(document: ComparisonDocument) -> Table:
-    rows = [Row(name, [value]) for name, value in _flat(document.settings)]
-    return Table(
-        "Settings as resolved",
-        ["setting", "value"],
-        [*rows, Row("seed", [str(document.seed)]), Row("version", [document.code_version])],
-        words=True,
-    )
-
-
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    for name, value in settings.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,26 @@
+"""Check a model's dynamics: what ``dynamics`` does on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from scaling_service.jobs.dynamics import dynamics
+from scaling_service.jobs.dynamics_saving import save_dynamics
+from scaling_service.jobs.tasks import Progress
+from scaling_service.runner.dynamics_request import DynamicsRequest
+from scaling_service.runner.names import DOCUMENT
+
+
+def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write ``dynamics.json``, each trial's forces and the report; the document is the result.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject, the model, the recordings or their forces cannot be used.
+    """
+    results = dynamics(
+        inputs / request.subject / DOCUMENT, request.chosen, request.settings, progress=progress
+    )
+    return save_dynamics(results, outputs).model_dump(mode="json")

@@ -1,0 +1,196 @@
+"""The parts of inertial identification against closed forms and other ways to the same numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from scaling_service.anatomy.inertia import apply_inertia_table
+from scaling_service.calibration.inertial_box import bodies_of
+from scaling_service.calibration.inertial_cone import KEPT, Body, possible_minimum, pseudo_inertia
+from scaling_service.calibration.inertial_evidence import ForceRecording, evidence_of, repeated
+from scaling_service.calibration.inertial_noise import most_likely_noise
+from scaling_service.calibration.inertial_prior import (
+    COM_SD,
+    LENGTH_SD,
+    MASS_SD,
+    PriorSpread,
+    inertial_prior,
+)
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.kernels.mechanism import Inertias
+from scaling_service.models.inertia_tables import TABLE_NAMES
+from scaling_service.models.massive import inertias_of, with_inertias
+from tests.calibration.forced import BODY, other_person, recorded, wrench_error
+
+
+def cloud(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Point masses (20,) and places (20, 3)."""
+    rng = np.random.default_rng(seed)
+    return rng.uniform(0.1, 0.5, 20), rng.normal((0.1, -0.2, 0.05), 0.1, (20, 3))
+
+
+def parameters_of(mass: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The ten parameters of point masses, by their definition."""
+    squares = (at**2).sum(axis=1)
+    tensor = np.einsum("k,kij->ij", mass, squares[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None])
+    six = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return np.array([mass.sum(), *(mass @ at), *six])
+
+
+def test_the_pseudo_inertia_is_the_moment_matrix_of_the_mass() -> None:
+    mass, at = cloud(0)
+    bordered = np.column_stack([at, np.ones(len(at))])
+    expected = np.einsum("k,ki,kj->ij", mass, bordered, bordered)
+    np.testing.assert_allclose(pseudo_inertia(parameters_of(mass, at)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("pull", [0.05, 3.0])
+def test_the_minimum_is_that_of_another_solver(pull: float) -> None:
+    mean = parameters_of(*cloud(1))
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(10, 4)) * np.abs(mean[:, None]) * 0.3
+    curvature, slope = rng.uniform(1, 5, 4), pull * rng.normal(size=4)
+    com = mean[1:4] / mean[0]
+    body = Body(0, com - 0.03, com + 0.03)
+    found = possible_minimum(curvature, slope, mean[None], directions, (body,))
+    assert found is not None
+    prior = pseudo_inertia(mean)
+
+    def cost(y: np.ndarray) -> float:
+        return float(0.5 * y @ (curvature * y) - slope @ y)
+
+    def slack(y: np.ndarray) -> np.ndarray:
+        there = mean + directions @ y
+        left = np.linalg.eigvalsh(pseudo_inertia(there) - KEPT * prior)
+        return np.concatenate([left, there[1:4] - body.low * there[0], body.high * there[0] - there[1:4]])
+
+    other = minimize(
+        cost, np.zeros(4), constraints={"type": "ineq", "fun": slack}, method="SLSQP", options={"ftol": 1e-12}
+    )
+    assert slack(found).min() > -1e-8
+    assert cost(found) <= other.fun + 1e-6
+    free = slope / curvature
+    assert (slack(free).min() > 0) == (pull < 1)  # the second case runs into the limits
+    if pull < 1:
+        np.testing.assert_allclose(found, free, atol=1e-6)
+
+
+def test_the_priors_spread_is_that_between_the_tables() -> None:
+    mass, com, length = [], [], []
+    middle = [k for k, name in enumerate(BODY.segment_names) if not name.endswith("_l")]
+    for sex, height, weight in (("M", 1.77, 75.0), ("F", 1.61, 58.0)):
+        found = [
+            inertias_of(apply_inertia_table(BODY, t, sex=sex, height_m=height, mass_kg=weight).model)
+            for t in TABLE_NAMES
+        ]
+        masses, centres = np.array([i.mass for i in found]), np.array([i.com for i in found])
+        tensors = np.array([i.tensor for i in found])
+        second = 0.5 * np.trace(tensors, axis1=2, axis2=3)[..., None] - np.diagonal(tensors, axis1=2, axis2=3)
+        sizes = np.sqrt(np.clip(second, 0.0, None) / masses[..., None])
+        mass.append((masses.std(axis=0, ddof=1) / masses.mean(axis=0))[middle])
+        com.append((centres.std(axis=0, ddof=1) / sizes.mean(axis=0))[middle])
+        length.append((sizes.std(axis=0, ddof=1) / sizes.mean(axis=0))[middle])
+    for values, stated in ((mass, MASS_SD), (com, COM_SD), (length, LENGTH_SD)):
+        np.testing.assert_allclose(np.median(np.concatenate(values)), stated, rtol=0.08)
+
+
+def test_the_priors_slopes_are_derivatives() -> None:
+    prior = inertial_prior(BODY, PriorSpread(), mass_known=False, symmetric=False)
+    inertias, step, k = inertias_of(BODY), 1e-6, 7
+    com = inertias.com.copy()
+    com[k, 0] += step * prior.sd[k, 1]
+    mass = inertias.mass.copy()
+    mass[k] += step * prior.sd[k, 0]
+    second = np.zeros((3, 3))
+    second[0, 1] = second[1, 0] = step * prior.sd[k, 7]
+    tensor = inertias.tensor.copy()
+    tensor[k] += np.trace(second) * np.eye(3) - second
+    for row, moved in (
+        (1, replace(inertias, com=com)),
+        (0, replace(inertias, mass=mass)),
+        (7, replace(inertias, tensor=tensor)),
+    ):
+        slope = (moved.parameters() - prior.mean).ravel() / step
+        np.testing.assert_allclose(prior.scale[:, 10 * k + row], slope, atol=1e-6)
+
+
+def test_known_mass_and_symmetry_bind_the_prior() -> None:
+    prior = inertial_prior(BODY, PriorSpread(), mass_known=True, symmetric=True)
+    np.testing.assert_allclose(prior.basis.T @ prior.basis, np.eye(prior.basis.shape[1]), atol=1e-12)
+    masses = prior.scale[::10] @ prior.basis
+    np.testing.assert_allclose(masses.sum(axis=0), 0.0, atol=1e-12)
+    names = list(prior.segments)
+    right, left = (10 * names.index(f"femur_{side}") for side in "rl")
+    mirror = np.array([1, 1, 1, -1, 1, 1, 1, 1, -1, -1])
+    np.testing.assert_allclose(
+        prior.basis[left : left + 10], mirror[:, None] * prior.basis[right : right + 10]
+    )
+
+
+def test_normal_equations_tell_the_error_that_inverse_dynamics_has() -> None:
+    person, _ = other_person(4)
+    recording = recorded(person, 1, 2.0)
+    change = (inertias_of(person).parameters() - inertias_of(BODY).parameters()).ravel()
+    evidence = evidence_of(BODY, recording)
+    np.testing.assert_allclose(evidence.rms(np.zeros_like(change)), wrench_error(BODY, recording), rtol=1e-9)
+    np.testing.assert_allclose(evidence.rms(change), wrench_error(person, recording), rtol=1e-6)
+
+
+def test_one_nan_frame_is_left_out_and_none_left_is_told() -> None:
+    whole = recorded(BODY, 1, 1.0)
+    external = whole.dynamics.external.copy()
+    residual = whole.dynamics.residual.copy()
+    external[30], residual[30] = np.nan, np.nan
+    spoilt = ForceRecording(replace(whole.dynamics, external=external, residual=residual))
+    without = np.arange(len(external)) != 30
+    left, expected = evidence_of(BODY, spoilt), evidence_of(BODY, replace(whole, frames=without))
+    assert left.frames == len(external) - 1
+    np.testing.assert_allclose(left.slope, expected.slope, rtol=1e-12)
+    with pytest.raises(TrialUnusable, match="no frame has both"):
+        evidence_of(BODY, replace(whole, frames=np.zeros(len(external), dtype=bool)))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_repetition_of_an_autoregressive_error(rho: float) -> None:
+    rng, values = np.random.default_rng(0), np.zeros(40000)
+    for k in range(1, len(values)):
+        values[k] = rho * values[k - 1] + rng.normal()
+    values[::50] = np.nan
+    assert repeated(values) == pytest.approx((1 + rho) / (1 - rho), rel=0.12)
+    assert repeated(values + 7.0) == pytest.approx(repeated(values))
+    assert repeated(np.full(10, 3.0)) == 1.0
+    assert repeated(np.full(10, np.nan)) == 1.0
+
+
+def test_boxes_hold_joints_markers_and_the_centre_of_mass() -> None:
+    bodies = {BODY.segment_names[b.row]: b for b in bodies_of(BODY)}
+    thigh = bodies["femur_r"]
+    assert thigh.low[1] < -0.38  # down to the knee
+    assert thigh.high[1] >= 0.0
+    for name, body in bodies.items():
+        com = np.array(BODY.segment(name).com)
+        assert (body.low < com).all()
+        assert (com < body.high).all()
+    markers = np.array([m.nominal for m in BODY.markers if m.segment == "femur_r"])
+    assert (thigh.low <= markers.min(axis=0)).all()
+    assert (markers.max(axis=0) <= thigh.high).all()
+    light = with_inertias(BODY, Inertias.of_parameters(np.zeros((len(BODY.segments), 10))))
+    assert bodies_of(light) == ()
+
+
+@pytest.mark.parametrize(("count", "noise"), [(400, 0.5), (400, 5.0), (60, 2.0)])
+def test_the_noise_is_found_although_a_fit_takes_up_freedom(count: int, noise: float) -> None:
+    """Forty parameters of unit spread; with sixty errors a plain fit would leave a third of the noise."""
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        design = rng.normal(size=(count, 40))
+        errors = design @ rng.normal(size=40) + noise * rng.normal(size=count)
+        gains, vectors = np.linalg.eigh(design.T @ design)
+        slopes = vectors.T @ (design.T @ errors)
+        found.append(most_likely_noise(gains, slopes, float(errors @ errors), count))
+    assert np.median(found) == pytest.approx(noise, rel=0.1)

@@ -1,0 +1,172 @@
+"""Muller's uncertainty: samples against closed forms and linear propagation, and the verdict."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError
+from scaling_service.evaluation.uncertainty import UncertaintySettings, WrenchUncertainty, propagate
+from scaling_service.evaluation.uncertainty_frames import choose_frames
+from scaling_service.evaluation.uncertainty_linear import propagate_linearly
+from scaling_service.evaluation.uncertainty_markers import marker_uncertainty
+from scaling_service.evaluation.uncertainty_monte_carlo import (
+    UNIFORM_RANGE,
+    MotionDatabase,
+    levels_of,
+    slopes_through_zero,
+)
+from scaling_service.evaluation.uncertainty_plates import PlateNoise
+from scaling_service.evaluation.uncertainty_reference import Reference
+from scaling_service.evaluation.uncertainty_verdict import blames_inertia, judge
+from tests.evaluation.uncertain import recording
+
+FEW = UncertaintySettings(samples=40, motions=200, seed=3)
+
+
+@pytest.fixture(scope="module")
+def found() -> WrenchUncertainty:
+    return propagate(recording(), FEW)
+
+
+def test_linear_propagation_gives_the_sampled_slopes(found: WrenchUncertainty) -> None:
+    linear = propagate_linearly(recording())
+    # 40 draws per level: a standard deviation is known to 11 %, a slope over five levels to some 6 %
+    np.testing.assert_allclose(linear.slopes_per_cm, found.slopes_per_cm, rtol=0.2)
+    assert linear.error_m == pytest.approx(found.reconstruction_error_m)
+    np.testing.assert_allclose(linear.dr, found.dr)
+
+
+def test_the_sum_of_equation_12_and_its_lines(found: WrenchUncertainty) -> None:
+    centimetres = 100 * found.reconstruction_error_m
+    np.testing.assert_allclose(found.total, centimetres * found.slopes_per_cm + found.plate, rtol=1e-12)
+    assert (found.r2 >= 0.96).all()
+    assert (found.r2_centred <= found.r2).all()
+    assert (found.plate < 1e-3 * found.kinematic).all()
+    assert [level.relative for level in found.levels] == [0.2, 0.4, 0.6, 0.8, 1.0]
+    for level in found.levels:
+        # the largest gap of 200 uniform draws is about ln(200) / 200 of their range; twice that is rare
+        assert level.misfit_m < 2 * np.log(200) / 200 * found.reconstruction_error_m
+    np.testing.assert_array_equal(found.calibration_supported, found.dr > found.total)
+
+
+def test_workers_change_nothing(found: WrenchUncertainty) -> None:
+    few = replace(FEW, samples=4, motions=130)
+    alone = propagate(recording(), few)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        together = propagate(recording(), few, executor=pool)
+    for name in ("slopes_per_cm", "plate", "dr", "r2"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(together, name))
+    assert not np.array_equal(alone.slopes_per_cm, found.slopes_per_cm)
+
+
+def test_plates_shift_the_mean_residual_by_the_root_of_the_frames() -> None:
+    """A residual that is nearly constant: its RMS varies by the noise's sigma over the root of n."""
+    given = recording()
+    push = given.loads.force.copy()
+    push[..., 0] += 200.0
+    noise = PlateNoise(share=0.0, least_n=30.0, centre_m=0.0)
+    pushed = replace(given, loads=replace(given.loads, force=push))
+    settings = replace(FEW, samples=400, motions=4, levels=(0.5, 1.0), plates=noise)
+    found = propagate(pushed, settings)
+    reference = Reference.of(pushed)
+    loaded = (given.loads.force[reference.used, :, 1] > 20.0).sum()
+    sigma = 10.0 * np.sqrt(loaded) / reference.used.sum() / reference.scale[0]
+    assert found.plate[0] == pytest.approx(3 * sigma, rel=0.15)
+
+
+def test_a_level_is_uniform_and_its_dispersion_a_range() -> None:
+    """An indicator that is the error itself is dispersed by the level's own width."""
+    errors = np.linspace(0.01, 0.021, 5000)
+    database = MotionDatabase(0.01, np.zeros(6), 1.0, errors, errors, np.tile(errors[:, None], (1, 6)))
+    levels = levels_of(database, (0.5, 1.0), 4000, 0)
+    for level, width in zip(levels, (0.005, 0.01), strict=True):
+        np.testing.assert_allclose(level.dispersion, width, rtol=0.03)
+        assert level.misfit_m < 2e-6
+    assert pytest.approx(np.sqrt(12)) == UNIFORM_RANGE
+
+
+def test_slopes_are_least_squares_through_zero() -> None:
+    rng = np.random.default_rng(0)
+    x, y = np.arange(1.0, 6.0), rng.normal(size=(5, 6)) + 3
+    slopes, r2, _ = slopes_through_zero(x, y)
+    for k in range(6):
+        expected, left, _, _ = np.linalg.lstsq(x[:, None], y[:, k], rcond=None)
+        assert slopes[k] == pytest.approx(expected[0])
+        assert r2[k] == pytest.approx(1 - left[0] / (y[:, k] @ y[:, k]))
+
+
+def test_markers_blame_inertia_where_its_variance_is_the_larger() -> None:
+    rng = np.random.default_rng(0)
+    measurement = rng.normal(size=(100_000, 2))
+    inertial = rng.normal(size=(100_000, 2)) * [1.1, 0.9]
+    dr = np.sqrt(((measurement + inertial) ** 2).mean(axis=0))
+    assert blames_inertia(dr, np.ones(2)).tolist() == [True, False]
+
+
+def test_verdicts_say_what_stands_above() -> None:
+    high, low = np.full(6, 0.1), np.full(6, 0.01)
+    assert judge(low, high).calibration == "no"
+    assert judge(low, high).table_acceptable
+    assert judge(high, low).calibration == "yes"
+    assert not judge(high, low).table_acceptable
+    mixed = judge(np.array([0.1, 0.01, 0.01, 0.1, 0.01, 0.01]), np.full(6, 0.05))
+    assert mixed.calibration == "in part"
+    assert mixed.sentence.startswith("Only fx, mx can calibrate")
+
+
+def test_markers_known_to_be_exact_bring_nothing_and_errors_scale() -> None:
+    given = recording()
+    names = given.motion.markers
+    once = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.001), shared=0.0)
+    twice = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
+    np.testing.assert_allclose(twice.sd, 2 * once.sd, rtol=1e-9)
+    alone = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.0) | {"RLFE": 0.001}, shared=0.0)
+    np.testing.assert_allclose(alone.shares[names.index("RLFE")], 1.0)
+    assert (once.leverage > 0).all()
+    assert (once.leverage < 1).all()
+    # as many directions are followed as there are coordinates
+    assert 3 * once.leverage.sum() == pytest.approx(35, abs=0.5)
+
+
+def test_markers_of_light_distal_segments_carry_least() -> None:
+    """Muller et al. 2017 expect it (sec. 3.3): a hand's marker hardly matters, a trunk's does."""
+    given = recording()
+    names = list(given.motion.markers)
+    found = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
+    horizontal = found.shares[:, [0, 2]].mean(axis=1)
+    hands = [horizontal[names.index(n)] for n in ("RMH2", "RMH5", "LMH2", "LMH5")]
+    trunk = [horizontal[names.index(n)] for n in ("C7", "T10", "CLAV", "STRN")]
+    assert max(hands) < min(trunk)
+
+
+def test_windows_are_taken_by_what_they_add() -> None:
+    given = recording()
+    noise = marker_uncertainty(given)
+    choice = choose_frames(given, noise, window_s=1.0, count=3)
+    gains = [w.gain for w in choice.windows]
+    assert gains == sorted(gains, reverse=True)
+    everything = choose_frames(given, noise, window_s=1.0, count=100)
+    assert everything.share == pytest.approx(1.0)
+    assert 3 / 8 < choice.share < 1.0
+    assert choice.frames.sum() <= 300
+    with pytest.raises(InputError, match="windows"):
+        choose_frames(given, noise, window_s=0.01)
+
+
+def test_nonsense_is_refused() -> None:
+    with pytest.raises(InputError, match="samples"):
+        UncertaintySettings(samples=1)
+    with pytest.raises(InputError, match="levels"):
+        UncertaintySettings(levels=(1.0, 0.5))
+    with pytest.raises(InputError, match="two levels"):
+        UncertaintySettings(levels=(1.0,))
+    given = recording()
+    exact = replace(given.motion, residuals=np.zeros_like(given.motion.residuals))
+    still = replace(exact, q=np.repeat(exact.q[:1], len(exact.q), axis=0))
+    with pytest.raises(InputError, match="without error"):
+        propagate(replace(given, motion=still), FEW)

@@ -1,0 +1,43 @@
+"""Muller's uncertainty of a real squat: samples against linear propagation, residuals like the paper's."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.estimation.inverse_kinematics import inverse_kinematics
+from scaling_service.evaluation.uncertainty import Recording, UncertaintySettings, propagate
+from scaling_service.evaluation.uncertainty_linear import propagate_linearly
+from scaling_service.formats.forces import read_forces
+from scaling_service.formats.osim import read_osim
+from scaling_service.formats.trc import read_trc
+from scaling_service.processing.plates_feet import assign_plates, foot_loads
+from scaling_service.processing.synchronise import synchronise
+
+FRAMES = 300
+
+
+@pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
+def test_a_real_squat(shared_data: Path) -> None:
+    folder = shared_data / "opencap_squat"
+    model = read_osim(folder / "manually_scaled.osim", None)
+    trial = read_trc(folder / "squats1.trc").frames(slice(200, 200 + FRAMES))
+    motion = inverse_kinematics(model, trial)
+    feet = {
+        f"calcn_{side}": np.stack([trial.position(f"{letter}_{label}") for label in ("calc", "toe")], axis=1)
+        for side, letter in (("r", "r"), ("l", "L"))
+    }
+    forces = synchronise(read_forces(folder / "squats1_grf.mot"), motion.times, cutoff_hz=5.0)
+    loads = foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
+    recording = Recording(model, motion, loads, 1.68)
+    found = propagate(recording, UncertaintySettings(samples=60, motions=120))
+    linear = propagate_linearly(recording)
+    np.testing.assert_allclose(linear.slopes_per_cm, found.slopes_per_cm, rtol=0.25)
+    assert (found.r2 >= 0.96).all()
+    assert (found.plate < 1e-2 * found.kinematic).all()
+    # the paper: 2 % of weight, 1.3 % of weight times stature, and the uncertainty far above
+    assert found.dr[:3].mean() < 0.05
+    assert (found.total > found.dr).all()

@@ -1,0 +1,19 @@
+"""A short recording of a virtual person, and what its tests share."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from scaling_service.evaluation.uncertainty_reference import Recording
+from scaling_service.studies.virtual_excitation import ExcitationSettings, ExcitedPerson, excited_person
+
+SHORT = ExcitationSettings(seconds=8.0)
+
+
+@cache
+def person() -> ExcitedPerson:
+    return excited_person(7, SHORT, ("in_order",))
+
+
+def recording() -> Recording:
+    return person().performances["in_order"].recording

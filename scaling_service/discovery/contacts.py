@@ -36,12 +36,13 @@ _STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
 (chosen: a swinging foot moves at 1 to 4 m/s; a shoe is 0.3 m long)."""
 
 _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
+_MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must hold
 _QUIET = 0.1  # chosen: the quietest tenth of the frames
 _FEWEST, _MANY = 5, 4  # frames of a stretch, and stretches, from which something is told
 _THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
-_ALIKE = (
-    6.0  # twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)
-)
+_COMMON = 0.7  # chosen: of the time that contacts in several trials cover, what they share if they are one
+_ALIKE = 6.0
+"""Twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,13 +74,22 @@ class _Spell:
 
 
 def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
-    """The best segment of every trial in which the force stands out, and of all of them if all do throughout."""
-    spells = {item.name: spell for item in weighed if (spell := _spell(item, _level(weighed))) is not None}
-    through = [spell for spell in spells.values() if len(spell.rows) > _THROUGHOUT * spell.item.usable.sum()]
-    found = [_best([spell], spell.item.name, stretch_s) for spell in spells.values()]
-    if len(through) == len(weighed) > 1:
-        found.append(_best(through, None, stretch_s))
+    """The best segment of every trial in which the force stands out, and of all of them if all do alike."""
+    level = _level(weighed)
+    spells = [spell for item in weighed if (spell := _spell(item, level)) is not None]
+    found = [_best([spell], spell.item.name, stretch_s) for spell in spells]
+    if len(spells) == len(weighed) > 1 and _alike(spells):
+        found.append(_best(spells, None, stretch_s))
     return [touch for touch in found if touch is not None]
+
+
+def _alike(spells: Sequence[_Spell]) -> bool:
+    """Whether contacts last throughout their trials, or from and to the same times in all."""
+    if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
+        return True
+    spans = np.array([s.item.times[s.rows[[0, -1]]] for s in spells])
+    common = spans[:, 1].min() - spans[:, 0].max()
+    return bool(common > _COMMON * (spans[:, 1].max() - spans[:, 0].min()))
 
 
 def _level(weighed: Sequence[Weighed]) -> float:
@@ -104,6 +114,8 @@ def _spell(item: Weighed, level: float) -> _Spell | None:
     start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
     if stop <= start or item.times[stop - 1] - item.times[start] < _SHORTEST_S:
         return None
+    if excess[start:stop].clip(0.0).sum() < _MAIN * excess.clip(0.0).sum():
+        return None  # it stands out as much at other times
     rows = np.arange(start, stop)[item.usable[start:stop]]
     return _Spell(item, rows) if len(rows) >= _FEWEST else None
 
@@ -151,8 +163,10 @@ def _beside_plates(spell: _Spell, foot: str) -> bool:
 
 def _candidate(spells: Sequence[_Spell], segment: str, point: Array, trial: str | None) -> Candidate:
     x, y, z = (float(v) for v in point)
-    times = spells[0].item.times[spells[0].rows]
-    start, end = (float(times[0]), float(times[-1])) if trial is not None else (-np.inf, np.inf)
+    if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
+        start, end = min(float(s.item.times[0]) for s in spells), max(float(s.item.times[-1]) for s in spells)
+    else:
+        start, end = np.median([s.item.times[s.rows[[0, -1]]] for s in spells], axis=0).tolist()
     return Candidate(KIND, (segment,), (), trial=trial, change=Contact(segment, start, end, (x, y, z)))
 
 

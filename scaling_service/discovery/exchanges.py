@@ -15,6 +15,7 @@ from scaling_service.kernels.laws import Array
 
 KIND = "marker_swap"
 _BLOCK = 128
+_SAME_S = 0.1  # chosen: times of one script differ by less from trial to trial
 _SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
 
 
@@ -43,8 +44,24 @@ class Swap:
 
 def swaps(watched: Sequence[Watched]) -> list[Swap]:
     """The best pair and span of every trial, if any helps."""
-    found = [_best(item) for item in watched]
-    return [swap for swap in found if swap is not None]
+    found = [swap for item in watched if (swap := _best(item)) is not None]
+    together = _together(found)
+    return found if together is None or len(found) < len(watched) else [*found, together]
+
+
+def _together(found: Sequence[Swap]) -> Swap | None:
+    """One exchange for all trials, where all have the same pair at the same times."""
+    changes = [s.candidate.change for s in found]
+    spans = np.array([(c.start_s, c.end_s) for c in changes if isinstance(c, Exchange)])
+    if len(found) < 2 or len({s.candidate.where for s in found}) > 1 or np.ptp(spans, axis=0).max() > _SAME_S:
+        return None
+    first, second = found[0].candidate.where
+    start, end = np.median(spans, axis=0).tolist()
+    change = Exchange(first, second, start, end)
+    candidate = Candidate(KIND, (first, second), (), change=change)
+    return Swap(
+        candidate, sum(s.gain for s in found), found[0].share, max(s.level for s in found), found[0].rows
+    )
 
 
 def _best(item: Watched) -> Swap | None:

@@ -121,13 +121,14 @@ def _of_freedom(free: Freedom) -> Option:
 
 def _of_swap(swap: Swap, now: Account, stretch_s: float) -> Option:
     """An exchange takes nothing from the data but its span, so all that it explains counts as unseen."""
-    item = next(w for w in now.watched if w.name == swap.candidate.trial)
+    item = next(w for w in now.watched if swap.candidate.trial in (None, w.name))
+    square = sum(w.square for w in now.watched if swap.candidate.trial in (None, w.name))
     n, pairs = len(item.q), math.comb(len(item.markers), 2)
     alike = max(1.0, stretch_s * item.trial.rate_hz)
     strength = swap.gain / max(swap.level, 1.0) / alike
     p = min(1.0, float(np.exp(math.log(n * pairs) - 0.5 * min(strength, 1e3))))
     fitted = Fitted(np.zeros(0), np.zeros((0, 0)), swap.gain, swap.level, p, 1.0)
-    return Option(swap.candidate, fitted, None, Unseen(swap.gain / max(item.square, 1e-300), p, True))
+    return Option(swap.candidate, fitted, None, Unseen(swap.gain / max(square, 1e-300), p, True))
 
 
 def confusable(option: Option, others: Sequence[Option]) -> tuple[Candidate, ...]:

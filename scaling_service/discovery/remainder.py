@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.findings import Unexplained
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.freedoms import above
 from scaling_service.discovery.locating import holm, observable_of
 from scaling_service.discovery.predictable import marker_names
-from scaling_service.discovery.tallies import Floors, marker_tally, wrench_tally
+from scaling_service.discovery.tallies import Floors, Tally, marker_tally, wrench_tally
 from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
@@ -39,30 +39,60 @@ def unexplained(account: Account, stretch_s: float, floors: Floors) -> tuple[Une
     """Places of which the movement or the time still predicts much, the largest first."""
     tallies = [tally(account, None, stretch_s, floors) for tally in (marker_tally, wrench_tally)]
     rows = [(tally, k) for tally in tallies if tally is not None for k in range(len(tally.places))]
-    p = holm(np.array([_p(account, tally.places[k], floors, stretch_s) for tally, k in rows]))
+    strength = [_strength(account, tally.places[k], floors, stretch_s) for tally, k in rows]
+    p = holm(_chances(strength))
     found = []
     for (tally, k), chance in zip(rows, p.tolist(), strict=True):
         frames = float(tally.frames[:, k].sum())
         if frames and chance <= LEVEL:
-            rms, floor = ((float(x[:, k].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
+            rms, floor = _worst_trial(tally, k)
             if rms > STANDS_OUT * floor:
                 place = tally.places[k]
                 found.append(Unexplained((place,), observable_of(place), _law(account, place), rms, floor))
     return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
 
 
-def _p(account: Account, place: str, floors: Floors, stretch_s: float) -> float:
-    """How likely chance lets a place be predicted so well, stretch by stretch."""
+def _worst_trial(tally: Tally, k: int) -> tuple[float, float]:
+    """RMS and floor of a place in the trial in which they differ most."""
+    found = []
+    for trial in dict.fromkeys(tally.trials):
+        here = np.array([t == trial for t in tally.trials])
+        frames = float(tally.frames[here, k].sum())
+        if frames:
+            rms, floor = ((float(x[here, k].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
+            found.append((rms / max(floor, 1e-300), rms, floor))
+    return max(found)[1:]
+
+
+def _strength(account: Account, place: str, floors: Floors, stretch_s: float) -> list[Array]:
+    """Of every trial, stretch by stretch: what prediction takes off, over what it leaves."""
     wrench = place in COMPONENTS
-    table = floors.explained_wrenches if wrench else floors.explained_markers
+    taken = floors.explained_wrenches if wrench else floors.explained_markers
+    left = floors.wrenches if wrench else floors.markers
     k = COMPONENTS.index(place) if wrench else marker_names(account).index(place)
-    gains = [
-        table[item.name][rows, k].sum()
-        for item in account.watched
-        if item.name in table
-        for rows in stretches_of(item, stretch_s)
-    ]
-    return above(np.array([g for g in gains if g != 0.0]))
+    found = []
+    for item in account.watched:
+        if item.name in taken and np.isfinite(left[item.name][k]):
+            parts = [taken[item.name][rows, k] for rows in stretches_of(item, stretch_s)]
+            sums = np.array([part.mean() for part in parts if part.any()])
+            if len(sums):
+                found.append(sums / max(float(left[item.name][k]), 1e-300))
+    return found
+
+
+def _chances(strength: list[list[Array]]) -> Array:
+    """How likely chance lets places be predicted so well in any of their trials.
+
+    Most places are predicted no better than chance does, so the median spread of all stretches is chance's. Its
+    tails are taken to be heavy (Student's t of three degrees of freedom).
+    """
+    every = np.concatenate([part for trials in strength for part in trials] or [np.zeros(1)])
+    spread = 1.4826 * float(np.median(np.abs(every - min(float(np.median(every)), 0.0)))) + 1e-12
+    found = []
+    for trials in strength:
+        z = [float(part.sum() / (spread * np.sqrt(len(part)))) for part in trials]
+        found.append(min(1.0, len(z) * float(stats.t.sf(max(z), 3))) if z else 1.0)
+    return np.array(found)
 
 
 def _law(account: Account, place: str) -> str:

@@ -71,9 +71,7 @@ class Floors:
 
 def floors_of(account: Account, moving: Sequence[str], stretch_s: float) -> Floors:
     """Of the account in which everything that was found is taken into account."""
-    by_marker = {
-        name: _by_place(p, 3) for name, p in marker_predictions(account, moving, stretch_s).items()
-    }
+    by_marker = {name: _by_place(p, 3) for name, p in marker_predictions(account, moving, stretch_s).items()}
     by_component = {
         name: _by_place(p, 1) for name, p in wrench_predictions(account, moving, stretch_s).items()
     }

@@ -31,7 +31,10 @@ def tuned(option: Option, now: Account, stretch_s: float) -> Option:
     for step in _STEPS:
         tried = sorted(
             {
-                (_within(pair[0] * (1.0 + step * a), FREQUENCIES_HZ), _within(pair[1] * (1.0 + step * b), DAMPINGS))
+                (
+                    _within(pair[0] * (1.0 + step * a), FREQUENCIES_HZ),
+                    _within(pair[1] * (1.0 + step * b), DAMPINGS),
+                )
                 for a in (-1, -0.5, 0, 0.5, 1)
                 for b in (-1, -0.5, 0, 0.5, 1)
             }

@@ -212,9 +212,7 @@ def _gaps(
     for role in roles:
         reached = _whitened(swallowed, role, settings.stretch_s, floors)
         ceiling = {"markers": shares[role]}
-        found[role] = gap(
-            before, after, role, settings.stretch_s, floors, ceiling=ceiling, absorbed=reached
-        )
+        found[role] = gap(before, after, role, settings.stretch_s, floors, ceiling=ceiling, absorbed=reached)
     return found
 
 

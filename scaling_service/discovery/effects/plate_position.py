@@ -11,6 +11,7 @@ from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import LETTERS
 
 KIND = "plate_position"
+_MOST_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
 MEANING = "the plate lies elsewhere, so that its centre of pressure is shifted"
 
 
@@ -18,8 +19,8 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-500.0, high=500.0)
-            for k in range(3)
+            Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-most, high=most)
+            for k, most in enumerate(_MOST_MM)
         )
         for trial in scene.scopes_of_forces:
             yield Candidate(KIND, (plate,), columns, trial=trial)

@@ -9,6 +9,7 @@ import typer
 
 from scaling_service.calibration.methods import METHODS
 from scaling_service.cli import options
+from scaling_service.cli.discover import find_hidden
 from scaling_service.cli.screen import progress_bar, show
 from scaling_service.jobs import tasks
 from scaling_service.jobs.demo import run_demo
@@ -23,12 +24,24 @@ def demo(
     frames: options.Frames = options.DEFAULT_FRAMES,
     seed: options.Seed = 0,
     report: options.Report = True,
+    discover: Annotated[
+        bool,
+        typer.Option(
+            "--discover",
+            help="Instead, hide something in the person's recordings, and search for it as `discover` does.",
+        ),
+    ] = False,
 ) -> None:
     """Compare all methods on a built-in virtual person, whose true body is known.
 
-    [bold]Example[/bold]: scaling-service demo --out demo
+    [bold]Examples[/bold]: scaling-service demo --out demo
+
+    scaling-service demo --discover --out hidden
     """
     check_folder(out)
+    if discover:
+        find_hidden(out, seed, report=report)
+        return
     settings = options.resolve(strategy, frames, seed, None, None, None)
     with progress_bar() as progress:
         results, truth = run_demo(settings, progress=progress)

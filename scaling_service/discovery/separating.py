@@ -21,6 +21,8 @@ from scaling_service.models.trial import Trial
 _CLEAR = 25.0
 """Whitened square that must be left (chosen: five standard deviations of one number)."""
 
+_NEAREST = 6  # others looked at; chosen: the rest are further off
+
 OTHER_FORCES = "a recording with other postures, loads and speeds on the plates"
 
 
@@ -31,11 +33,11 @@ def would_separate(effect: Sized, others: Sequence[Candidate], now: Account) -> 
     if not effect.candidate.columns or not now.watched:
         return ""
     best = (_CLEAR, "")
-    columns = [c for c in others if c.columns and not c.of_forces]
-    for movement in MOVEMENTS:
+    columns = [c for c in others if c.columns and not c.of_forces][:_NEAREST]
+    for movement in MOVEMENTS if columns else ():
         item = _performed(now.watched[0], now, movement)
-        if item is not None and columns:
-            left = min(_left(effect, other, item) for other in columns)
+        if item is not None:
+            left = _left(effect, columns, item)
             if left > best[0]:
                 best = left, movement
     return best[1]
@@ -52,12 +54,16 @@ def _performed(like: Watched, now: Account, movement: str) -> Watched | None:
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
 
 
-def _left(effect: Sized, other: Candidate, item: Watched) -> float:
-    """Whitened square of the effect that the other one cannot explain in a movement."""
-    pair = [replace(effect.candidate, trial=None), replace(other, trial=None)]
-    found = gather([item], [], pair, 1.0, together=True)
-    own, theirs = found.groups
+def _left(effect: Sized, others: Sequence[Candidate], item: Watched) -> float:
+    """Whitened square of the effect that the best of the others cannot explain in a movement."""
+    every = [replace(c, trial=None) for c in (effect.candidate, *others)]
+    found = gather([item], [], every, 1.0, together=True)
+    own, *rest = found.groups
     total = np.sum([s.own for s in found.stretches], axis=0)
     signal = float(effect.size @ total[own, own] @ effect.size)
-    along = total[theirs, own] @ effect.size
-    return signal - float(along @ inverse_of(total[theirs, theirs], found.raw[theirs])[0] @ along)
+    left = []
+    for rows in rest:
+        along = total[rows, own] @ effect.size
+        inverse = inverse_of(total[rows, rows], found.raw[rows])[0]
+        left.append(signal - float(along @ inverse @ along))
+    return min(left)

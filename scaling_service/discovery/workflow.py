@@ -231,8 +231,6 @@ def _limits(before: Account, folds: bool) -> tuple[str, ...]:
         said.append(
             "no trial was held out: effects were tried on blocks of time between those that fitted them"
         )
-    if not before.weighed:
-        said.append("no forces: effects of forces and masses were not tried")
     longest = max(float(np.ptp(item.trial.times)) for item in before.watched)
     if len(before.watched) == 1 and longest < 5.0:
         said.append(

@@ -60,7 +60,7 @@ def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     for name, scaling in scalings.items():
         body = _body(scaling, scaling.motions[trial.name], rows, labels, colours[name].colour)
         bodies.append(replace(body, shown=name in (chosen, first)))
-    return _centred(
+    return centred(
         Scene(
             f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
             f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
@@ -77,7 +77,7 @@ def _body(
     scaling: Scaling, motion: Motion, rows: NDArray[np.intp], labels: tuple[str, ...], colour: str
 ) -> Body:
     model, q = scaling.calibration.model, motion.q[rows]
-    drawing = _Drawing(model)
+    drawing = Drawing(model)
     for name in motion.markers:
         drawing.add_marker(name)
     points = drawing.positions(q)
@@ -96,7 +96,7 @@ def _body(
     )
 
 
-class _Drawing:
+class Drawing:
     """Points of a model that are drawn, and how they hang together."""
 
     def __init__(self, model: BodyModel) -> None:
@@ -193,7 +193,7 @@ def _placed(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
     return placed
 
 
-def _centred(scene: Scene) -> Scene:
+def centred(scene: Scene) -> Scene:
     """Seen from a point that goes along: the measured markers' centre stays above one place of the floor."""
     centre = _filled(
         np.array(

@@ -1,0 +1,30 @@
+"""What these recordings are too short to decide, said before the search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from scaling_service.discovery.fitting import Recording
+
+_AT_LEAST = 8
+"""Stretches below which a person is told how much can be judged (chosen: an effect of three numbers then has
+at most five degrees of freedom left)."""
+
+
+def limits(recordings: Sequence[Recording], stretch_s: float) -> tuple[str, ...]:
+    """Plain sentences on what cannot be decided.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    stretch_s : float
+        Length of the stretches of time that count as independent, s.
+    """
+    lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
+    count = sum(max(2, int(length / stretch_s)) for length in lengths)
+    if count >= _AT_LEAST:
+        return ()
+    return (
+        f"{sum(lengths):.1f} s to fit are {count} stretches of {stretch_s:g} s that count as independent: "
+        "only strong effects can be told from chance, and hardly any from their likes",
+    )

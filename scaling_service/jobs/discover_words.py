@@ -1,0 +1,96 @@
+"""Effects in plain English: what an effect is, where it sits, how large it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from scaling_service.core.text import few
+from scaling_service.discovery.catalogue import kinds
+from scaling_service.discovery.contacts import KIND as CONTACT
+from scaling_service.discovery.exchanges import KIND as SWAP
+from scaling_service.discovery.freedoms import KIND as FREE
+from scaling_service.reports.methods import words
+from scaling_service.schemas.discovery import QuantityDocument
+
+_WITHOUT_COLUMNS = {
+    SWAP: "two labels are exchanged for a while",
+    FREE: "the joint moves in a way that the model locks",
+    CONTACT: "something touches the segment that no plate measures",
+}
+"""Meanings of the effects that are no sum of columns."""
+
+_SUFFIXES = (
+    ("_mm_per_deg", " mm/deg"),
+    ("_deg_per_deg", " deg/deg"),
+    ("_kgmm", " kg mm"),
+    ("_mm", " mm"),
+    ("_deg", " deg"),
+    ("_Nm", " N m"),
+    ("_N", " N"),
+    ("_hz", " Hz"),
+    ("_s", " s"),
+)
+
+
+def meaning(kind: str) -> str:
+    """What an effect is, in a sentence without its place."""
+    return _WITHOUT_COLUMNS[kind] if kind in _WITHOUT_COLUMNS else str(kinds()[kind].MEANING)
+
+
+def known_kinds() -> tuple[str, ...]:
+    """All kinds of effects that the search knows."""
+    return (*kinds(), *_WITHOUT_COLUMNS)
+
+
+def sentence(
+    kind: str,
+    where: tuple[str, ...],
+    driver: tuple[str, ...],
+    trial: str | None,
+    parameters: Mapping[str, QuantityDocument],
+) -> str:
+    """An effect for people: place, meaning, size.
+
+    Examples
+    --------
+    >>> sentence("plate_gain", ("plate_1",), (), None, {"factor": QuantityDocument(value=1.02, sd=0.001)})
+    'plate_1: the plate measures a multiple of the true force: factor 1.02'
+    """
+    place = few(where)
+    following = f", here {few([words(d) for d in driver])}" if driver else ""
+    only = f", in {trial} only" if trial else ""
+    sizes = ", ".join(shown(name, quantity) for name, quantity in parameters.items())
+    return f"{place}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
+
+
+def shown(name: str, quantity: QuantityDocument, *, spread: bool = False) -> str:
+    """A number of an effect with its unit, and its standard deviation where asked for.
+
+    Examples
+    --------
+    >>> shown("x_mm_per_deg", QuantityDocument(value=0.2013, sd=0.011), spread=True)
+    'x 0.201 ± 0.011 mm/deg'
+    """
+    stem, unit = split(name)
+    if isinstance(quantity.value, tuple):
+        return f"{stem} ({', '.join(f'{v:.2f}' for v in quantity.value)}){unit}"
+    sd = quantity.sd if spread else None
+    if sd is None or sd <= 0.0:
+        return f"{stem} {quantity.value:.3g}{unit}".strip()
+    digits = max(0, 1 - math.floor(math.log10(sd)))
+    return f"{stem} {quantity.value:.{digits}f} ± {sd:.{digits}f}{unit}".strip()
+
+
+def split(name: str) -> tuple[str, str]:
+    """The name of a number without its unit, and the unit with a space before it; empty where it has none.
+
+    Examples
+    --------
+    >>> split("delay_s")
+    ('delay', ' s')
+    """
+    for suffix, unit in _SUFFIXES:
+        if name.endswith(suffix):
+            return name.removesuffix(suffix).replace("_", " "), unit
+    return ("", f" {name}") if name == "kg" else (name.replace("_", " "), "")

@@ -1,0 +1,144 @@
+"""The command `discover`: what it prints and writes, and what it refuses first."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from scaling_service.cli.app import EXIT_INPUT, main
+from scaling_service.cli.discover_screen import show
+from scaling_service.formats.trc import write_trc
+from scaling_service.jobs import discover_demo
+from scaling_service.jobs.discover import DiscoverResults
+from scaling_service.jobs.discover_documents import discovery_document
+from scaling_service.jobs.loading import Loaded
+from scaling_service.models.trial import Trial
+from scaling_service.schemas.discovery import DiscoveryDocument, HiddenDocument, PlacedEffect
+from scaling_service.studies.virtual_subject import virtual_subject
+from tests.jobs.hidden_case import SHORT, found, session
+
+_ONE = HiddenDocument(kind="marker_swap", where=["LLM", "LMM"], parameters={"start_s": 2.0})
+
+
+@pytest.fixture(scope="module")
+def document() -> DiscoveryDocument:
+    return discovery_document(replace(found(), hidden=(_ONE,)), ["model.json"])
+
+
+def said(document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]) -> str:
+    show(document, Path("somewhere"))
+    return capsys.readouterr().out
+
+
+def test_effects_sizes_and_the_gap_are_shown(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = said(document, capsys)
+    row = next(line for line in out.splitlines() if line.startswith("soft tissue artefact"))
+    assert "RLFE" in row
+    assert "mm/deg" in row
+    assert "→" in row
+    assert "held out: times the floor" in out
+    assert "Verdict  2 missing effects were found" in out
+
+
+def test_the_answer_comes_after_the_verdict(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = said(document, capsys)
+    assert out.index("Verdict") < out.index("Had been hidden")
+    assert "Had been hidden" not in said(document.model_copy(update={"hidden": None}), capsys)
+
+
+def test_a_class_is_told_with_what_would_separate_it(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    twins = [PlacedEffect(kind="joint_axis_tilt", where=[f"knee_{k}"]) for k in range(5)]
+    effect = document.effects[-1].model_copy(
+        update={"confusable_with": twins, "would_separate": "standing hip rotation"}
+    )
+    out = said(document.model_copy(update={"effects": [effect]}), capsys)
+    line = next(line for line in out.splitlines() if line.startswith("Class"))
+    assert "joint axis tilt at knee_0" in line
+    assert "and 2 more" in line
+    assert "standing hip rotation" in line
+
+
+def laboratory(folder: Path, trials: dict[str, Trial], content: dict[str, object]) -> Path:
+    """Recordings in a folder, with a subject file."""
+    for name, trial in trials.items():
+        write_trc(folder / f"{name}.trc", trial)
+    file = folder / "S01.yaml"
+    file.write_text(yaml.safe_dump({"subject": {"id": "S01"}, "model": "lower_limb_14dof"} | content))
+    return file
+
+
+def test_a_recording_that_fits_nobody_is_said_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All labels in the places of others: nothing is named, and nothing is written."""
+    walk = session().evaluation[0]
+    order = np.random.default_rng(0).permutation(walk.labels)
+    other = dict(zip(walk.labels, map(str, order), strict=True))
+    file = laboratory(tmp_path, {"walk": walk.relabelled(other)}, {"trials": {"calibration": ["walk.trc"]}})
+    axes = ["--up", "+y", "--forward", "+x"]
+    code = main(["discover", str(file), "--start", "none", *axes, "--out", str(tmp_path / "out")])
+    error = capsys.readouterr().err
+    assert code == EXIT_INPUT
+    assert "walk.trc" in error
+    assert "does not fit this recording at all" in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_one_short_recording_says_what_cannot_be_decided(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = session()
+    walk = whole.evaluation[0].frames(slice(0, 40))
+    file = laboratory(tmp_path, {"walk": walk}, {"trials": {"evaluation": ["walk.trc"]}})
+    out = tmp_path / "out"
+    assert main(["discover", str(file), "--start", "none", "--no-report", "--out", str(out)]) == 0
+    content = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
+    assert content["held_out_trials"] == []
+    assert any("0.8 s to fit are 2 stretches" in note for note in content["notes"])
+    assert any("no recording has forces" in note for note in content["notes"])
+    assert "report.html" not in content["files"]
+    assert "0.8 s to fit" in capsys.readouterr().out
+
+
+def test_the_demo_searches_what_it_hid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search gets recordings with both faults and the person's own model, and is not told of them."""
+    given: list[Loaded] = []
+
+    def search(loaded: Loaded, *_: object, **__: object) -> DiscoverResults:
+        given.append(loaded)
+        return found()
+
+    monkeypatch.setattr(discover_demo, "run", search)
+    results = discover_demo.run_hidden_demo(2, SHORT)
+    assert results.hidden is not None
+    assert [h.kind for h in results.hidden] == ["soft_tissue_artefact", "marker_swap"]
+    recorded = given[0].session
+    plain = virtual_subject(2, SHORT)
+    assert recorded.model == plain.model
+    moved = {
+        name: np.nanmax(np.linalg.norm(trial.markers - plain.trials[name].markers, axis=2), axis=0)
+        for name, trial in ((t.name, t) for t in recorded.dynamic)
+    }
+    labels = recorded.calibration[0].labels
+    assert {labels[k] for k in np.flatnonzero(moved["gait_1"])} == {"RLFE"}
+    assert {labels[k] for k in np.flatnonzero(moved["knee_l"] > 0.03)} == {"LLM", "LMM"}
+    bent = np.degrees(plain.motions["knee_r"][:, plain.model.coordinate_names.index("knee_angle_r")])
+    assert moved["knee_r"][labels.index("RLFE")] == pytest.approx(0.2e-3 * np.abs(bent).max(), rel=0.02)
+
+
+def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["discover", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for words in ("held out", "unexplained", "corrected/", "demo --discover"):
+        assert words in text

@@ -1,0 +1,27 @@
+"""A virtual person with two things hidden, searched once for all tests of this process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from scaling_service.jobs.discover import DiscoverResults, run
+from scaling_service.jobs.discover_settings import DiscoverSettings
+from scaling_service.jobs.loading import Loaded
+from scaling_service.models.subject import Session
+from scaling_service.studies.virtual_hidden import RECORDED, hidden_session
+
+SHORT = replace(RECORDED, functional_s=3.0, gait_trials=1, rate_hz=50.0)
+"""Three movements at half the rate: searched in a few seconds."""
+
+
+def session(seed: int = 2) -> Session:
+    """Both knees fit, one walk is held out."""
+    whole, _, _ = hidden_session(seed, SHORT)
+    return replace(whole, calibration=tuple(t for t in whole.calibration if t.name.startswith("knee")))
+
+
+@cache
+def found() -> DiscoverResults:
+    """What the search makes of it, from the person's own model."""
+    return run(Loaded(session()), DiscoverSettings("none"))

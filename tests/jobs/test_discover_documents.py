@@ -1,0 +1,106 @@
+"""``discovery.json``: the contract's keys, units, and numbers against what was put in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from scaling_service.discovery.findings import Named
+from scaling_service.jobs.discover_documents import discovery_document
+from scaling_service.jobs.discover_words import known_kinds, meaning, shown
+from scaling_service.schemas.discovery import DiscoveryDocument, QuantityDocument
+from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
+from tests.jobs.hidden_case import found
+
+CONTRACT = {"verdict", "disagreements", "effects", "gap", "tried", "unexplained"}
+EFFECT = {"kind", "where", "driver", "name", "parameters", "confusable_with", "would_separate", "evidence"}
+KINDS = {
+    "marker_offset", "marker_swap", "soft_tissue_artefact", "skin_wobble", "segment_length",
+    "joint_centre_offset", "joint_axis_tilt", "missing_dof", "coupled_motion", "capture_scale", "force_delay",
+    "plate_position", "plate_bias", "plate_gain", "plate_rotation", "segment_mass", "segment_com",
+    "carried_load", "external_contact", "wobbling_mass", "gravity_tilt",
+}  # fmt: skip
+
+
+def written(*effects: Named) -> dict[str, Any]:
+    """As it stands in the file."""
+    results = replace(found(), findings=findings(*effects))
+    text = json.dumps(discovery_document(results).model_dump(mode="json"), allow_nan=False)
+    content: dict[str, Any] = json.loads(text)
+    assert DiscoveryDocument.model_validate(content).model_dump(mode="json") == content
+    return content
+
+
+def test_the_contract_is_kept() -> None:
+    content = written(SCALE)
+    assert content.keys() >= CONTRACT | {"schema_version", "settings", "code_version", "input_hashes", "seed"}
+    assert content["effects"][0].keys() >= EFFECT
+    assert content["effects"][0]["evidence"].keys() >= {"gain_held_out", "p_family_wise"}
+    for role in ("fit", "held_out"):
+        assert content["gap"][role].keys() >= {"whitened", "markers_mm", "force_N", "moment_Nm"}
+        assert content["gap"][role]["whitened"].keys() >= {"before", "after", "floor", "ceiling"}
+    assert content["settings"]["search"]["level"] == 0.05
+    assert content["settings"]["processing"]["smoothing"] == "none"
+
+
+def test_what_is_not_known_is_null_and_lengths_are_mm() -> None:
+    gap = written()["gap"]["held_out"]
+    assert gap["markers_mm"]["before"] == pytest.approx(10.0)
+    assert gap["markers_mm"]["ceiling"] is None
+    assert gap["absorbed"] is None
+    assert gap["moment_Nm"] is None
+    assert (gap["places"]["RLFE"]["unit"], gap["places"]["RLFE"]["floor"]) == ("mm", pytest.approx(1.0))
+    assert (gap["places"]["fx"]["unit"], gap["places"]["fx"]["after"]) == ("N", 5.0)
+    assert gap["places"]["mx"]["unit"] == "N m"
+
+
+def test_a_factor_is_told_from_one() -> None:
+    factor = written(SCALE)["effects"][0]["parameters"]["factor"]
+    assert (factor["value"], factor["sd"]) == (pytest.approx(1.01), pytest.approx(0.001))
+
+
+def test_a_load_has_a_place() -> None:
+    """Moments over mass; for a quotient a/b the variance is (sa/b)^2 + (a sb/b^2)^2."""
+    numbers = written(LOAD)["effects"][0]["parameters"]
+    assert numbers.keys() == {"kg", "x_mm", "y_mm", "z_mm"}
+    values = [numbers[k]["value"] for k in ("kg", "x_mm", "y_mm", "z_mm")]
+    assert values == pytest.approx([2.0, 50.0, 200.0, 0.0])
+    assert numbers["y_mm"]["sd"] == pytest.approx(
+        ((20.0 / 2.0) ** 2 + (400.0 * 0.1 / 4.0) ** 2) ** 0.5, rel=1e-5
+    )
+    assert numbers["z_mm"]["sd"] == pytest.approx(10.0)
+
+
+def test_effects_without_columns_have_their_own_numbers() -> None:
+    locked, touch = (effect["parameters"] for effect in written(LOCKED, TOUCH)["effects"])
+    assert locked["axis"]["value"] == [0.0, 1.0, 0.0]
+    assert locked["rms_deg"] == {"value": 4.0, "sd": None}
+    assert locked.keys() == {"axis", "rms_deg"}
+    assert {name: touch[name]["value"] for name in ("start_s", "end_s", "rms_N")} == {
+        "start_s": 0.5, "end_s": 1.5, "rms_N": 40.0,
+    }  # fmt: skip
+    assert written(LOCKED)["effects"][0]["smallest_nameable"] == {}
+
+
+def test_every_kind_has_a_meaning() -> None:
+    assert set(known_kinds()) == KINDS
+    assert all(len(meaning(kind)) > 10 for kind in known_kinds())
+
+
+def test_a_mass_has_its_unit_once() -> None:
+    assert shown("kg", QuantityDocument(value=7.79, sd=None)) == "7.79 kg"
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "said"),
+    [
+        (0.2013, 0.011, "x 0.201 ± 0.011 mm/deg"),
+        (12.0, 3.0, "x 12.0 ± 3.0 mm/deg"),
+        (1.5, None, "x 1.5 mm/deg"),
+    ],
+)
+def test_a_number_is_shown_to_what_is_known_of_it(value: float, sd: float | None, said: str) -> None:
+    assert shown("x_mm_per_deg", QuantityDocument(value=value, sd=sd), spread=True) == said

@@ -1,0 +1,131 @@
+"""Forces for the search: who has some, and which frames the plates should explain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate, Column, Contact
+from scaling_service.discovery.fitting import Account, account
+from scaling_service.discovery.loads import PlateGain
+from scaling_service.formats.forces import forces_of_table, read_forces
+from scaling_service.formats.sto import read_sto
+from scaling_service.jobs.discover_forces import usable_frames
+from scaling_service.jobs.discover_recordings import forces_table, write_contacts, write_corrected
+from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
+from scaling_service.jobs.discover_start import Prepared, prepare, read
+from scaling_service.models.forces import GroundForces
+from scaling_service.processing.plates_feet import FootContacts
+from tests.jobs.force_laboratory import force_laboratory
+from tests.jobs.laboratory import laboratory
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    file = force_laboratory(tmp_path_factory.mktemp("forces"))
+    return prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+
+
+def test_recordings_with_forces_are_weighed(prepared: Prepared) -> None:
+    assert set(prepared.forces.by_trial) == {r.trial.name for r in prepared.recordings if r.footing}
+    assert len(prepared.forces.by_trial) == 2
+    for name, footing in prepared.forces.by_trial.items():
+        np.testing.assert_array_equal(footing.usable, prepared.forces.sources[name].contacts.supported)
+        assert footing.usable.mean() > 0.8
+
+
+def test_forces_come_back_as_they_were_written(prepared: Prepared) -> None:
+    ground = next(iter(prepared.forces.by_trial.values())).ground
+    again = forces_of_table(forces_table("again", ground), "again.mot")
+    np.testing.assert_allclose(again.force, ground.force, atol=1e-9)
+    np.testing.assert_allclose(again.moment, ground.moment, atol=1e-9)
+
+
+def ground_of(loads: list[list[float]]) -> GroundForces:
+    """Vertical forces of plates at 100 Hz, (n, k)."""
+    force = np.zeros((*np.shape(loads), 3))
+    force[..., 1] = loads
+    n, k = np.shape(loads)
+    return GroundForces(
+        "made", np.arange(n) / 100.0, tuple(f"plate_{i + 1}" for i in range(k)), force,
+        np.zeros_like(force), np.zeros((k, 3)), np.tile([0.0, 1.0, 0.0], (k, 1)),
+    )  # fmt: skip
+
+
+def contacts(foot: list[list[int]], on_floor: list[list[bool]]) -> FootContacts:
+    rows = np.array(foot, dtype=np.intp)
+    return FootContacts(("r", "l"), rows, np.array(on_floor), np.ones(len(rows), dtype=bool), ())
+
+
+def test_a_step_beside_the_plates_does_not_count() -> None:
+    """Left stands on the floor alone, then right on the plate; half a second each."""
+    n = 50
+    ground = ground_of([[0.0, 0.0]] * n + [[700.0, 0.0]] * n)
+    made = contacts([[-1, -1]] * n + [[0, -1]] * n, [[True, True]] * n + [[True, False]] * n)
+    assert not usable_frames(ground, made)[:n].any()
+    assert usable_frames(ground, made)[n:].all()
+
+
+def test_a_foot_whose_plate_was_lost_does_count() -> None:
+    n = 50
+    ground = ground_of([[350.0, 0.0]] * n)
+    made = contacts([[0, -1]] * n, [[True, True]] * n)
+    assert usable_frames(ground, made).all()
+
+
+def test_a_load_that_is_nobodys_does_not_count() -> None:
+    n = 20
+    ground = ground_of([[350.0, 350.0]] * n)
+    made = contacts([[0, -1]] * n, [[True, True]] * n)
+    assert not usable_frames(ground, made).any()
+
+
+def test_folders_without_forces_say_so(tmp_path: Path) -> None:
+    prepared = prepare(read(laboratory(tmp_path)), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    assert not prepared.forces.by_trial
+
+
+GAIN = Sized(
+    Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, neutral=1.0, load=PlateGain("plate_1")),)),
+    np.array([0.05]),
+)
+TOUCH = Sized(
+    Candidate(
+        "external_contact", ("torso",), (), trial="sway", change=Contact("torso", 0.5, 1.5, (0.0,) * 3)
+    ),
+    np.zeros(0),
+)
+
+
+def test_corrected_forces_are_those_of_the_file_without_the_fault(prepared: Prepared, tmp_path: Path) -> None:
+    """Not filtered, and at their own rate: a plate that measures 5 % too much is divided by 1.05."""
+    told = write_corrected(tmp_path, Account(prepared.model, (), (GAIN,), ()), prepared)
+    assert len(told) == 1
+    path = next(p for p in prepared.subject.calibration if p.stem == "sway")
+    given = read_forces(prepared.subject.forces[path.name])
+    mended = read_forces(tmp_path / "corrected" / "sway_forces.mot")
+    np.testing.assert_allclose(mended.times, given.times)
+    np.testing.assert_allclose(mended.force[:, 0], given.force[:, 0] / 1.05, atol=1e-6)
+    np.testing.assert_allclose(mended.force[:, 1], given.force[:, 1], atol=1e-6)
+    np.testing.assert_allclose(mended.centre_of_pressure()[:, 0], given.centre_of_pressure()[:, 0], atol=1e-6)
+    assert (tmp_path / "corrected" / "sway.trc").is_file()
+
+
+def test_without_a_fault_nothing_is_corrected(prepared: Prepared, tmp_path: Path) -> None:
+    assert write_corrected(tmp_path, Account(prepared.model, (), (), ()), prepared) == ()
+    assert not (tmp_path / "corrected").exists()
+
+
+def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -> None:
+    found = account(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"], (), [TOUCH])
+    assert write_contacts(tmp_path, found) == ("sway_contact.sto holds the force that was inferred",)
+    table = read_sto(tmp_path / "sway_contact.sto")
+    outside = (table.times < 0.4) | (table.times > 1.6)
+    assert table.columns[1:] == tuple(f"contact_{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz"))
+    assert not table.data[outside, 1:].any()
+    touched = found.weighed[0].touched
+    assert touched is not None
+    np.testing.assert_allclose(table.data[:, 1:], touched, rtol=1e-9, atol=1e-9)

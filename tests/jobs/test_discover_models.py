@@ -1,0 +1,170 @@
+"""The corrected model, in OpenSim's file: read back by OpenSim, it stands where ours does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate, Column, FreeMotion
+from scaling_service.discovery.effects import (
+    coupled_motion,
+    joint_axis_tilt,
+    joint_centre_offset,
+    marker_offset,
+    segment_length,
+    skin_wobble,
+    soft_tissue_artefact,
+)
+from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.loads import Inertial, PlateGain, Tilt
+from scaling_service.discovery.scene import Scene
+from scaling_service.formats.osim import read_osim, write_osim
+from scaling_service.jobs.discover_models import (
+    corrected_model,
+    osim_plan,
+    own_models,
+    write_corrected_osim,
+)
+from scaling_service.jobs.discover_start import Prepared
+from scaling_service.jobs.loading import Loaded
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel
+from scaling_service.models.builtin import builtin
+from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.models.results import Array
+from tests.jobs.hidden_case import session
+
+NEEDS_OPENSIM = pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
+
+MODEL = builtin("lower_limb_14dof")
+SCENE = Scene(MODEL, MODEL.marker_names, ("hip_flexion_r", "knee_angle_r"), ("a", "b"))
+
+
+def one(found: Iterable[Candidate], size: list[float], *where: str, trial: str | None = None) -> Sized:
+    """The first candidate at a place, of known size (SI)."""
+    candidate = next(c for c in found if c.where == where and c.trial == trial)
+    return Sized(candidate, np.array(size))
+
+
+TILT = one(joint_axis_tilt.candidates(SCENE), [0.05, -0.03], "knee_r")
+LENGTH = one(segment_length.candidates(SCENE), [0.04], "femur_r")
+OFFSET = one(marker_offset.candidates(SCENE), [0.01, -0.02, 0.005], "RFH")
+CENTRE = one(joint_centre_offset.candidates(SCENE), [0.004, 0.01, -0.006], "hip_l")
+GLIDE = one(coupled_motion.candidates(SCENE), [0.005, 0.002, 0.0], "knee_r")
+SKIN = one(soft_tissue_artefact.candidates(SCENE), [0.01, 0.0, 0.02], "RLFE")
+SWINGING = one(skin_wobble.candidates(SCENE), [1.0], "RLFE")
+ONCE = one(marker_offset.candidates(SCENE), [0.01, 0.0, 0.0], "LFH", trial="b")
+FREE = Sized(
+    Candidate(
+        "missing_dof", ("knee_l",), (), note="extra turn",
+        change=FreeMotion("tibia_l", "rotation", (0.0, 1.0, 0.0)),
+    ),
+    np.zeros(0),
+)  # fmt: skip
+HEAVIER = Sized(
+    Candidate(
+        "segment_mass", ("tibia_r",), (Column("kg", 1.0, load=Inertial("tibia_r", (1.0, *([0.0] * 9)))),)
+    ),
+    np.array([0.5]),
+)
+
+
+ONE = np.array([0.05])
+
+
+def account(*effects: Sized, model: BodyModel = MODEL) -> Account:
+    return Account(model, (), effects, ())
+
+
+def prepared(model: BodyModel = MODEL, source: Path | None = None) -> Prepared:
+    whole = session()
+    subject = whole.subject if source is None else replace(whole.subject, model=str(source))
+    return Prepared(Loaded(replace(whole, model=model, subject=subject)), "none", model, ())
+
+
+def placed(model: BodyModel, coordinates: tuple[str, ...], q: Array) -> Array:
+    """All of the generic markers at poses of the coordinates named, the others at zero."""
+    names = tuple(m for m in MODEL.marker_names)
+    wide = np.zeros((len(q), len(model.coordinates)))
+    for k, name in enumerate(coordinates):
+        wide[:, model.coordinate_names.index(name)] = q[:, k]
+    return marker_positions(compile_model(model, names), wide, parameter_values(model))
+
+
+@NEEDS_OPENSIM
+def test_opensim_has_what_was_found(tmp_path: Path) -> None:
+    """Lengths, centres, axes, glides, a freed turn, marker places and masses all at once."""
+    what = account(TILT, LENGTH, OFFSET, CENTRE, GLIDE, FREE, HEAVIER)
+    notes = write_corrected_osim(tmp_path / "model.osim", what, prepared())
+    assert notes == ()
+    read = read_osim(tmp_path / "model.osim")
+    ours = corrected_model(what)
+    q = np.random.default_rng(0).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
+    np.testing.assert_allclose(
+        placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
+    )
+    assert (
+        np.abs(
+            placed(ours, ours.coordinate_names, q) - placed(MODEL, MODEL.coordinate_names, q[:, :14])
+        ).max()
+        > 0.01
+    )
+    assert read.segment("tibia_r").mass == pytest.approx(MODEL.segment("tibia_r").mass + 0.5)
+    assert "knee_l_extra_turn" in read.coordinate_names
+
+
+def test_what_opensim_cannot_hold_is_left_out_and_said() -> None:
+    plan = osim_plan(account(SKIN, OFFSET, SWINGING), prepared())
+    assert [said.split(":")[0].split(" at ")[0] for said in plan.left_out] == [
+        "soft_tissue_artefact",
+        "skin_wobble",
+    ]
+    assert all(law.is_constant for m in plan.model.markers for law in m.laws)
+    assert plan.model.marker("RFH").nominal == corrected_model(account(OFFSET)).marker("RFH").nominal
+    assert not all(law.is_constant for law in corrected_model(account(SKIN)).marker("RLFE").laws)
+
+
+@NEEDS_OPENSIM
+def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
+    """Sizes, axes, markers and masses: then muscles and meshes of the file stay."""
+    source = tmp_path / "source.osim"
+    write_osim(source, MODEL)
+    generic = read_osim(source)
+    what = account(TILT, LENGTH, OFFSET, HEAVIER, model=generic)
+    assert osim_plan(what, prepared(generic, source)).amended
+    assert not osim_plan(account(GLIDE, model=generic), prepared(generic, source)).amended
+    assert write_corrected_osim(tmp_path / "model.osim", what, prepared(generic, source)) == ()
+    read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
+    q = np.random.default_rng(1).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
+    np.testing.assert_allclose(
+        placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
+    )
+
+
+def test_what_is_not_the_models_leaves_its_file_alone() -> None:
+    """A plate's fault is taken out of the recording; a vertical that leans is OpenSim's gravity."""
+    source = prepared(source=Path("given.osim"))
+    plate = Sized(
+        Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, load=PlateGain("plate_1")),)), ONE
+    )
+    leaning = Sized(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
+    plan = osim_plan(account(plate, leaning), source)
+    assert plan.amended
+    assert plan.model == corrected_model(account())
+    assert len(plan.left_out) == 1
+    assert "gravity" in plan.left_out[0]
+
+
+def test_what_holds_in_one_recording_only_has_a_model_of_its_own() -> None:
+    what = account(OFFSET, ONCE)
+    assert corrected_model(what).marker("LFH") == MODEL.marker("LFH")
+    own = own_models(what)
+    assert own.keys() == {"b"}
+    assert own["b"].marker("LFH").nominal[0] == pytest.approx(MODEL.marker("LFH").nominal[0] + 0.01)
+    assert own["b"].marker("RFH") == corrected_model(what).marker("RFH")

@@ -1,0 +1,102 @@
+"""What the search starts from: recordings as measured, the calibration's freedom, a model that fits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.discovery.fitting import Recording
+from scaling_service.jobs.discover_fit import LARGEST_M, check_fits, mirrored, typical_distance
+from scaling_service.jobs.discover_free import free_of
+from scaling_service.jobs.discover_limits import limits
+from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
+from scaling_service.jobs.discover_start import prepare, read
+from scaling_service.jobs.loading import Loaded
+from scaling_service.models.builtin import builtin
+from scaling_service.models.scaling import scaled
+from scaling_service.models.trial import Trial
+from tests.jobs.hidden_case import session
+from tests.jobs.laboratory import laboratory
+
+
+def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
+    loaded = read(laboratory(tmp_path), AS_MEASURED)
+    for trial in loaded.session.dynamic:
+        assert not {r.what for r in trial.repairs} & {"smoothing", "gap_spline", "gap_solidification"}
+
+
+def test_roles_follow_the_subject_file() -> None:
+    prepared = prepare(Loaded(session()), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
+    assert prepared.free == ()
+    assert any("no recording has forces" in note for note in prepared.notes)
+
+
+def test_without_held_out_recordings_all_fit() -> None:
+    only = replace(session(), calibration=())
+    prepared = prepare(Loaded(only), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    assert prepared.roles == {"gait_1": "fit"}
+
+
+def test_what_the_calibration_freed_is_free() -> None:
+    """MB_am frees knee axes and all coordinates of the markers seen; MB_lam sizes, too, and fewer markers."""
+    model, trials = session().model, session().calibration
+    every = {s.candidate.kind: 0 for s in free_of("MB_am", model, trials, CalibrationSettings())}
+    free = free_of("MB_am", model, trials, CalibrationSettings())
+    for sized in free:
+        every[sized.candidate.kind] += len(sized.size)
+        assert not sized.size.any()
+    assert every == {"joint_axis_tilt": 4, "marker_offset": 3 * 14}
+    lam = free_of("MB_lam", model, trials, CalibrationSettings())
+    sizes = {s.candidate.where[0] for s in lam if s.candidate.kind == "segment_length"}
+    assert sizes == {"pelvis", "femur_r", "femur_l", "tibia_r", "tibia_l"}
+    columns = {s.candidate.where[0]: [c.name for c in s.candidate.columns] for s in lam}
+    assert columns["RASIS"] == ["x_mm", "z_mm"]
+    assert "RLFE" not in columns
+    assert free_of("MB", model, trials, CalibrationSettings()) == ()
+
+
+def test_a_model_of_the_person_fits() -> None:
+    whole = session()
+    check_fits(whole.model, whole.dynamic)
+    assert typical_distance(whole.model, whole.dynamic[0]) < 0.002
+
+
+def test_a_model_in_other_units_is_refused_first() -> None:
+    """A model whose lengths are a thousandth: every marker is then a body's size away."""
+    whole = session()
+    small = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3))
+    with pytest.raises(TrialUnusable, match="does not fit this recording at all") as caught:
+        prepare(Loaded(replace(whole, model=small)), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    assert caught.value.file == "knee_r"
+    assert "units" in str(caught.value.remedy)
+
+
+def test_the_generic_model_of_another_size_is_not_refused() -> None:
+    """Twice the usual spread of stature: still a model of a person."""
+    whole = session()
+    tall = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1.15,) * 3))
+    assert typical_distance(tall, whole.dynamic[0]) < LARGEST_M
+
+
+@pytest.mark.parametrize("size", [0.9, 1.1])
+def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -> None:
+    whole = session()
+    other = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (size,) * 3))
+    check_fits(other, whole.dynamic)
+    with pytest.raises(TrialUnusable, match="left and the right"):
+        check_fits(whole.model, [t.relabelled(mirrored(t.labels)) for t in whole.dynamic])
+
+
+def test_short_recordings_say_so() -> None:
+    def recording(seconds: float) -> Recording:
+        times = np.arange(round(seconds * 100)) / 100.0
+        return Recording(Trial("t", times, ("A",), np.zeros((len(times), 1, 3)), 100.0), "fit")
+
+    assert "2.0 s" in limits([recording(2.01)], 0.5)[0]
+    assert limits([recording(6.0)], 0.5) == ()

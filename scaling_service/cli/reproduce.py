@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +13,7 @@ from rich.table import Table
 
 from scaling_service.cli import options
 from scaling_service.cli.batch_progress import watched
+from scaling_service.cli.reproduce_muller2017 import run_muller2017
 from scaling_service.cli.screen import console_of_results
 from scaling_service.jobs.reproduce import reproduce_puchaud2019, save_study
 from scaling_service.jobs.saving import check_folder
@@ -23,6 +25,7 @@ class StudyName(StrEnum):
     """The studies that can be done again."""
 
     PUCHAUD2019 = "puchaud2019"
+    MULLER2017 = "muller2017"
 
 
 class GenericLegs(StrEnum):
@@ -32,7 +35,15 @@ class GenericLegs(StrEnum):
     CUSTOM = "custom"
 
 
-_Subjects = Annotated[int, typer.Option(min=1, metavar="N", help="Virtual persons.")]
+_Subjects = Annotated[
+    int | None,
+    typer.Option(
+        min=1, metavar="N", help="Virtual persons; the paper's number unless given.", show_default=False
+    ),
+]
+_Samples = Annotated[
+    int, typer.Option(min=2, metavar="N", help="muller2017: samples per level; the paper took 1000.")
+]
 _Generic = Annotated[
     GenericLegs,
     typer.Option(
@@ -45,10 +56,25 @@ _Workers = Annotated[
 ]
 
 
+_Recordings = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--recording",
+        exists=True,
+        dir_okay=False,
+        metavar="FILE",
+        help="muller2017: a subject file with a scaled model and forces, shown beside; may be repeated.",
+        show_default=False,
+    ),
+]
+
+
 def reproduce(
-    study: Annotated[StudyName, typer.Argument(help="Which study.", show_default=False)],  # noqa: ARG001 (there is one)
+    study: Annotated[StudyName, typer.Argument(help="Which study.", show_default=False)],
     out: options.Out,
-    subjects: _Subjects = SUBJECTS,
+    subjects: _Subjects = None,
+    samples: _Samples = 1000,
+    recording: _Recordings = None,
     generic: _Generic = GenericLegs.MEAN,
     workers: _Workers = None,
     strategy: options.StrategyOption = options.Strategy.ALTERNATING,
@@ -60,13 +86,30 @@ def reproduce(
     puchaud2019: 26 persons, five ways to scale their models, with bones imaged. Tables 2, 3 and 5 and
     figures 4 to 6 with the paper's numbers beside ours, in study.json and report.html.
 
+    muller2017: 10 persons on force plates; how uncertain motion and plates make the residual, and what an
+    identification of inertia does against the verdict. Figures 7, 8 and 10, and what only truth can tell.
+
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
     check_folder(out)
+    if study is StudyName.MULLER2017:
+        run_muller2017(
+            out,
+            subjects=subjects,
+            recordings=recording or (),
+            samples=samples,
+            seed=seed,
+            worker_count=workers,
+        )
+        return
     settings = options.resolve(strategy, frames, seed, None, None, None)
     with watched() as watcher:
         result = reproduce_puchaud2019(
-            settings, subjects=subjects, generic=generic.value, worker_count=workers, watcher=watcher
+            settings,
+            subjects=subjects or SUBJECTS,
+            generic=generic.value,
+            worker_count=workers,
+            watcher=watcher,
         )
         files = save_study(result, out)
     console = console_of_results()

@@ -189,10 +189,11 @@ def forward(
     """
     plan, n = tree.plan, q.shape[1]
     values = Values.of(tree.factors, q, p, signals, tree.shape_groups)
-    local = np.empty((len(plan.parent), 4, 3, n))
+    # One piece of memory: two are given back to the system after every call, and to get them anew takes
+    # longer than the computation.
+    local, frames = np.empty((2, len(plan.parent), 4, 3, n))
     np.matmul(plan.rotations, _trigonometric(plan.angles.values(q, values)), out=_rotations_of(local))
     local[:, 3] = plan.shifts.values(q, values).reshape(-1, 3, n)
-    frames = np.empty(local.shape)
     frames[0, :3] = np.eye(3)[:, :, None]
     frames[0, 3] = 0.0 if ground is None else ground
     for level, carriers in plan.levels:

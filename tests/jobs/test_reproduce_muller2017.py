@@ -1,0 +1,69 @@
+"""The study of Muller 2017 on short recordings of few persons: what is written, and that claims are asked."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from scaling_service.core.errors import InputError
+from scaling_service.evaluation.uncertainty import UncertaintySettings
+from scaling_service.jobs.reproduce_muller2017 import reproduce_muller2017, save_muller2017
+from scaling_service.schemas.study_muller2017 import Muller2017Document
+from scaling_service.studies.muller2017_claims import CLAIMS
+from scaling_service.studies.virtual_excitation import ExcitationSettings
+from tests.reports.reading import Node, read
+
+FEW = UncertaintySettings(samples=12, motions=60)
+SHORT = ExcitationSettings(seconds=6.0)
+
+
+@pytest.fixture(scope="module")
+def document() -> Muller2017Document:
+    return reproduce_muller2017(FEW, subjects=2, recorded=SHORT, worker_count=1)
+
+
+@pytest.fixture(scope="module")
+def page(document: Muller2017Document, tmp_path_factory: pytest.TempPathFactory) -> Node:
+    folder = tmp_path_factory.mktemp("study")
+    assert save_muller2017(document, folder) == ("report.html", "study.json")
+    written = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+    assert Muller2017Document.model_validate(written) == document
+    return read((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def test_persons_hold_equation_12_and_their_truth(document: Muller2017Document) -> None:
+    assert [person.name for person in document.persons] == ["excited_1", "excited_2"]
+    for person in document.persons:
+        sum_of_parts = np.array(person.kinematic) + np.array(person.plate)
+        np.testing.assert_allclose(person.total, sum_of_parts, atol=1e-7)
+        supported = np.array(person.dr) > np.array(person.total)
+        assert list(person.calibration_supported) == supported.tolist()
+        # what is left in all is what both errors leave, which are independent but for chance
+        parts = np.hypot(person.true_measurement_error, person.true_inertial_error)
+        np.testing.assert_allclose(person.dr, parts, rtol=0.5)
+        assert len(person.markers) == 10
+        assert 0 < person.windows_share <= 1
+
+
+def test_every_claim_is_answered_and_few_persons_decide_no_test(document: Muller2017Document) -> None:
+    assert [c.claim for c in document.claims] == [c.text for c in CLAIMS]
+    answered = {c.claim: c for c in document.claims}
+    assert answered["Vertical force and moment are least uncertain"].holds is None
+    assert answered["The plates' noise is negligible"].holds
+    assert "R2" in answered["Uncertainty grows linearly with the added reconstruction error"].ours
+
+
+def test_the_page_says_what_the_document_says(document: Muller2017Document, page: Node) -> None:
+    claims = next(t for t in page.all("table") if t.attributes["aria-label"] == "Claim by claim")
+    rows = [[cell.text for cell in (*row.all("th"), *row.all("td"))] for row in claims.all("tr")[1:]]
+    word = {True: "holds", False: "does not hold", None: "undecided"}
+    assert rows == [[c.where, c.claim, word[c.holds], c.paper, c.ours] for c in document.claims]
+    for said in ("Figure 7, fx", "Figure 8", "Figure 10, excited_1", "true held-out error of inertia, after"):
+        assert said in page.text
+
+
+def test_no_subject_is_refused() -> None:
+    with pytest.raises(InputError, match="no subject"):
+        reproduce_muller2017(FEW, subjects=0)

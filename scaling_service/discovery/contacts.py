@@ -26,6 +26,9 @@ WANDER_M = {"foot": 0.06, "other": 0.02}
 hand's grip stays within some 2 cm (both chosen)."""
 
 _FEET = ("calcn", "toes", "foot", "talus")
+_HANDS = ("hand", "radius", "forearm")
+"""What may hold on to something throughout; anything else that is touched all the time is a fault of a plate."""
+
 _STRONG = 4.0  # chosen: of the level of the disagreement elsewhere, from which a contact is looked for
 _SHORTEST_S = 0.1  # chosen: a shorter one is a knock
 _LEAST_SHARE = 0.2
@@ -133,7 +136,12 @@ def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touc
     gap = sum(float(np.square(s.item.gap[s.rows] / s.item.floor).sum()) for s in spells)
     fits = {name: _point(spells, name) for name in names}
     beside = [n for n in names if n.startswith(_FEET) and all(_beside_plates(s, n) for s in spells)]
-    likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap] or names
+    likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
+    if not likely:
+        lasting = all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells)
+        likely = [n for n in names if n.startswith(_HANDS)] if lasting else names
+    if not likely:
+        return None
     order = sorted(likely, key=lambda name: fits[name].misfit)
     best = fits[order[0]]
     square = sum(float(np.square(s.item.gap[s.item.usable] / s.item.floor).sum()) for s in spells)

@@ -11,15 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized, corrected, still, with_effects
-from scaling_service.discovery.candidates import Contact
+from scaling_service.discovery.additions import Sized, corrected, freedom_name, still, with_effects
+from scaling_service.discovery.candidates import Candidate, Column, Contact, FreeMotion, Part
 from scaling_service.discovery.contacts import wrench_of
 from scaling_service.discovery.evidence import Evidence, gather
 from scaling_service.discovery.forces import gather_forces, weigh
 from scaling_service.discovery.judging import inverse_of
+from scaling_service.discovery.profiles import Following
+from scaling_service.discovery.spots import At, JointSpot
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.discovery.weighed import Footing, Weighed
-from scaling_service.models.body import BodyModel
+from scaling_service.models.body import BodyModel, Vector
 from scaling_service.models.trial import Trial
 
 _ROUNDS = 8
@@ -109,10 +111,12 @@ def refined(
 ) -> Account:
     """Estimate what is free and the effects, with some more of them, on the recordings that are to fit."""
     now = account(start.model, recordings, start.free, (*start.effects, *added), start)
-    best = cost(now)
+    best = _concerned(now)
     for _round in range(_ROUNDS):
         trial = _stepped(now, recordings, stretch_s)
-        reached = cost(trial)
+        if any(isinstance(e.candidate.change, FreeMotion) for e in trial.effects):
+            trial = _aligned(trial, recordings, stretch_s)
+        reached = _concerned(trial)
         if reached >= best:
             break
         now, best, before = trial, reached, best
@@ -125,6 +129,13 @@ def cost(now: Account, *, role: Role = "fit") -> float:
     """Whitened sum of squares of the recordings of a role, markers and wrenches."""
     markers = sum(item.square for item in now.watched if item.role == role)
     return float(markers + sum(item.square for item in now.weighed if item.role == role))
+
+
+def _concerned(now: Account) -> float:
+    """Whitened squares of the trials that decide something: those to fit, and those with effects of their own."""
+    alone = {e.candidate.trial for e in now.effects}
+    items: list[Watched | Weighed] = [*now.watched, *now.weighed]
+    return float(sum(item.square for item in items if item.role == "fit" or item.name in alone))
 
 
 def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
@@ -153,3 +164,34 @@ def _moved(evidence: Evidence, moving: Sequence[Sized]) -> list[Sized]:
         score += stretch.scores * counts
     step = inverse_of(curvature, evidence.raw)[0] @ score
     return [replace(s, size=s.size + step[rows]) for s, rows in zip(moving, evidence.groups, strict=True)]
+
+
+def _aligned(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
+    """Axes of free motions turned to where their residuals want them.
+
+    A turn by the angle a about u + d is, for small d, the turn about u and one by a about d.
+    """
+    for effect in now.effects:
+        free = effect.candidate.change
+        if isinstance(free, FreeMotion):
+            axis = _better_axis(now, effect.candidate, free, stretch_s)
+            candidate = replace(effect.candidate, change=replace(free, axis=axis))
+            turned = replace(effect, candidate=candidate)
+            now = replace(now, effects=tuple(turned if e is effect else e for e in now.effects))
+    return account(now.model, recordings, now.free, now.effects, now)
+
+
+def _better_axis(now: Account, candidate: Candidate, free: FreeMotion, stretch_s: float) -> Vector:
+    at: At = "before" if free.kind == "rotation" else "start"
+    course = Following(freedom_name(candidate))
+    parts = [Part(JointSpot(free.segment, at, free.kind, k), course) for k in range(3)]
+    columns = tuple(Column(f"axis_{k}", 1.0, (part,)) for k, part in enumerate(parts))
+    evidence = gather(
+        now.watched, [], [replace(candidate, columns=columns, change=None)], stretch_s, together=True
+    )
+    fitting = [s for s in evidence.stretches if s.role == "fit"]
+    curvature, score = np.sum([s.own for s in fitting], axis=0), np.sum([s.scores for s in fitting], axis=0)
+    step = inverse_of(curvature, evidence.raw)[0] @ score
+    axis = np.array(free.axis) + step - np.array(free.axis) * float(step @ np.array(free.axis))
+    x, y, z = (float(v) for v in axis / np.linalg.norm(axis))
+    return (x, y, z)

@@ -72,7 +72,7 @@ def _columns(item: Weighed, loads: Sequence[Load | None]) -> Array:
     made = np.empty((len(item.times), 6, len(loads)))
     for k, load in enumerate(loads):
         assert load is not None
-        made[:, :, k] = item.moved(load.column(item)) / item.floor
+        made[:, :, k] = item.moved(item.smoothed(load.column(item))) / item.floor
     return made
 
 

@@ -27,6 +27,9 @@ KIND = "missing_dof"
 _CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _BLOCK = 64
 _ROUNDS = 10
+MOST = {"rotation": np.radians(20.0), "translation": 0.03}
+"""RMS of a motion that a model could have locked by mistake (chosen: more would not be called a locked joint)."""
+
 _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
     ("before", "rotation"),
     ("start", "translation"),
@@ -83,7 +86,7 @@ def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
         if shares[k] > HIDDEN:
             by_trial = [each[0][k] for each in courses]
             made = _freedom(watched, by_trial, stretch_s)
-            if made is not None:
+            if made is not None and _spread(by_trial, np.array(made[0])) < MOST[kind]:
                 axis, fitted, gains, share, p = made
                 free = FreeMotion(segment.name, kind, axis)
                 note = "extra turn" if kind == "rotation" else "extra shift"
@@ -158,6 +161,14 @@ def _freedom(
         share, held_p = float((gains - chance).sum() / sum(c.square.sum() for c in fit)), p
     x, y, z = (float(v) for v in axis)
     return (x, y, z), fitted, gains, share, held_p
+
+
+def _spread(courses: Sequence[_Course], axis: Array) -> float:
+    """RMS of the course along an axis, rad or m."""
+    slope = np.concatenate([c.slope for c in courses]) @ axis
+    bend = np.einsum("k,nkl,l->n", axis, np.concatenate([c.curvature for c in courses]), axis)
+    known = bend > HIDDEN * bend.max()
+    return float(np.sqrt(np.mean((slope[known] / bend[known]) ** 2))) if known.any() else 0.0
 
 
 def _cut(course: _Course, rows: slice) -> _Course:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.details import details
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, refined
@@ -31,6 +32,10 @@ def looked_back(
     """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
     kept = list(named)
     for n in named:
+        if not _plausible(next(e for e in now.effects if e.candidate.name == n.effect.candidate.name)):
+            kept = [m for m in kept if m is not n]
+            now = _without(n, now, recordings, stretch_s)
+    for n in list(kept):
         if len(kept) > 1 and n.effect.candidate.change is None:
             without = _without(n, now, recordings, stretch_s)
             if _squares(without) <= _squares(now):
@@ -45,8 +50,13 @@ def looked_back(
     return [replace(n, details=details(n.effect, now)) for n in found], now
 
 
+def _plausible(effect: Sized) -> bool:
+    """Whether all its numbers, estimated with everything else, are such as a laboratory could meet."""
+    return all(column.plausible(size) for column, size in effect.columns)
+
+
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
-    others = tuple(e for e in now.effects if e.candidate != n.effect.candidate)
+    others = tuple(e for e in now.effects if e.candidate.name != n.effect.candidate.name)
     return refined(replace(now, effects=others), recordings, [], stretch_s)
 
 

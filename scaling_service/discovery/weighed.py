@@ -7,11 +7,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from scaling_service.discovery.loads import Wobbling
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion, rated_motion
 from scaling_service.kernels import wrench
+from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.mechanism import N_PARAMETERS
 from scaling_service.kernels.regressor import regressor_blocks
@@ -29,6 +31,16 @@ _PLATE_N, _PLATE_NM = 0.5, 0.2
 of 1000 N are 0.2 N m."""
 
 
+BAND_HZ = 15.0
+"""Of the light filter of coordinates and forces (chosen: holds gait to its 15th harmonic; above it double
+differentiation makes more noise than the comparison's filter takes off)."""
+
+
+def band_hz(rate_hz: float) -> float:
+    """The light filter's half-power frequency at a frame rate."""
+    return min(BAND_HZ, 0.4 * rate_hz)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Footing:
     """The ground's forces in one trial.
@@ -36,11 +48,11 @@ class Footing:
     Parameters
     ----------
     ground : GroundForces
-        At the trial's times, in its axes, filtered like the motion.
+        At the trial's times, in its axes, filtered by :func:`band_hz`.
     usable : ndarray of bool, shape (n,)
         Frames in which nothing but the plates is known to touch the body.
     cutoff_hz : float
-        Of the forces and the motion.
+        Below which wrenches are compared.
     """
 
     ground: GroundForces
@@ -60,7 +72,7 @@ class Weighed:
     footing : Footing
     gravity : ndarray, shape (3,), m/s2
     cutoff_hz : float
-        Of the motion and the forces.
+        Below which wrenches are compared.
     swinging : tuple of (Wobbling, float)
         Masses (kg) that swing.
     touched : ndarray, shape (n, 6), optional
@@ -95,8 +107,19 @@ class Weighed:
 
     @cached_property
     def rated(self) -> RatedMotion:
-        """The filtered motion with its rates."""
-        return rated_motion(self.model, self.times, self.item.q, cutoff_hz=self.cutoff_hz)
+        """The motion with its rates, filtered as lightly as the forces."""
+        return rated_motion(self.model, self.times, self.item.q, cutoff_hz=band_hz(self.item.trial.rate_hz))
+
+    def smoothed(self, ground_wrench: Array) -> Array:
+        """A wrench (n, 6) about the ground origin below the frequency of comparison.
+
+        Motion and forces pass the filter as wrenches: filtered coordinates need another wrench than the
+        filtered one, by some 10 N in brisk walking at 5 Hz.
+        """
+        rate = self.item.trial.rate_hz
+        return butterworth(
+            ground_wrench, rate_hz=rate, cutoff_hz=min(self.cutoff_hz, 0.4 * rate), order=4
+        ).values
 
     @cached_property
     def measured(self) -> Array:
@@ -112,7 +135,9 @@ class Weighed:
         known &= self.footing.ground.known.all(axis=1)
         edge = 0.5 / self.cutoff_hz
         inside = (self.times >= self.times[0] + edge) & (self.times <= self.times[-1] - edge)
-        return np.asarray(known & inside)
+        reach = int(np.ceil(edge * self.item.trial.rate_hz))
+        spoilt = ndimage.binary_dilation(~known, iterations=reach) if reach and not known.all() else ~known
+        return np.asarray(inside & ~spoilt)
 
     @cached_property
     def about(self) -> Array:
@@ -127,13 +152,13 @@ class Weighed:
 
     @cached_property
     def gap(self) -> Array:
-        """Measured minus needed, (n, 6), moment about :attr:`about`."""
+        """Measured minus needed, smoothed, (n, 6), moment about :attr:`about`."""
         left = self.measured - self._needed[0]
         for load, size in self.swinging:
             left = left - size * load.column(self)
         if self.touched is not None:
             left = left + self.touched
-        return self.moved(left)
+        return self.moved(self.smoothed(np.nan_to_num(left)))
 
     def moved(self, ground_wrench: Array) -> Array:
         """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""
@@ -230,8 +255,8 @@ def _from_markers(weighed: Weighed) -> Array:
     for _ in range(_DRAWS):
         noisy = item.q.copy()
         noisy[:, free] += np.einsum("nqr,nr->nq", follow, stream.normal(size=white.shape[::2]))
-        rated = rated_motion(model, weighed.times, noisy, cutoff_hz=weighed.cutoff_hz)
+        rated = rated_motion(model, weighed.times, noisy, cutoff_hz=band_hz(item.trial.rate_hz))
         need, _ = wrench.root_wrench(mechanism, rated.rates, p, gravity=weighed.gravity)
-        change = weighed.moved(need.T - weighed._needed[0])[weighed.usable]
+        change = weighed.moved(weighed.smoothed(np.nan_to_num(need.T - weighed._needed[0])))[weighed.usable]
         total += np.square(change).mean(axis=0) if len(change) else 0.0
     return np.sqrt(total / _DRAWS)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import few
-from scaling_service.discovery.weighed import Footing
+from scaling_service.discovery.weighed import Footing, band_hz
 from scaling_service.jobs.dynamics_feet import feet_of, foot_markers
 from scaling_service.jobs.dynamics_forces import TrialForces, read_trial_forces, trial_forces
 from scaling_service.jobs.loading import Loaded
@@ -59,7 +59,7 @@ def footings(loaded: Loaded, subject: Subject, model: BodyModel, cutoff_hz: floa
     model : BodyModel
         The person's, with mass.
     cutoff_hz : float
-        Of the filter that motion and forces pass.
+        Below which motion and forces are compared.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def footings(loaded: Loaded, subject: Subject, model: BodyModel, cutoff_hz: floa
     lacking = _lacking(model)
     if lacking:
         return Footings(notes=(f"{lacking}: {NOT_TRIED}",))
-    sources = {name: _turned(loaded, subject, name, *forces, cutoff_hz) for name, forces in read.items()}
+    sources = {name: _turned(loaded, subject, name, *forces) for name, forces in read.items()}
     made = {
         name: Footing(forces.ground, usable_frames(forces.ground, forces.contacts), cutoff_hz)
         for name, forces in sources.items()
@@ -93,14 +93,12 @@ def _lacking(model: BodyModel) -> str:
     return "" if total_mass(model) > 0.0 else f"model '{model.name}' has no mass"
 
 
-def _turned(
-    loaded: Loaded, subject: Subject, name: str, source: Path, forces: GroundForces, cutoff_hz: float
-) -> TrialForces:
+def _turned(loaded: Loaded, subject: Subject, name: str, source: Path, forces: GroundForces) -> TrialForces:
     session, axes = loaded.session, loaded.orientation
     assert axes is not None  # a session that was read has axes
     trial = next(trial for trial in session.dynamic if trial.name == name)
     feet = foot_markers(session.model, trial, subject.extra_markers)
-    return trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz)
+    return trial_forces(source, forces, trial, feet, axes, cutoff_hz=band_hz(trial.rate_hz))
 
 
 def usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:

@@ -28,7 +28,7 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
         return {"start_s": change.start_s, "end_s": change.end_s}
     if isinstance(change, FreeMotion):
         name, unit = freedom_name(effect.candidate), _DEG if change.kind == "rotation" else _MM
-        rms = _course_rms(after, name) * unit
+        rms = course_rms(after, name) * unit
         axis = dict(zip(("axis_x", "axis_y", "axis_z"), change.axis, strict=True))
         return {"rms_deg" if change.kind == "rotation" else "rms_mm": rms, **axis}
     if isinstance(change, Contact):
@@ -46,7 +46,7 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
     return {}
 
 
-def _course_rms(after: Account, name: str) -> float:
+def course_rms(after: Account, name: str) -> float:
     """RMS of an added coordinate over the trials that fitted it, about its mean."""
     courses = [
         item.q[:, item.task.model.coordinate_names.index(name)]
@@ -58,11 +58,12 @@ def _course_rms(after: Account, name: str) -> float:
 
 def _contact_rms(after: Account, contact: Contact, trial: str | None) -> float:
     """RMS of the force inferred, N."""
-    for item in after.weighed:
-        if item.name == trial and item.touched is not None:
-            inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
-            return float(np.sqrt(np.square(item.touched[inside, :3]).sum(axis=1).mean()))
-    return float("nan")
+    squares = [
+        np.square(item.touched[(item.times >= contact.start_s) & (item.times <= contact.end_s), :3]).sum(axis=1)
+        for item in after.weighed
+        if trial in (None, item.name) and item.touched is not None
+    ]
+    return float(np.sqrt(np.concatenate(squares).mean())) if squares else float("nan")
 
 
 def smallest_nameable(effect: Sized, fitted: Fitted, level: float) -> Mapping[str, float]:

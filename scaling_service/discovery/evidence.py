@@ -26,7 +26,7 @@ from scaling_service.models.compile import compile_model, parameter_values
 _FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
 _BLOCK = 48  # frames at once: 42 rows by 1,000 columns by 48 frames are 16 MB
 _MOST = 2e8  # numbers of all columns together; chosen: some ten seconds on one core
-_NULL = 1e-9  # of the largest curvature of a pose, below which the frame does not determine the direction
+_NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,11 +282,13 @@ def _sums(
 
 
 def span(pose: Array) -> Array:
-    """An orthonormal basis of the columns of every frame, (n, r, q); columns without meaning are zero."""
+    """A basis of the columns of every frame, (n, r, q), orthonormal but for directions without meaning.
+
+    Those come out short, as far as rounding leaves anything of them.
+    """
     size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
     even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
-    value, vector = np.linalg.eigh(even.transpose(0, 2, 1) @ even)
-    known = value > _NULL * value[:, -1:]
-    root = np.where(known, 1.0 / np.sqrt(np.where(known, value, 1.0)), 0.0)
-    basis: Array = even @ (vector * root[:, None])
-    return basis
+    bend = even.transpose(0, 2, 1) @ even
+    bend += _NULL * np.eye(pose.shape[2])
+    basis = np.linalg.solve(np.linalg.cholesky(bend), even.transpose(0, 2, 1))
+    return np.asarray(basis.transpose(0, 2, 1))

@@ -25,6 +25,7 @@ from scaling_service.models.body import BodyModel, Vector
 from scaling_service.models.trial import Trial
 
 _ROUNDS = 8
+_OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SETTLED = 1e-4  # of the cost, chosen: steps below are far smaller than a parameter's own deviation
 
 
@@ -193,5 +194,8 @@ def _better_axis(now: Account, candidate: Candidate, free: FreeMotion, stretch_s
     curvature, score = np.sum([s.own for s in fitting], axis=0), np.sum([s.scores for s in fitting], axis=0)
     step = inverse_of(curvature, evidence.raw)[0] @ score
     axis = np.array(free.axis) + step - np.array(free.axis) * float(step @ np.array(free.axis))
+    value, vector = np.linalg.eigh(curvature)
+    hidden = vector[:, value < _OWN * value[-1]]  # turns that the joint makes anyhow
+    axis = axis - hidden @ (hidden.T @ axis)
     x, y, z = (float(v) for v in axis / np.linalg.norm(axis))
     return (x, y, z)

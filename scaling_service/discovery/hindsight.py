@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.details import details
+from scaling_service.discovery.additions import Sized, freedom_name
+from scaling_service.discovery.candidates import FreeMotion
+from scaling_service.discovery.details import course_rms, details
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, refined
+from scaling_service.discovery.freedoms import MOST
 from scaling_service.discovery.predictable import marker_names
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.tallies import floors_of
@@ -32,7 +34,8 @@ def looked_back(
     """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
     kept = list(named)
     for n in named:
-        if not _plausible(next(e for e in now.effects if e.candidate.name == n.effect.candidate.name)):
+        effect = next(e for e in now.effects if e.candidate.name == n.effect.candidate.name)
+        if not _plausible(effect, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
     for n in list(kept):
@@ -50,8 +53,11 @@ def looked_back(
     return [replace(n, details=details(n.effect, now)) for n in found], now
 
 
-def _plausible(effect: Sized) -> bool:
+def _plausible(effect: Sized, now: Account) -> bool:
     """Whether all its numbers, estimated with everything else, are such as a laboratory could meet."""
+    free = effect.candidate.change
+    if isinstance(free, FreeMotion):
+        return bool(course_rms(now, freedom_name(effect.candidate)) < MOST[free.kind])
     return all(column.plausible(size) for column, size in effect.columns)
 
 

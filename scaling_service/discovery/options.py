@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.discovery.candidates import Candidate, FreeMotion
+from scaling_service.discovery.candidates import Candidate, Contact, FreeMotion
 from scaling_service.discovery.catalogue import candidates as catalogue
 from scaling_service.discovery.comparing import Unseen, explained, no_worse, unseen
 from scaling_service.discovery.contacts import Touch, touches
@@ -63,7 +63,7 @@ def look(now: Account, scene: Scene, stretch_s: float, shortlist: int) -> Option
     taken = {s.candidate.name for s in now.everything}
     free = [_of_freedom(f) for f in freedoms(scene, now.watched, stretch_s)]
     exchanged = [_of_swap(s, now, stretch_s) for s in swaps(now.watched)]
-    touched = [_of_touch(t) for t in touches(now.weighed, stretch_s)]
+    touched = [_of_touch(t) for t in touches(now.weighed, stretch_s) if not _touched(t.candidate, now)]
     every = [c for c in catalogue(scene) if c.name not in taken]
     columns = _columns(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
     loads = _columns(now, [c for c in every if c.of_forces], stretch_s, shortlist)
@@ -108,6 +108,12 @@ def _plausible(candidate: Candidate, fitted: Fitted) -> bool:
         column.plausible(size - sd) or column.plausible(size + sd) or column.plausible(size)
         for column, size, sd in zip(candidate.columns, fitted.size.tolist(), spread.tolist(), strict=True)
     )
+
+
+def _touched(candidate: Candidate, now: Account) -> bool:
+    """Whether a contact at this segment is known already, in the same trial or in all."""
+    known = [e.candidate for e in now.effects if isinstance(e.candidate.change, Contact)]
+    return any(c.where == candidate.where and (c.trial is None or c.trial == candidate.trial) for c in known)
 
 
 def _of_touch(touch: Touch) -> Option:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import signal
 
@@ -23,10 +25,20 @@ def pulled(places: Array, step: float) -> Array:
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
     """Displacement (m) and speed (m/s) of oscillators at rest at first, each of the shape of ``pull`` (m/s2)."""
+    place, speed = (
+        np.asarray(signal.lfilter(above, below, pull, axis=0))
+        for above, below in _filters(step, frequency_hz, damping)
+    )
+    return place, speed
+
+
+@lru_cache(maxsize=512)
+def _filters(step: float, frequency_hz: float, damping: float) -> tuple[tuple[Array, Array], ...]:
+    """Numerators and denominators of place and speed for inputs that run straight from frame to frame."""
     w = 2.0 * np.pi * frequency_hz
     below = [1.0, 2.0 * damping * w, w * w]
     found = []
     for above in ([1.0], [1.0, 0.0]):
         numerator, denominator, _ = signal.cont2discrete((above, below), step, "foh")
-        found.append(np.asarray(signal.lfilter(np.ravel(numerator), denominator, pull, axis=0)))
-    return found[0], found[1]
+        found.append((np.ravel(numerator), np.asarray(denominator)))
+    return tuple(found)

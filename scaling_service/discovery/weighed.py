@@ -156,9 +156,8 @@ class Weighed:
         left = self.measured - self._needed[0]
         for load, size in self.swinging:
             left = left - size * load.column(self)
-        if self.touched is not None:
-            left = left + self.touched
-        return self.moved(self.smoothed(np.nan_to_num(left)))
+        smooth = self.smoothed(np.nan_to_num(left))
+        return self.moved(smooth if self.touched is None else smooth + self.touched)
 
     def moved(self, ground_wrench: Array) -> Array:
         """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""

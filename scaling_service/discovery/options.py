@@ -69,7 +69,7 @@ def look(now: Account, scene: Scene, stretch_s: float, shortlist: int) -> Option
     loads = _columns(now, [c for c in every if c.of_forces], stretch_s, shortlist)
     others = [o for o in (*free, *exchanged, *touched) if o.candidate.name not in taken]
     best = sorted((*columns, *loads, *others), key=lambda o: -o.fitted.expected)
-    return Options(best[:shortlist], len(every) + len(free) + len(exchanged) + len(touched))
+    return Options(best, len(every) + len(free) + len(exchanged) + len(touched))
 
 
 def _columns(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:

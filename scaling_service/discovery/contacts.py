@@ -22,12 +22,12 @@ from scaling_service.kernels.laws import Array
 
 KIND = "external_contact"
 WANDER_M = {"foot": 0.06, "other": 0.02}
-"""m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07); a
-hand's grip stays within some 2 cm (both chosen)."""
+"""m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
+a hand's grip stays within some 2 cm (both chosen)."""
 
 _FEET = ("calcn", "toes", "foot", "talus")
 _HANDS = ("hand", "radius", "forearm")
-"""What may hold on to something throughout; anything else that is touched all the time is a fault of a plate."""
+"""What may hold on to something throughout; anything else touched all the time is a fault of a plate."""
 
 _STRONG = 4.0  # chosen: of the level of the disagreement elsewhere, from which a contact is looked for
 _SHORTEST_S = 0.1  # chosen: a shorter one is a knock
@@ -35,7 +35,7 @@ _LEAST_SHARE = 0.2
 """Of the whole disagreement that may be left where a foot is known to rest beside the plates (chosen)."""
 
 _STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
-"""A resting foot is slower, lies lower above the lowest marker, and bears on a plate when its pressure is nearer
+"""A resting foot is slower, lies lower above the lowest marker, and bears on a plate when pressure is nearer
 (chosen: a swinging foot moves at 1 to 4 m/s; a shoe is 0.3 m long)."""
 
 _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass

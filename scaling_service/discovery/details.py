@@ -59,7 +59,9 @@ def course_rms(after: Account, name: str) -> float:
 def _contact_rms(after: Account, contact: Contact, trial: str | None) -> float:
     """RMS of the force inferred, N."""
     squares = [
-        np.square(item.touched[(item.times >= contact.start_s) & (item.times <= contact.end_s), :3]).sum(axis=1)
+        np.square(item.touched[(item.times >= contact.start_s) & (item.times <= contact.end_s), :3]).sum(
+            axis=1
+        )
         for item in after.weighed
         if trial in (None, item.name) and item.touched is not None
     ]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +117,7 @@ def gather(
             found, own = _sums(item, generators, here, shapes, rows, step)
             stretches.append(found)
             raw += own
-    spans = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
     return Evidence(tuple(stretches), raw, count, spans)
 
 
@@ -131,12 +132,12 @@ def stretches_of(item: Watched, length_s: float) -> Iterator[slice]:
     clock = item.trial.times
     count = max(_FEWEST, int((clock[-1] - clock[0]) / length_s))
     edges = np.linspace(0, len(clock), count + 1).round().astype(int)
-    return (slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a)
+    return (slice(a, b) for a, b in pairwise(edges.tolist()) if b > a)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """Which spot and profile makes which column: the first part of each, then what is added; and groups of columns."""
+    """Which spot and profile makes which column: the first part of each, what is added, their groups."""
 
     spot: NDArray[np.intp]
     profile: NDArray[np.intp]
@@ -154,6 +155,7 @@ class Layout:
         nuisances: int,
         edges: NDArray[np.intp] | None,
     ) -> Layout:
+        """For columns, the first of which are nuisances; ``edges`` where groups are kept apart."""
         at = {spot: k for k, spot in enumerate(spots)}
         of = {profile: k for k, profile in enumerate(profiles)}
 
@@ -226,6 +228,7 @@ class Generators:
 
     @classmethod
     def of(cls, item: Watched, spots: Sequence[Spot]) -> Generators:
+        """For a recording as it is followed."""
         opened, names = freed(item.task.model, spots)
         tree = compile_model(opened, item.markers)
         number = {p.name: k for k, p in enumerate(opened.parameters)}

@@ -133,7 +133,7 @@ def cost(now: Account, *, role: Role = "fit") -> float:
 
 
 def _concerned(now: Account) -> float:
-    """Whitened squares of the trials that decide something: those to fit, and those with effects of their own."""
+    """Whitened squares of the trials that decide: those to fit, and those with effects of their own."""
     alone = {e.candidate.trial for e in now.effects}
     items: list[Watched | Weighed] = [*now.watched, *now.weighed]
     return float(sum(item.square for item in items if item.role == "fit" or item.name in alone))

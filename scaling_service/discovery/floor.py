@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scaling_service.kernels.laws import Array
 
 LEAST_M = 2e-4
-"""m; moving markers are told no better than this by camera systems (chosen: 0.15 mm at best, Windolf et al. 2008,
-J Biomech 41:2776). What is smaller comes from recordings that were smoothed before."""
+"""m; moving markers are told no better than this by camera systems (chosen: 0.15 mm at best, Windolf et al.
+2008, J Biomech 41:2776). What is smaller comes from recordings that were smoothed before."""
 
 _GROWTH = np.sqrt(20.0)
 """White noise of unit variance has third differences of variance 1 + 9 + 9 + 1."""

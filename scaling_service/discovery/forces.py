@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -63,7 +64,7 @@ def gather_forces(
             if len(used) >= _FEWEST:
                 stretches.append(_stretch(item, made[used], gap[used], layout))
                 raw += np.square(made[used]).sum(axis=(0, 1))
-    spans = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
     return Evidence(tuple(stretches), raw, count, spans)
 
 

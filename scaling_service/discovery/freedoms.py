@@ -28,7 +28,7 @@ _CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _BLOCK = 64
 _ROUNDS = 10
 MOST = {"rotation": np.radians(20.0), "translation": 0.03}
-"""RMS of a motion that a model could have locked by mistake (chosen: more would not be called a locked joint)."""
+"""RMS of a motion that a model could have locked by mistake (chosen: nobody would lock a joint of more)."""
 
 _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
     ("before", "rotation"),

@@ -19,8 +19,8 @@ from scaling_service.discovery.tallies import floors_of
 from scaling_service.discovery.watched import Role
 
 LACK = 0.3
-"""Of what an effect explains at its place: when the movement or the time predicts more than this of what is left
-there, the name does not fit (chosen: a law that is right leaves nothing to predict)."""
+"""Of what an effect explains at its place: when the movement or the time predicts more than this of what is
+left there, the name does not fit (chosen: a law that is right leaves nothing to predict)."""
 
 
 def looked_back(

@@ -21,8 +21,8 @@ from scaling_service.discovery.evidence import Evidence, Stretch
 from scaling_service.kernels.laws import Array
 
 HIDDEN = 1e-3
-"""Share of a direction's square below which the pose or a nuisance is taken to hide it (chosen: at 1e-3 a change of
-10 mm shows as 0.3 mm, no more than the model's curvature leaves)."""
+"""Share of a direction's square below which the pose or a nuisance is taken to hide it (chosen: at 1e-3 a
+change of 10 mm shows as 0.3 mm, no more than the model's curvature leaves)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy import stats
 
@@ -98,10 +100,8 @@ def _along(account: Account, name: str, observable: Observable) -> str:
     """The coordinate, or its rate, that the residual follows best."""
     model, best = account.model, (_FOLLOWS, "")
     residual, motion = [], []
-    items = account.watched if observable == "marker" else account.weighed
-    for item in items:
-        values, q, times = _series(item, name, observable)
-        if values is not None:
+    for values, q, times in _series(account, name, observable):
+        if np.isfinite(values).any():
             rate = np.gradient(q, times, axis=0)
             residual.append(values)
             motion.append(np.stack([q, rate, np.gradient(rate, times, axis=0)], axis=2))
@@ -121,15 +121,14 @@ def _along(account: Account, name: str, observable: Observable) -> str:
     return best[1]
 
 
-def _series(item: object, name: str, observable: Observable) -> tuple[Array | None, Array, Array]:
-    from scaling_service.discovery.watched import Watched
-    from scaling_service.discovery.weighed import Weighed
-
-    if isinstance(item, Watched):
-        q, times = item.q, item.trial.times
-        if name not in item.markers:
-            return None, q, times
-        return item.residuals[:, item.markers.index(name)], q, times
-    assert isinstance(item, Weighed)
-    values = np.where(item.usable[:, None], item.gap[:, [COMPONENTS.index(name)]], np.nan)
-    return values, item.rated.q, item.times
+def _series(account: Account, name: str, observable: Observable) -> Iterator[tuple[Array, Array, Array]]:
+    """Of every trial: residuals of a place (n, 1 or 3), coordinates (n, n_coordinates), times (n,)."""
+    if observable == "marker":
+        for item in account.watched:
+            if name in item.markers:
+                q = item.q[:, : len(account.model.coordinates)]
+                yield item.residuals[:, item.markers.index(name)], q, item.trial.times
+        return
+    for weighed in account.weighed:
+        values = np.where(weighed.usable[:, None], weighed.gap[:, [COMPONENTS.index(name)]], np.nan)
+        yield values, weighed.rated.q[:, : len(account.model.coordinates)], weighed.times

@@ -24,7 +24,7 @@ def pulled(places: Array, step: float) -> Array:
 
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
-    """Displacement (m) and speed (m/s) of oscillators at rest at first, each of the shape of ``pull`` (m/s2)."""
+    """Displacement (m) and speed (m/s) of oscillators at rest at first, each shaped as ``pull`` (m/s2)."""
     place, speed = (
         np.asarray(signal.lfilter(above, below, pull, axis=0))
         for above, below in _filters(step, frequency_hz, damping)

@@ -22,7 +22,7 @@ LEVEL = 0.05
 """Family-wise, over all places."""
 
 STANDS_OUT = 1.25
-"""RMS over floor from which something left is worth a word (chosen: a third of its squares is then predicted)."""
+"""RMS over floor from which what is left is worth a word (chosen: a third of its squares is predicted)."""
 
 _TERMS = 3  # chosen: a law of more is no longer simple
 _WORTH = 0.05  # of the variance: what a further term must explain, on the half that did not fit it (chosen)
@@ -83,8 +83,8 @@ def _strength(account: Account, place: str, floors: Floors, stretch_s: float) ->
 def _chances(strength: list[list[Array]]) -> Array:
     """How likely chance lets places be predicted so well in any of their trials.
 
-    Most places are predicted no better than chance does, so the median spread of all stretches is chance's. Its
-    tails are taken to be heavy (Student's t of three degrees of freedom).
+    Most places are predicted no better than chance does, so the median spread of all stretches is chance's.
+    Its tails are taken to be heavy (Student's t of three degrees of freedom).
     """
     every = np.concatenate([part for trials in strength for part in trials] or [np.zeros(1)])
     spread = 1.4826 * float(np.median(np.abs(every - min(float(np.median(every)), 0.0)))) + 1e-12

@@ -35,7 +35,7 @@ def would_separate(effect: Sized, others: Sequence[Candidate], now: Account) -> 
     best = (_CLEAR, "")
     columns = [c for c in others if c.columns and not c.of_forces][:_NEAREST]
     for movement in MOVEMENTS if columns else ():
-        item = _performed(now.watched[0], now, movement)
+        item = _performed(now.watched[0], movement)
         if item is not None:
             left = _left(effect, columns, item)
             if left > best[0]:
@@ -43,7 +43,7 @@ def would_separate(effect: Sized, others: Sequence[Candidate], now: Account) -> 
     return best[1]
 
 
-def _performed(like: Watched, now: Account, movement: str) -> Watched | None:
+def _performed(like: Watched, movement: str) -> Watched | None:
     """The same markers on the same body in another movement."""
     q = coordinates_of(like.task.model, movement)
     if q is None:

@@ -17,7 +17,7 @@ from scaling_service.discovery.profiles import Swing
 
 FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
 _STEPS = (0.5, 0.25, 0.12, 0.06)
-"""Shares by which both are changed in one round after the other; the last is finer than their own deviation."""
+"""Shares by which both are changed, round after round; the last is finer than their own deviation."""
 
 
 def tuned(option: Option, now: Account, stretch_s: float) -> Option:

@@ -27,8 +27,8 @@ COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 _DRAWS = 8  # of marker noise for the floor; chosen: 8 trials of thousands of frames tell it to some 5 %
 _RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
 _PLATE_N, _PLATE_NM = 0.5, 0.2
-"""Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and 0.2 mm
-of 1000 N are 0.2 N m."""
+"""Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
+0.2 mm of 1000 N are 0.2 N m."""
 
 
 BAND_HZ = 15.0

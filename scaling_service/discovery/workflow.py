@@ -20,8 +20,8 @@ from scaling_service.discovery.remainder import unexplained
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.tallies import Floors, floors_of, marker_tally
-from scaling_service.discovery.watched import Role
 from scaling_service.discovery.tuning import tuned
+from scaling_service.discovery.watched import Role
 from scaling_service.discovery.weighed import Weighed
 from scaling_service.models.body import GROUND, BodyModel
 
@@ -233,9 +233,8 @@ def _limits(before: Account, folds: bool) -> tuple[str, ...]:
         )
     longest = max(float(np.ptp(item.trial.times)) for item in before.watched)
     if len(before.watched) == 1 and longest < 5.0:
-        said.append(
-            f"one trial of {longest:.1f} s: what changes from trial to trial, and small effects, cannot be decided"
-        )
+        undecided = "what changes from trial to trial, and small effects, cannot be decided"
+        said.append(f"one trial of {longest:.1f} s: {undecided}")
     return tuple(said)
 
 

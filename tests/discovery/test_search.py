@@ -1,4 +1,4 @@
-"""What is hidden in a virtual person is found, by name, place and size; where nothing is, nothing is named."""
+"""What is hidden in a virtual person is found by name, place and size; where nothing is, nothing is named."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def of_segment(segment: Segment) -> Array:
 
 
 def spread(a: Array, b: Array) -> Array:
-    """Half the change of a unit mass' tensor at a + b over that of its parts: ``a.b 1 - (a b' + b a') / 2``."""
+    """The mixed part of a unit mass' tensor at a + b, halved: ``a.b 1 - (a b' + b a') / 2``."""
     return np.asarray(a @ b * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
 
 

@@ -12,7 +12,7 @@ KIND = "capture_scale"
 MEANING = "all measured positions are scaled by one factor"
 
 
-def candidates(scene: Scene) -> Iterator[Candidate]:
+def candidates(_scene: Scene) -> Iterator[Candidate]:
     """The whole recording."""
     yield Candidate(
         KIND, ("markers",), (Column("factor", 1.0, (Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25),)

@@ -94,8 +94,9 @@ def possible_minimum(
     boxes = [_box(mean[b.row], moves[b.row], b) for b in bodies]
     cones = [_positive(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
-    if not parts or not len(slope):
-        return np.asarray(slope / curvature)
+    free = slope * unit
+    if all(_obeys(a @ free + b) for a, b in boxes) and all(_positive_at(a @ free + b) for a, b in cones):
+        return np.asarray(slope / curvature)  # no constraint binds; the solver fails on some of these
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     solution = clarabel.DefaultSolver(
@@ -110,6 +111,20 @@ def possible_minimum(
         settings,
     ).solve()
     return np.array(solution.x) * unit if str(solution.status) in _SOLVED else None
+
+
+def _obeys(rows: Array) -> bool:
+    """Whether all rows are met."""
+    return bool((rows >= 0.0).all())
+
+
+def _positive_at(triangle: Array) -> bool:
+    """Whether the matrix of a triangle (10,) is positive semidefinite."""
+    matrix = np.zeros((_SIDE, _SIDE))
+    rows, columns = zip(*((i, j) for j in range(_SIDE) for i in range(j + 1)), strict=True)
+    factors = np.where(np.array(rows) == np.array(columns), 1.0, np.sqrt(0.5))
+    matrix[rows, columns] = matrix[columns, rows] = triangle * factors
+    return bool(np.linalg.eigvalsh(matrix)[0] >= 0.0)
 
 
 def _box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:

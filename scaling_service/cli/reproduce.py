@@ -13,6 +13,7 @@ from rich.table import Table
 
 from scaling_service.cli import options
 from scaling_service.cli.batch_progress import watched
+from scaling_service.cli.reproduce_futamure import run_futamure
 from scaling_service.cli.reproduce_muller2017 import run_muller2017
 from scaling_service.cli.screen import console_of_results
 from scaling_service.jobs.reproduce import reproduce_puchaud2019, save_study
@@ -26,6 +27,7 @@ class StudyName(StrEnum):
 
     PUCHAUD2019 = "puchaud2019"
     MULLER2017 = "muller2017"
+    FUTAMURE = "futamure"
 
 
 class GenericLegs(StrEnum):
@@ -63,7 +65,7 @@ _Recordings = Annotated[
         exists=True,
         dir_okay=False,
         metavar="FILE",
-        help="muller2017: a subject file with a scaled model and forces, shown beside; may be repeated.",
+        help="muller2017, futamure: a subject file with forces, shown beside; may be repeated.",
         show_default=False,
     ),
 ]
@@ -89,6 +91,9 @@ def reproduce(
     muller2017: 10 persons on force plates; how uncertain motion and plates make the residual, and what an
     identification of inertia does against the verdict. Figures 7, 8 and 10, and what only truth can tell.
 
+    futamure: 8 squatters on a force plate; motion, lengths and inertia that markers and forces agree on,
+    against the classical two steps and the truth. Table 2, and what only truth can tell.
+
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
     check_folder(out)
@@ -100,6 +105,11 @@ def reproduce(
             samples=samples,
             seed=seed,
             worker_count=workers,
+        )
+        return
+    if study is StudyName.FUTAMURE:
+        run_futamure(
+            out, subjects=subjects, recordings=recording or (), seed=seed, worker_count=workers
         )
         return
     settings = options.resolve(strategy, frames, seed, None, None, None)

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from scaling_service.runner.child import Progress
 from scaling_service.runner.cohort_request import RECORD, BatchRequest, MemberRequest, MemberResult
 from scaling_service.runner.comparing import JointAnglesRequest, KinematicErrorRequest, SegmentLengthsRequest
+from scaling_service.runner.consistent_request import ConsistentRequest
 from scaling_service.runner.discover_request import DiscoverRequest
 from scaling_service.runner.dynamics_request import DynamicsRequest
 from scaling_service.runner.requests import JobRequest, LandmarksRequest, ScalingRequest
@@ -23,6 +24,7 @@ from scaling_service.schemas.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
+from scaling_service.schemas.consistent import ConsistentDocument
 from scaling_service.schemas.discovery import DiscoveryDocument
 from scaling_service.schemas.dynamics import DynamicsDocument
 from scaling_service.schemas.landmarks import LandmarksDocument
@@ -127,6 +129,7 @@ KINDS: Mapping[str, Kind] = {
         JointAngleComparison,
     ),
     "dynamics": Kind(DynamicsRequest, Late("dynamics"), "dynamics", DynamicsDocument),
+    "consistent": Kind(ConsistentRequest, Late("consistent"), "consistent-motions", ConsistentDocument),
     "discovery": Kind(DiscoverRequest, Late("discover"), "discoveries", DiscoveryDocument),
     "batch": Kind(
         BatchRequest,

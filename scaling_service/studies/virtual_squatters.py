@@ -34,15 +34,18 @@ BODY_MASS_INDEX = (17.0, 35.0)
 """Chosen: drawn again outside, for stature and mass are given apart."""
 
 LENGTH_SD = {"shank": 0.011, "thigh": 0.012, "torso": 0.020, "arm": 0.015}
-"""m, about the mean for a stature. Shank and thigh: Puchaud 2019, table 2. Trunk and arm: chosen, 4 % and 5 %."""
+"""m, about the mean for a stature. Shank and thigh: Puchaud 2019, table 2. Trunk and arm: chosen, 4 % and
+5 %."""
 
 TABLES = ("dumas2007", "dumas_wojtusch2018", "deleva1996")
-"""One of them, drawn, is a person's mean inertia. The analysis starts from another table (Winter 2009), so that it is
+"""One of them, drawn, is a person's mean inertia. The analysis starts from another table (Winter 2009), so
+that it is
 wrong as tables are."""
 
 MASS_SD, COM_SD, RADIUS_SD = 0.10, 0.10, 0.08
 """A person's scatter about the table: mass and radius of gyration relative, centre of mass over the radius of
-gyration. The scatter between published tables: Dumas 2007, Dumas & Wojtusch 2018, de Leva 1996, Winter 2009."""
+gyration. The scatter between published tables: Dumas 2007, Dumas & Wojtusch 2018, de Leva 1996, Winter
+2009."""
 
 PLACEMENT_M: Mapping[str, float] = {
     "TOE": 0.003,
@@ -79,7 +82,8 @@ DEPTH_DEG, PERIOD_S = (95.0, 8.0), (2.9, 0.25)
 """Knee flexion at the bottom and time of one squat, mean and SD over persons (chosen)."""
 
 LEAN_DEG, REACH_DEG = (38.0, 5.0), (30.0, 20.0)
-"""Forward lean of the trunk and forward swing of the arms at the bottom, mean and SD over persons (chosen)."""
+"""Forward lean of the trunk and forward swing of the arms at the bottom, mean and SD over persons
+(chosen)."""
 
 OVER_FOOT_M = 0.04
 """Where the centre of mass stands before the ankle (chosen: a third of the way to the toes)."""
@@ -246,7 +250,7 @@ def _bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
 
 
 def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
-    """The ankle turned, the trunk as it was, until the centre of mass stands ``over`` (n,) m before the ankle."""
+    """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
     tree, p = mechanism_of(model).tree, parameter_values(model)
     masses = inertias_of(model).mass / inertias_of(model).mass.sum()
 

@@ -1,0 +1,90 @@
+"""The command that finds the motion, geometry and inertia which markers and ground forces agree on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from scaling_service.calibration.methods import METHODS
+from scaling_service.cli import options
+from scaling_service.cli.screen import console_of_results, progress_bar
+from scaling_service.jobs.consistent import consistent as compute
+from scaling_service.jobs.consistent_saving import FILE_NAME, save_consistent
+from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings
+from scaling_service.jobs.reporting import REPORT
+from scaling_service.jobs.saving import check_folder
+from scaling_service.models.inertia_tables import TABLE_NAMES
+from scaling_service.schemas.consistent import ConsistentDocument
+
+
+def consistent(
+    subject: options.SubjectFile,
+    out: options.Out,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join((*METHODS, AS_IT_IS)),
+            help=f"Scaling to start from; '{AS_IT_IS}' takes the given model as it is. EB_am where there are "
+            "bones, else MB_am, unless given. The planar squat_4dof is scaled by its standing.",
+        ),
+    ] = None,
+    inertia: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join((*TABLE_NAMES, OWN)),
+            help="Inertial table that the identification starts from; 'model' takes the model's own.",
+        ),
+    ] = None,
+    cutoff_hz: Annotated[
+        float,
+        typer.Option(min=0.0, metavar="HZ", help="Of the filter of forces and of the classical motion."),
+    ] = DynamicsSettings().cutoff_hz,
+    up: options.Up = None,
+    forward: options.Forward = None,
+    report: options.Report = True,
+) -> None:
+    """Find the motion, geometry and inertia that markers and ground forces agree on.
+
+    Calibration trials with both feet on plates are fitted, evaluation trials with forces are held out. Writes
+    under --out TRIAL_ik.mot, model.json and model.osim, consistent.json and report.html.
+
+    [bold]Example[/bold]: scaling-service consistent S01.yaml --out consistent
+    """
+    check_folder(out)
+    chosen = DynamicsSettings(start, inertia, cutoff_hz)
+    settings = replace(UNSMOOTHED, up=up, forward=forward)
+    with progress_bar() as progress:
+        results = compute(subject, chosen, settings, progress=progress)
+        document = save_consistent(results, out, report=report)
+    show(document, out)
+
+
+def show(document: ConsistentDocument, out: Path) -> None:
+    """The errors in three ways, the warnings, and what was written."""
+    console = console_of_results()
+    console.print(
+        f"Subject [bold]{escape(document.subject)}[/bold]: start {document.start}, "
+        f"inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
+        f"{document.outer_iterations} loops",
+        highlight=False,
+    )
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in ("RMS error", "fx, N", "fy, N", "mz, N m", "markers, mm"):
+        table.add_column(column, justify="left" if column.startswith("RMS") else "right")
+    for name, trial in document.trials.items():
+        table.add_row(f"[bold]{escape(name)} ({'held out' if trial.held_out else 'used to fit'})[/bold]")
+        for way in ("classical", "consistent", "predicted"):
+            wrench = getattr(trial.ground_wrench_rmse, way)
+            numbers = [f"{getattr(wrench, n):.1f}" for n in ("fx_N", "fy_N", "mz_Nm")]
+            table.add_row(f"  {way}", *numbers, f"{getattr(trial.marker_rms_mm, way):.1f}")
+    console.print(table)
+    for warning in document.warnings:
+        console.print(f"[yellow]Note[/yellow]  {escape(warning)}", highlight=False, soft_wrap=True)
+    written = [*document.files, *(n for n in (FILE_NAME, REPORT) if (out / n).is_file())]
+    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
+    console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)

@@ -1,0 +1,81 @@
+"""Lengths and marker coordinates from a known motion, against a model that is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.calibration.consistent_artefact import artefact_m
+from scaling_service.calibration.geometric import GeometryPrior, KnownMotion, identify_geometry
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.kernels.tree import marker_positions
+from scaling_service.models.body import BodyModel, Marker
+from scaling_service.models.builtin import builtin
+from scaling_service.models.compile import compile_model
+from scaling_service.models.scaling import scaled
+
+RNG = np.random.default_rng(3)
+FACTORS = {"shank": 1.06, "thigh": 0.95, "torso": 1.03}
+
+
+def _moved(marker: Marker) -> tuple[float, float, float]:
+    x, y, z = marker.nominal
+    dx, dy = 0.01 * RNG.normal(size=2)
+    return (x + float(dx), y + float(dy), z)
+
+
+def _truth() -> BodyModel:
+    model = scaled(builtin("squat_4dof"), {name: (f, f, f) for name, f in FACTORS.items()})
+    moved = [Marker.at(m.name, m.segment, _moved(m)) if any(m.nominal) else m for m in model.markers]
+    return model.with_markers(tuple(moved))
+
+
+def _known(truth: BodyModel) -> KnownMotion:
+    q = np.column_stack([RNG.uniform(-1, 1, 40) for _ in range(4)])
+    return KnownMotion("squats", marker_positions(compile_model(truth), q, np.zeros(0)), q)
+
+
+def test_lengths_and_markers_are_found_again() -> None:
+    truth, start = _truth(), builtin("squat_4dof")
+    found = identify_geometry(
+        start, truth.marker_names, [_known(truth)], artefact_m(start), bound=0.5, axes="xy"
+    )
+    for name, factor in FACTORS.items():
+        assert found.factors[name] == pytest.approx(factor, abs=1e-6)
+    free = [m for m in truth.markers if any(start.marker(m.name).nominal)]
+    for marker in free:
+        np.testing.assert_allclose(found.model.marker(marker.name).nominal, marker.nominal, atol=1e-6)
+    assert found.at_bound == ()
+
+
+def test_bounds_hold_and_are_told() -> None:
+    truth, start = _truth(), builtin("squat_4dof")
+    found = identify_geometry(
+        start, truth.marker_names, [_known(truth)], artefact_m(start), bound=0.02, axes="xy"
+    )
+    assert max(abs(f - 1.0) for f in found.factors.values()) <= 0.02 + 1e-9
+    assert "scale.shank" in found.at_bound
+
+
+def test_a_prior_holds_where_little_is_seen() -> None:
+    truth, start = _truth(), builtin("squat_4dof")
+    held = identify_geometry(
+        start,
+        truth.marker_names,
+        [_known(truth)],
+        artefact_m(start),
+        bound=0.5,
+        axes="xy",
+        prior=GeometryPrior(1e-6, 1e-6),
+    )
+    assert max(abs(f - 1.0) for f in held.factors.values()) < 1e-5
+
+
+def test_a_recording_without_markers_is_refused() -> None:
+    start = builtin("squat_4dof")
+    known = _known(_truth())
+    empty = replace(known, measured=np.full_like(known.measured, np.nan))
+    with pytest.raises(TrialUnusable, match="no marker is seen"):
+        identify_geometry(start, start.marker_names, [empty], artefact_m(start), bound=0.5, axes="xy")

@@ -1,0 +1,58 @@
+"""The study of Futamure et al.: persons as drawn, claims that can be answered, a page with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.jobs.reproduce_futamure import reproduce_futamure
+from scaling_service.kernels.wrench import GRAVITY
+from scaling_service.models.massive import total_mass
+from scaling_service.reports.study.futamure import study_page
+from scaling_service.studies.futamure import study_squatter
+from scaling_service.studies.futamure_claims import answers, less
+from scaling_service.studies.virtual_squatters import OVER_FOOT_M, virtual_squatter
+
+
+def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:
+    person = virtual_squatter(4)
+    wrench = person.fitted.wrench
+    assert total_mass(person.model) == pytest.approx(person.mass_kg)
+    assert wrench[:, 1].mean() == pytest.approx(-GRAVITY[1] * person.mass_kg, rel=0.01)
+    pressure = wrench[:, 5] / wrench[:, 1]
+    assert pressure.mean() == pytest.approx(OVER_FOOT_M, abs=0.02)
+    assert (pressure > -0.06).all()
+    assert (pressure < 0.2).all()
+
+
+def test_the_same_seed_is_the_same_person_and_another_is_not() -> None:
+    first, again, other = virtual_squatter(2), virtual_squatter(2), virtual_squatter(5)
+    np.testing.assert_array_equal(first.fitted.trial.markers, again.fitted.trial.markers)
+    assert first.height_m != other.height_m
+
+
+def test_the_study_answers_every_claim_and_shows_it() -> None:
+    document = reproduce_futamure(seed=0, subjects=1, worker_count=1)
+    assert len(document.claims) == 10
+    assert (
+        document.persons[0].fitted.consistent.wrench_rmse[0]
+        < document.persons[0].fitted.classical.wrench_rmse[0]
+    )
+    page = study_page(document).html()
+    for claim in document.claims:
+        assert claim.where in page
+    undecided = [claim for claim in document.claims if claim.holds is None]
+    assert undecided  # one person is too few for a test
+
+
+def test_the_signed_rank_test_is_one_sided() -> None:
+    low, high = np.arange(8.0), np.arange(8.0) + np.linspace(1.0, 2.0, 8)
+    assert less(low, high) == pytest.approx(2.0**-8)
+    assert less(high, low) == pytest.approx(1.0)
+
+
+def test_faults_are_what_costs_the_angles() -> None:
+    clean, usual = (study_squatter(1, faults=size) for size in (0.0, 1.0))
+    for ours, theirs in zip(clean.fitted, usual.fitted, strict=True):
+        assert ours.angles.mean() < theirs.angles.mean()
+    assert len(answers([clean])) == len(answers([usual]))

@@ -88,7 +88,7 @@ def possible_minimum(
     ndarray, shape (k,), or None
         None where the solver found no minimum.
     """
-    # In units of 1 / sqrt(curvature) all unknowns are alike; else the solver may fail where gains differ by 1e4.
+    # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
     moves = (directions * unit).reshape(len(mean), N_PARAMETERS, -1)
     boxes = [_box(mean[b.row], moves[b.row], b) for b in bodies]
@@ -139,7 +139,7 @@ def _box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
 def _positive(mean: Array, moves: Array) -> tuple[Array, Array]:
     """Rows of ``pseudo-inertia - KEPT * prior's``, in axes that make the prior's nearly the unit matrix."""
     values, vectors = np.linalg.eigh(pseudo_inertia(mean))
-    # A flat body (toes in OpenSim's models) has no thickness to lose: it counts as a thin one, else none is possible.
+    # A flat body (toes in OpenSim's models) has no thickness to lose: it counts as a thin one.
     to_unit = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
     turned = to_unit.T @ pseudo_inertia(moves.T) @ to_unit
     return _triangle(turned).T, _triangle((1.0 - KEPT) * np.eye(_SIDE))

@@ -108,9 +108,7 @@ def reproduce(
         )
         return
     if study is StudyName.FUTAMURE:
-        run_futamure(
-            out, subjects=subjects, recordings=recording or (), seed=seed, worker_count=workers
-        )
+        run_futamure(out, subjects=subjects, recordings=recording or (), seed=seed, worker_count=workers)
         return
     settings = options.resolve(strategy, frames, seed, None, None, None)
     with watched() as watcher:

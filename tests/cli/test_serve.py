@@ -99,8 +99,9 @@ def test_from_start_to_a_tidy_end_with_a_key(
         assert client.job(job).state is State.DONE
     log = (tmp_path / "log").read_text()
     assert all(json.loads(line)["level"] for line in log.splitlines())
-    assert not re.search(r"S01|walk\.trc|" + re.escape(key), log)
+    assert not re.search(r"S0[12]|walk\.trc|" + re.escape(key), log)
     assert main(["data", "delete", "lab", "S01"]) == 0
+    assert main(["data", "delete", "lab", "S02"]) == 0
     assert [path for path in (data / "blobs").rglob("*") if path.is_file()] == []
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.discovery.candidates import Candidate, Column, Exchange, FreeMotion
+from scaling_service.discovery.candidates import Candidate, Column, Exchange, FreeMotion, Masked
 from scaling_service.discovery.profiles import Swing, term
 from scaling_service.discovery.spots import At, SizeSpot, VolumeSpot, put, put_joint
 from scaling_service.discovery.watched import Watched
@@ -77,6 +77,9 @@ def corrected(trial: Trial, effects: Sequence[Sized]) -> Trial:
             for column, size in effect.columns:
                 if any(isinstance(part.spot, VolumeSpot) for part in column.parts):
                     markers = markers / (1.0 + size)
+            if isinstance(effect.candidate.change, Masked):
+                markers = markers.copy()
+                markers[:, trial.index(effect.candidate.change.marker)] = np.nan
             if isinstance(effect.candidate.change, Exchange):
                 markers = _exchanged(trial, markers, effect.candidate.change)
     return trial if markers is trial.markers else replace(trial, markers=markers)

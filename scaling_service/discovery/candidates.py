@@ -92,6 +92,13 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
+class Masked:
+    """A marker that is left out, for it goes its own way."""
+
+    marker: str
+
+
+@dataclass(frozen=True, slots=True)
 class Candidate:
     """An effect at a place.
 
@@ -108,7 +115,7 @@ class Candidate:
         The only trial in which it is; all of them unless given.
     note : str
         What a person should know of this one: the frequency it was tried at.
-    change : FreeMotion, Exchange or Contact, optional
+    change : FreeMotion, Exchange, Contact or Masked, optional
         For what is not a sum of columns.
     """
 
@@ -118,7 +125,7 @@ class Candidate:
     driver: tuple[str, ...] = ()
     trial: str | None = None
     note: str = ""
-    change: FreeMotion | Exchange | Contact | None = None
+    change: FreeMotion | Exchange | Contact | Masked | None = None
 
     @property
     def of_forces(self) -> bool:

@@ -18,7 +18,7 @@ from scaling_service.discovery.candidates import Candidate, FreeMotion
 from scaling_service.discovery.evidence import Generators, span, stretches_of
 from scaling_service.discovery.judging import HIDDEN, Fitted
 from scaling_service.discovery.scene import Scene
-from scaling_service.discovery.spots import At, JointSpot
+from scaling_service.discovery.spots import At, JointSpot, MarkerSpot
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
@@ -37,8 +37,8 @@ _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Course:
-    """One joint in one trial: what the residuals say of three directions in every frame.
+class Course:
+    """Three spots in one trial: what the residuals say of three directions in every frame.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
     """Every joint that turns, with its best direction of turning and of shifting."""
     spots = [JointSpot(s.name, at, kind, k) for s in scene.jointed for at, kind in _PLACES for k in range(3)]
     joints = [(s, kind) for s in scene.jointed for _, kind in _PLACES]
-    courses = [_courses(item, spots) for item in watched]
+    courses = [courses_of(item, spots) for item in watched]
     shares = _shares(courses)
     found = []
     for k, (segment, kind) in enumerate(joints):
@@ -95,7 +95,7 @@ def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
     return found
 
 
-def _shares(courses: Sequence[tuple[list[_Course], Array]]) -> Array:
+def _shares(courses: Sequence[tuple[list[Course], Array]]) -> Array:
     """Of every joint and kind: the largest share of a direction's square that no pose hides."""
     shown = [
         np.linalg.eigvalsh(np.sum([each[0][k].curvature.sum(axis=0) for each in courses], axis=0))[-1]
@@ -104,7 +104,8 @@ def _shares(courses: Sequence[tuple[list[_Course], Array]]) -> Array:
     return np.asarray(np.array(shown) / np.maximum(np.sum([raw for _, raw in courses], axis=0), 1e-300))
 
 
-def _courses(item: Watched, spots: Sequence[JointSpot]) -> tuple[list[_Course], Array]:
+def courses_of(item: Watched, spots: Sequence[JointSpot | MarkerSpot]) -> tuple[list[Course], Array]:
+    """Of every three spots what the residuals of a trial say, and the squares of their columns."""
     n, groups = len(item.q), len(spots) // 3
     generators = Generators.of(item, spots)
     rows = 3 * len(item.markers)
@@ -126,16 +127,16 @@ def _courses(item: Watched, spots: Sequence[JointSpot]) -> tuple[list[_Course], 
     for g in range(groups):
         own = made[:, :, 3 * g : 3 * g + 3]
         slope = np.einsum("nrk,nr->nk", own, gaps)
-        found.append(_Course(slope, np.einsum("nrk,nrl->nkl", own, own), square, freedom))
+        found.append(Course(slope, np.einsum("nrk,nrl->nkl", own, own), square, freedom))
     return found, raw
 
 
 def _freedom(
-    watched: Sequence[Watched], courses: Sequence[_Course], stretch_s: float
+    watched: Sequence[Watched], courses: Sequence[Course], stretch_s: float
 ) -> tuple[tuple[float, float, float], Fitted, Array, float, float] | None:
-    def parts(role: Role | None) -> list[_Course]:
+    def parts(role: Role | None) -> list[Course]:
         return [
-            _cut(course, rows)
+            cut(course, rows)
             for item, course in zip(watched, courses, strict=True)
             if role is None or item.role == role
             for rows in stretches_of(item, stretch_s)
@@ -163,7 +164,7 @@ def _freedom(
     return (x, y, z), fitted, gains, share, held_p
 
 
-def _spread(courses: Sequence[_Course], axis: Array) -> float:
+def _spread(courses: Sequence[Course], axis: Array) -> float:
     """RMS of the course along an axis, rad or m."""
     slope = np.concatenate([c.slope for c in courses]) @ axis
     bend = np.einsum("k,nkl,l->n", axis, np.concatenate([c.curvature for c in courses]), axis)
@@ -171,11 +172,12 @@ def _spread(courses: Sequence[_Course], axis: Array) -> float:
     return float(np.sqrt(np.mean((slope[known] / bend[known]) ** 2))) if known.any() else 0.0
 
 
-def _cut(course: _Course, rows: slice) -> _Course:
-    return _Course(course.slope[rows], course.curvature[rows], course.square[rows], course.freedom[rows])
+def cut(course: Course, rows: slice) -> Course:
+    """A stretch of it."""
+    return Course(course.slope[rows], course.curvature[rows], course.square[rows], course.freedom[rows])
 
 
-def _axis(courses: Sequence[_Course]) -> Array | None:
+def _axis(courses: Sequence[Course]) -> Array | None:
     """The direction that the residuals keep to most, (3,)."""
     if not courses:
         return None
@@ -196,13 +198,13 @@ def _axis(courses: Sequence[_Course]) -> Array | None:
     return np.asarray(axis / np.linalg.norm(axis) * np.sign(largest))
 
 
-def _along(course: _Course, axis: Array) -> Array:
+def _along(course: Course, axis: Array) -> Array:
     """Square of the residuals along the direction, in every frame."""
     bend = np.einsum("k,nkl,l->n", axis, course.curvature, axis)
     return np.asarray(np.divide((course.slope @ axis) ** 2, bend, out=np.zeros(len(bend)), where=bend > 0))
 
 
-def _energies(courses: Sequence[_Course], axis: Array) -> tuple[Array, Array]:
+def _energies(courses: Sequence[Course], axis: Array) -> tuple[Array, Array]:
     """Of each stretch what the direction takes off, and what any other direction would."""
     own = np.array([_along(c, axis).sum() for c in courses])
     others = np.array([c.square.sum() for c in courses]) - own
@@ -211,7 +213,7 @@ def _energies(courses: Sequence[_Course], axis: Array) -> tuple[Array, Array]:
     return own, others / np.maximum(freedom - frames, 1.0) * frames
 
 
-def _log_ratio(courses: Sequence[_Course], axis: Array) -> Array:
+def _log_ratio(courses: Sequence[Course], axis: Array) -> Array:
     own, chance = _energies(courses, axis)
     return np.asarray(np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300)))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Masked
 from scaling_service.discovery.ceilings import absorbed, black_box
 from scaling_service.discovery.details import smallest_nameable
 from scaling_service.discovery.findings import Findings, Gap, Named, Verdict
@@ -19,6 +20,7 @@ from scaling_service.discovery.options import Option, Options, confusable, look
 from scaling_service.discovery.remainder import unexplained
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.separating import would_separate
+from scaling_service.discovery.strangers import strangers
 from scaling_service.discovery.tallies import Floors, floors_of, marker_tally
 from scaling_service.discovery.tuning import tuned
 from scaling_service.discovery.watched import Role
@@ -26,6 +28,10 @@ from scaling_service.discovery.weighed import Weighed
 from scaling_service.models.body import GROUND, BodyModel
 
 Progress = Callable[[str, float], None]
+
+CLEARLY = 1.3
+"""How much more a free course of one marker must explain than a law (chosen: a law that is right explains all
+but noise, and the free course takes that too)."""
 
 _STILL_RAD = np.radians(2.0)
 """A coordinate that spreads less drives nothing that could be told from a constant (chosen)."""
@@ -45,12 +51,15 @@ class DiscoverySettings:
         Effects to name at most, of markers and of forces each.
     shortlist : int
         Candidates that are compared with each other.
+    strangers : int
+        Markers at most that are left out because they go their own way.
     """
 
     level: float = 0.05
     stretch_s: float = 0.5
     most: int = 6
     shortlist: int = 30
+    strangers: int = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,12 +109,20 @@ def discover(
     named: list[Named] = []
     while True:
         found, options = _next(now, named, settings, report)
+        masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
+        odd = _stranger(now, options, settings) if len(masked) < settings.strangers else None
+        if odd is not None:
+            now = account(model, recordings, now.free, (*now.effects, odd), now)
+            continue
         if not found:
             break
         now = refined(now, recordings, [n.effect for n in found], settings.stretch_s)
         named += found
     report("looking back", 0.85)
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
+    kept = [e for e in now.effects if not isinstance(e.candidate.change, Masked)]
+    if len(kept) < len(now.effects):
+        now = account(model, recordings, now.free, kept, now)
     return Discovery(_told(named, options, before, now, recordings, settings, report, notes), before, now)
 
 
@@ -128,6 +145,23 @@ def _next(
         if passing and room > 0:
             found.append(_named(passing[0], options, now, settings))
     return found, options
+
+
+def _stranger(now: Account, options: Options, settings: DiscoverySettings) -> Sized | None:
+    """A marker that goes its own way, if that explains clearly more than the best law that passes."""
+    laws = [
+        o.fitted.expected for o in options.best if not o.candidate.of_forces and _passes(o, options, settings)
+    ]
+    known = {e.candidate.where for e in now.effects if isinstance(e.candidate.change, Masked)}
+    odd = [
+        (fitted.expected, candidate)
+        for candidate, fitted in strangers(scene_of(now), now.watched, settings.stretch_s)
+        if fitted.p * options.count <= settings.level and candidate.where not in known
+    ]
+    best = max(odd, key=lambda each: each[0], default=None)
+    if best is None or best[0] <= CLEARLY * max(laws, default=0.0):
+        return None
+    return Sized(best[1], np.zeros(0))
 
 
 def _passes(option: Option, options: Options, settings: DiscoverySettings) -> bool:

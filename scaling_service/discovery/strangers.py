@@ -1,0 +1,60 @@
+"""A marker that goes its own way: what it shows follows no law of the catalogue.
+
+A marker that came off half way, or that the cameras confuse with another, pulls the pose with it, and the
+nearest effects that the catalogue has would be named in its stead. So every marker is also allowed any course.
+Where that explains clearly more than any law, the marker is left out of the search, and what it shows is told
+as unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scaling_service.discovery.candidates import Candidate, Masked
+from scaling_service.discovery.evidence import stretches_of
+from scaling_service.discovery.freedoms import Course, above, courses_of, cut
+from scaling_service.discovery.judging import HIDDEN, Fitted
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.spots import MarkerSpot
+from scaling_service.discovery.watched import Watched
+from scaling_service.kernels.laws import Array
+
+KIND = "own_way"
+
+
+def strangers(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[tuple[Candidate, Fitted]]:
+    """Every marker in all trials that are to fit, and in each trial by itself."""
+    spots = [MarkerSpot(marker, k) for marker in scene.markers for k in range(3)]
+    shown = [item for item in watched if set(scene.markers) <= set(item.markers)]
+    courses = [courses_of(item, spots)[0] for item in shown]
+    found = []
+    for m, marker in enumerate(scene.markers):
+        by_trial = {
+            item.name: [cut(course[m], rows) for rows in stretches_of(item, stretch_s)]
+            for item, course in zip(shown, courses, strict=True)
+        }
+        fitting = [part for item in shown if item.role == "fit" for part in by_trial[item.name]]
+        for trial, parts in ((None, fitting), *by_trial.items()):
+            if parts:
+                candidate = Candidate(KIND, (marker,), (), trial=trial, change=Masked(marker))
+                found.append((candidate, _fitted(parts)))
+    return found
+
+
+def _fitted(parts: Sequence[Course]) -> Fitted:
+    own = np.array([_taken(p.slope, p.curvature) for p in parts])
+    square = np.array([p.square.sum() for p in parts])
+    freedom = np.array([p.freedom.sum() for p in parts])
+    count = np.array([3.0 * len(p.square) for p in parts])
+    chance = (square - own) / np.maximum(freedom - count, 1.0) * count
+    p = above(np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300)))
+    return Fitted(np.zeros(0), np.zeros((0, 0)), float(own.sum()), float(chance.sum()), p, 1.0)
+
+
+def _taken(slope: Array, curvature: Array) -> float:
+    """Squares that a free course of the marker takes off."""
+    ridge = HIDDEN * np.trace(curvature, axis1=1, axis2=2) + 1e-12
+    bend = curvature + ridge[:, None, None] * np.eye(3)
+    return float(np.einsum("nk,nk->", slope, np.linalg.solve(bend, slope[:, :, None])[:, :, 0]))

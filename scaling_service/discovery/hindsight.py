@@ -31,7 +31,10 @@ def looked_back(
     scene: Scene,
     stretch_s: float,
 ) -> tuple[list[Named], Account]:
-    """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
+    """Drop what does no good on recordings that were not fitted, and what does not fit where it is.
+
+    An effect of a single trial shows in no other, so other trials say nothing of it.
+    """
     kept = list(named)
     for n in named:
         effect = next(e for e in now.effects if e.candidate.name == n.effect.candidate.name)
@@ -39,7 +42,7 @@ def looked_back(
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
     for n in list(kept):
-        if len(kept) > 1 and n.effect.candidate.change is None:
+        if len(kept) > 1 and n.effect.candidate.change is None and n.effect.candidate.trial is None:
             without = _without(n, now, recordings, stretch_s)
             if _squares(without) <= _squares(now):
                 kept = [m for m in kept if m is not n]

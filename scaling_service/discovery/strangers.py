@@ -1,9 +1,9 @@
 """A marker that goes its own way: what it shows follows no law of the catalogue.
 
 A marker that came off half way, or that the cameras confuse with another, pulls the pose with it, and the
-nearest effects that the catalogue has would be named in its stead. So every marker is also allowed any course.
-Where that explains clearly more than any law, the marker is left out of the search, and what it shows is told
-as unexplained.
+nearest effects that the catalogue has would be named in its stead. So every marker is also allowed any
+course. Where that explains clearly more than any law, the marker is left out of the search, and what it shows
+is told as unexplained.
 """
 
 from __future__ import annotations

@@ -148,10 +148,8 @@ def _next(
 
 
 def _stranger(now: Account, options: Options, settings: DiscoverySettings) -> Sized | None:
-    """A marker that goes its own way, if that explains clearly more than the best law that passes."""
-    laws = [
-        o.fitted.expected for o in options.best if not o.candidate.of_forces and _passes(o, options, settings)
-    ]
+    """A marker that goes its own way, if that explains clearly more than any law, be it sure or not."""
+    laws = [o.fitted.expected for o in options.best if not o.candidate.of_forces]
     known = {e.candidate.where for e in now.effects if isinstance(e.candidate.change, Masked)}
     odd = [
         (fitted.expected, candidate)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scaling_service.discovery.candidates import Contact, Exchange, FreeMotion
+from scaling_service.discovery.candidates import Contact, Exchange, FreeMotion, Masked
 from scaling_service.discovery.findings import Named
 from scaling_service.kernels.laws import Array
 from scaling_service.schemas.discovery import QuantityDocument
@@ -65,7 +65,7 @@ def _placed(names: list[str], values: Array, covariance: Array) -> tuple[list[st
     )
 
 
-def _of_change(change: FreeMotion | Exchange | Contact | None) -> dict[str, QuantityDocument]:
+def _of_change(change: FreeMotion | Exchange | Contact | Masked | None) -> dict[str, QuantityDocument]:
     """What an effect that is no sum of columns has of its own."""
     if isinstance(change, FreeMotion):
         x, y, z = change.axis

@@ -79,7 +79,7 @@ def account(
     starts: Account | None = None,
 ) -> Account:
     """Follow the recordings with a model to which effects of known size are added."""
-    near = {item.name: item.q for item in starts.watched} if starts else {}
+    near = {item.name: item for item in starts.watched} if starts else {}
     floors = {item.name: item.floor for item in starts.weighed} if starts else {}
     both = (*free, *effects)
     watched, weighed = [], []
@@ -89,7 +89,7 @@ def account(
         item = Watched.of(known, trial, recording.role, near.get(trial.name))
         rested = still(item, both)
         if rested is not trial:
-            item = Watched.of(known, rested, recording.role, item.q)
+            item = Watched.of(known, rested, recording.role, item)
         watched.append(item)
         if recording.footing is not None:
             made = _weighed(item, known, recording.footing, both)

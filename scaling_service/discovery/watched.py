@@ -42,13 +42,13 @@ class Watched:
     floor: Array
 
     @classmethod
-    def of(cls, model: BodyModel, trial: Trial, role: Role, start: Array | None = None) -> Watched:
+    def of(cls, model: BodyModel, trial: Trial, role: Role, near: Watched | None = None) -> Watched:
         """Follow a trial with a model.
 
         Parameters
         ----------
-        start : ndarray, shape (n_frames, n_coordinates), optional
-            A motion close to it.
+        near : Watched, optional
+            The same trial, followed with a model like this one.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Watched:
         plain = Task.of(model, trial, bounded=False)
         floor = marker_floor(plain.measured)
         task = Task.of(model, trial, bounded=False, weights=_weights(plain, floor))
-        return cls(trial, role, task, solve_task(task, trial.times, _widened(task, start)).q, floor)
+        return cls(trial, role, task, solve_task(task, trial.times, _carried_over(task, near)).q, floor)
 
     @property
     def name(self) -> str:
@@ -94,9 +94,13 @@ def _weights(task: Task, floor: Array) -> dict[str, float]:
     return {name: (typical / sd) ** 2 for name, sd in zip(task.markers, floor, strict=True)}
 
 
-def _widened(task: Task, start: Array | None) -> Array | None:
-    """A motion of fewer coordinates, those that came after it at zero."""
-    if start is None:
+def _carried_over(task: Task, near: Watched | None) -> Array | None:
+    """The motion of the same trial as it was followed before, by names of coordinates; new ones at zero."""
+    if near is None:
         return None
-    more = len(task.model.coordinates) - start.shape[1]
-    return np.pad(start, ((0, 0), (0, max(more, 0))))
+    before = near.task.model.coordinate_names
+    q = np.zeros((len(near.q), len(task.model.coordinates)))
+    for k, name in enumerate(task.model.coordinate_names):
+        if name in before:
+            q[:, k] = near.q[:, before.index(name)]
+    return q

@@ -4,46 +4,27 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.calibration.methods import METHODS
 from scaling_service.cli import options
 from scaling_service.cli.screen import console_of_results, progress_bar
+from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ
 from scaling_service.jobs.consistent import consistent as compute
 from scaling_service.jobs.consistent_saving import FILE_NAME, save_consistent
-from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings
+from scaling_service.jobs.dynamics_settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import check_folder
-from scaling_service.models.inertia_tables import TABLE_NAMES
 from scaling_service.schemas.consistent import ConsistentDocument
 
 
 def consistent(
     subject: options.SubjectFile,
     out: options.Out,
-    start: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*METHODS, AS_IT_IS)),
-            help=f"Scaling to start from; '{AS_IT_IS}' takes the given model as it is. EB_am where there are "
-            "bones, else MB_am, unless given. The planar squat_4dof is scaled by its standing.",
-        ),
-    ] = None,
-    inertia: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*TABLE_NAMES, OWN)),
-            help="Inertial table that the identification starts from; 'model' takes the model's own.",
-        ),
-    ] = None,
-    cutoff_hz: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="HZ", help="Of the filter of forces and of the classical motion."),
-    ] = DynamicsSettings().cutoff_hz,
+    start: options.Start = None,
+    inertia: options.Inertia = None,
+    cutoff_hz: options.CutoffHz = CUTOFF_HZ,
     up: options.Up = None,
     forward: options.Forward = None,
     report: options.Report = True,

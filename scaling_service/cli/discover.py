@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from scaling_service.calibration.methods import METHODS
 from scaling_service.cli import options
 from scaling_service.cli.discover_screen import show
 from scaling_service.cli.screen import progress_bar
@@ -16,34 +12,15 @@ from scaling_service.jobs.discover import discover as compute
 from scaling_service.jobs.discover_demo import run_hidden_demo
 from scaling_service.jobs.discover_saving import save_discovery
 from scaling_service.jobs.discover_settings import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN
 from scaling_service.jobs.saving import check_folder
-from scaling_service.models.inertia_tables import TABLE_NAMES
 
 
 def discover(
     subject: options.SubjectFile,
     out: options.Out,
-    start: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*METHODS, AS_IT_IS)),
-            help=f"Scaling to start from; '{AS_IT_IS}' takes the given model as it is: already scaled. EB_am "
-            "where there are bones, else MB_am, unless given. What the scaling fitted may go on moving.",
-        ),
-    ] = None,
-    inertia: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*TABLE_NAMES, OWN)),
-            help=f"Inertial table for built-in models; '{OWN}' keeps the model's own. Matters where there "
-            "are forces.",
-        ),
-    ] = None,
-    cutoff_hz: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="HZ", help="Of the filter that motion and forces pass."),
-    ] = PLAIN.cutoff_hz,
+    start: options.Start = None,
+    inertia: options.Inertia = None,
+    cutoff_hz: options.CutoffHz = PLAIN.cutoff_hz,
     seed: options.Seed = 0,
     up: options.Up = None,
     forward: options.Forward = None,

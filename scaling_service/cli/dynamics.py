@@ -12,15 +12,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.calibration.methods import METHODS
 from scaling_service.cli import options
 from scaling_service.cli.screen import console_of_results, progress_bar
+from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ
 from scaling_service.jobs.dynamics import dynamics as compute
 from scaling_service.jobs.dynamics_saving import FILE_NAME, save_dynamics
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import check_folder
-from scaling_service.models.inertia_tables import TABLE_NAMES
 from scaling_service.reports.dynamics.data import told
 from scaling_service.schemas.dynamics import DynamicsDocument, TrialDynamicsDocument
 
@@ -31,26 +30,9 @@ _FORCES, _MOMENTS = ("fx", "fy", "fz"), ("mx", "my", "mz")
 def dynamics(
     subject: options.SubjectFile,
     out: options.Out,
-    start: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*METHODS, AS_IT_IS)),
-            help=f"Scaling to start from; '{AS_IT_IS}' takes the given model as it is. EB_am where there are "
-            "bones, else MB_am, unless given.",
-        ),
-    ] = None,
-    inertia: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join((*TABLE_NAMES, OWN)),
-            help="Inertial table for built-in models; 'model' keeps the model's own. dumas2007 for built-in "
-            "models that were scaled, else the model's own, unless given.",
-        ),
-    ] = None,
-    cutoff_hz: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="HZ", help="Of the filter that motion and forces pass."),
-    ] = DynamicsSettings().cutoff_hz,
+    start: options.Start = None,
+    inertia: options.Inertia = None,
+    cutoff_hz: options.CutoffHz = CUTOFF_HZ,
     identify: Annotated[
         bool,
         typer.Option("--identify", help="Identify the inertia from the calibration trials with forces."),

@@ -10,9 +10,12 @@ from typing import Annotated
 
 import typer
 
+from scaling_service.calibration.methods import METHODS
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import InputError
+from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN
 from scaling_service.jobs.settings import Settings
+from scaling_service.models.inertia_tables import TABLE_NAMES
 from scaling_service.processing.pipeline import ProcessingSettings
 
 
@@ -88,6 +91,25 @@ StrategyOption = Annotated[
 Frames = Annotated[
     int,
     typer.Option(min=1, metavar="N", help="Frames used to fit, equally spaced over the calibration trials."),
+]
+Start = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join((*METHODS, AS_IT_IS)),
+        help=f"Scaling to start from; '{AS_IT_IS}' takes the given model as it is: already scaled. "
+        "EB_am where there are bones, else MB_am, unless given.",
+    ),
+]
+Inertia = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join((*TABLE_NAMES, OWN)),
+        help=f"Inertial table; '{OWN}' keeps the model's own. dumas2007 for built-in models that were "
+        "scaled, else the model's own, unless given.",
+    ),
+]
+CutoffHz = Annotated[
+    float, typer.Option(min=0.0, metavar="HZ", help="Of the filter that motion and forces pass.")
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed of everything random.")]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]

@@ -7,13 +7,12 @@ keep the noise and next to nothing of the movement.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.kernels.laws import Array
 
 LEAST_M = 2e-4
-"""m; moving markers are told no better than this by camera systems (chosen: 0.15 mm at best, Windolf et al.
-2008, J Biomech 41:2776). What is smaller comes from recordings that were smoothed before."""
+"""m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
+of a millimetre). Recordings that show less were smoothed before."""
 
 _GROWTH = np.sqrt(20.0)
 """White noise of unit variance has third differences of variance 1 + 9 + 9 + 1."""
@@ -49,21 +48,3 @@ def _spread(steps: Array) -> float:
     if len(known) < _ENOUGH:
         return float("nan")
     return float(_NORMAL * np.median(np.abs(known)) / _GROWTH)
-
-
-def leverage_free(seen: NDArray[np.bool_], left: Array) -> Array:
-    """Share of each marker's noise that stays in the residual once the pose has followed it.
-
-    Parameters
-    ----------
-    seen : ndarray of bool, shape (n_frames, n_markers)
-    left : ndarray, shape (n_frames, n_markers)
-        One minus the mean leverage of the marker's three coordinates.
-
-    Returns
-    -------
-    ndarray, shape (n_markers,)
-        Of its standard deviation.
-    """
-    count = np.maximum(seen.sum(axis=0), 1)
-    return np.asarray(np.sqrt(np.where(seen, left, 0.0).sum(axis=0) / count))

@@ -7,7 +7,7 @@ with respect to one number: force (N) and moment about the ground origin (N m), 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -137,4 +137,3 @@ class Wobbling:
 
 
 Load = Late | PlateShift | PlateBias | PlateGain | PlateTurn | Inertial | Tilt | Wobbling
-Source = Literal["recording", "body", "world"]

@@ -18,7 +18,7 @@ from scaling_service.models.parameters import free_scale
 AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LETTERS = "xyz"
 _OPEN = 1e9  # no bound
-At = Literal["start", "before", "after", "end"]
+At = Literal["start", "before", "after"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +28,8 @@ class JointSpot:
     Parameters
     ----------
     segment : str
-    at : 'start', 'before', 'after' or 'end'
-        At the parent's frame; before or after the turns that the joint makes; at the segment's frame.
+    at : 'start', 'before' or 'after'
+        At the parent's frame; before or after the turns that the joint makes.
     kind : 'rotation' or 'translation'
     axis : int
         Of the frame there: 0, 1, 2 for x, y, z.
@@ -106,8 +106,6 @@ def put_joint(model: BodyModel, segment: str, at: At, joint: Joint) -> BodyModel
 def _index(segment: Segment, at: At) -> int:
     if at == "start":
         return 0
-    if at == "end":
-        return len(segment.joints)
     span = turning(segment)
     if span is None:
         raise ValueError(f"the joint of '{segment.name}' does not turn")

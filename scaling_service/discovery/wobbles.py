@@ -15,8 +15,8 @@ from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import forward, positions
 
 TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
-"""Frequencies (Hz) and damping ratios tried. Soft tissue of the leg swings at 3 to 20 Hz or more, lightly
-damped (Wakeling & Nigg 2001, J Appl Physiol 90:412)."""
+"""Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
+tissue to the quick one of a marker on thin skin, lightly and well damped)."""
 
 
 @dataclass(frozen=True, eq=False)

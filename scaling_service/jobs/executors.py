@@ -5,8 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.synchronize import Event
@@ -71,6 +71,33 @@ def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
     inside = _here(listener) if count == 1 else _pool(count, listener)
     with inside as executor:
         yield executor
+
+
+def gathered(
+    work: Callable[..., T],
+    tasks: Iterable[tuple[object, ...]],
+    count: int,
+    finished: Callable[[T, int], None] | None = None,
+) -> list[T]:
+    """Results of tasks in their order, computed side by side.
+
+    Parameters
+    ----------
+    work : callable
+        Of a module, so that other processes find it.
+    tasks : iterable of tuples
+        Its arguments.
+    count : int
+        Workers.
+    finished : callable, optional
+        Called with each result as it comes, and how many there are.
+    """
+    with workers(count) as executor:
+        futures = [executor.submit(work, *task) for task in tasks]
+        for done, future in enumerate(as_completed(futures), start=1):
+            if finished is not None:
+                finished(future.result(), done)
+        return [future.result() for future in futures]
 
 
 @contextmanager

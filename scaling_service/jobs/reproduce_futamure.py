@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict
 from pathlib import Path
 from typing import cast
@@ -19,7 +18,7 @@ from scaling_service.jobs.batch import cores
 from scaling_service.jobs.consistent import read
 from scaling_service.jobs.documents import code_version
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
-from scaling_service.jobs.executors import workers
+from scaling_service.jobs.executors import gathered
 from scaling_service.jobs.loading import blamed_on, recordings
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import all_or_nothing, write_json
@@ -84,12 +83,12 @@ def reproduce_futamure(
         raise InputError("no subject is asked for", field="--subjects", remedy="Take 8, as the paper did")
     clock = time.perf_counter()
     real = [_real(Path(file)) for file in recordings]
-    with workers(min(worker_count or cores(), subjects)) as executor:
-        futures = [executor.submit(study_squatter, one) for one in person_seeds(seed, subjects)]
-        for done, future in enumerate(as_completed(futures), start=1):
-            if finished is not None:
-                finished(future.result().name, done)
-        persons = [future.result() for future in futures]
+    persons = gathered(
+        study_squatter,
+        [(one,) for one in person_seeds(seed, subjects)],
+        min(worker_count or cores(), subjects),
+        lambda person, done: None if finished is None else finished(person.name, done),
+    )
     return FutamureDocument(
         source=SOURCE,
         code_version=code_version(),

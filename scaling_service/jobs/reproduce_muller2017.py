@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, cast
@@ -18,7 +17,7 @@ from scaling_service.jobs.batch import cores
 from scaling_service.jobs.documents import code_version
 from scaling_service.jobs.dynamics import dynamics
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
-from scaling_service.jobs.executors import workers
+from scaling_service.jobs.executors import gathered
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import all_or_nothing, write_json
 from scaling_service.kernels.laws import Array
@@ -88,13 +87,12 @@ def reproduce_muller2017(
         raise InputError("no subject is asked for", field="--subjects", remedy="Take 10, as the paper did")
     clock = time.perf_counter()
     real = [entry for file in recordings for entry in _real(file, settings)]
-    seeds = person_seeds(settings.seed, subjects)
-    with workers(min(worker_count or cores(), subjects)) as executor:
-        futures = [executor.submit(study_person, seed, settings, recorded) for seed in seeds]
-        for done, future in enumerate(as_completed(futures), start=1):
-            if finished is not None:
-                finished(future.result().name, done)
-        persons = [future.result() for future in futures]
+    persons = gathered(
+        study_person,
+        [(seed, settings, recorded) for seed in person_seeds(settings.seed, subjects)],
+        min(worker_count or cores(), subjects),
+        lambda person, done: None if finished is None else finished(person.name, done),
+    )
     chosen = {**asdict(settings), "levels": list(settings.levels)}
     del chosen["seed"]
     return Muller2017Document(

@@ -14,12 +14,29 @@ DEG = 180.0 / math.pi
 MM_PER_DEG = MM / DEG
 
 MOST_MM_PER_DEG = 3.0
-"""Chosen: skin over the thigh moves by up to some 40 mm over 60 degrees of knee flexion (Peters et al. 2010,
-Gait Posture 31:1)."""
+"""Chosen: over 60 degrees of knee flexion this is 180 mm, far more than skin moves."""
+
+Spots = Callable[[int], Sequence[Spot]]
+"""What moves together along an axis (0, 1, 2)."""
+
+
+def of_markers(*markers: str) -> Spots:
+    """Markers, along the axes of their segment."""
+    return lambda axis: [MarkerSpot(marker, axis) for marker in markers]
+
+
+def shift_of(segment: str) -> Spots:
+    """A segment, along the axes of its parent."""
+    return lambda axis: [JointSpot(segment, "start", "translation", axis)]
+
+
+def turn_of(segment: str) -> Spots:
+    """A segment, about the axes before its joint's own turns."""
+    return lambda axis: [JointSpot(segment, "before", "rotation", axis)]
 
 
 def shifts(
-    spots: Callable[[int], Sequence[Spot]],
+    spots: Spots,
     *,
     suffix: str = "_mm",
     unit: float = MM,
@@ -36,7 +53,7 @@ def shifts(
 def skin(markers: Sequence[str], driver: str) -> tuple[Column, ...]:
     """Markers that move alike in their segment, in proportion to a coordinate."""
     return shifts(
-        lambda k: [MarkerSpot(m, k) for m in markers],
+        of_markers(*markers),
         suffix="_mm_per_deg",
         unit=MM_PER_DEG,
         profile=Following(driver),
@@ -47,7 +64,7 @@ def skin(markers: Sequence[str], driver: str) -> tuple[Column, ...]:
 def glide(segment: str, driver: str) -> tuple[Column, ...]:
     """A segment that shifts in its parent, in proportion to a coordinate."""
     return shifts(
-        lambda k: [JointSpot(segment, "start", "translation", k)],
+        shift_of(segment),
         suffix="_mm_per_deg",
         unit=MM_PER_DEG,
         profile=Following(driver),

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.effects._columns import glide, shifts
+from scaling_service.discovery.effects._columns import glide, shifts, turn_of
 from scaling_service.discovery.profiles import Following
 from scaling_service.discovery.scene import Scene
-from scaling_service.discovery.spots import JointSpot
 
 KIND = "coupled_motion"
 MEANING = "the joint glides or turns along with a coordinate"
@@ -19,9 +18,8 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.jointed:
         for driver in scene.coordinates_of(segment):
             yield Candidate(KIND, (segment.joint_name,), glide(segment.name, driver), (driver,))
-            name = segment.name
             turns = shifts(
-                lambda k, name=name: [JointSpot(name, "before", "rotation", k)],  # type: ignore[misc]
+                turn_of(segment.name),
                 suffix="_deg_per_deg",
                 unit=1.0,
                 profile=Following(driver),

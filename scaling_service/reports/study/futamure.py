@@ -7,17 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.reports.blocks import Block, Bullets, Callout, Cell, Grid, Legend, Row, Table, Text, Tone
+from scaling_service.reports.blocks import Block, Grid, Legend, Row, Table
 from scaling_service.reports.figures import Figure, chart, plain
 from scaling_service.reports.page import Page, Section
 from scaling_service.reports.palette import FAINT
+from scaling_service.reports.study.claims import claims_section
 from scaling_service.schemas.study_futamure import FutamureDocument, RecordingEntry, SquatterEntry
 
-_HOLDS: dict[bool | None, tuple[str, Tone]] = {
-    True: ("holds", "good"),
-    False: ("does not hold", "poor"),
-    None: ("undecided", "unknown"),
-}
 _WAYS = (("classical", "#0072B2"), ("consistent", "#D55E00"), ("predicted", "#009E73"))  # Okabe & Ito 2008
 _PAPER = {"classical": (7.0, 8.0, 8.0), "consistent": (3.0, 4.0, 3.0)}
 _WRENCH = ("fx, N", "fy, N", "mz, N m")
@@ -32,28 +28,13 @@ def study_page(document: FutamureDocument) -> Page:
     return Page(
         "Futamure et al., done again on virtual persons",
         [
-            Section("Do the paper's claims hold here?", list(_claims(document))),
+            claims_section(document.claims, document.notes, len(document.persons)),
             Section("Table 2: ground wrench and markers", list(_table(persons)), new_page=True),
             Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
             *real,
         ],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
-    )
-
-
-def _claims(document: FutamureDocument) -> Iterator[Block]:
-    held = sum(claim.holds is True for claim in document.claims)
-    yield Callout(
-        f"{held} of {len(document.claims)} claims hold on these {len(document.persons)} persons",
-        [Text("What differs, and why:"), Bullets(document.notes)],
-    )
-    rows = []
-    for claim in document.claims:
-        word, tone = _HOLDS[claim.holds]
-        rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
-    yield Table(
-        "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True
     )
 
 

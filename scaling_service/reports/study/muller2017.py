@@ -8,17 +8,13 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.evaluation.residuals import COMPONENTS
-from scaling_service.reports.blocks import Block, Bullets, Callout, Cell, Grid, Legend, Row, Table, Text, Tone
+from scaling_service.reports.blocks import Block, Cell, Grid, Legend, Row, Table, Text
 from scaling_service.reports.figures import Figure, chart
 from scaling_service.reports.page import Page, Section
 from scaling_service.reports.palette import FAINT, INK
+from scaling_service.reports.study.claims import claims_section
 from scaling_service.schemas.study_muller2017 import Muller2017Document, PersonEntry, PropagatedEntry
 
-_HOLDS: dict[bool | None, tuple[str, Tone]] = {
-    True: ("holds", "good"),
-    False: ("does not hold", "poor"),
-    None: ("undecided", "unknown"),
-}
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
 
 _BARS = (
@@ -38,7 +34,7 @@ def study_page(document: Muller2017Document) -> Page:
     return Page(
         "Muller et al. 2017, done again on virtual persons",
         [
-            Section("Do the paper's claims hold here?", list(_claims(document))),
+            claims_section(document.claims, document.notes, len(document.persons)),
             Section("The paper's figures", list(_figures(persons)), new_page=True),
             Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
             Section("Where the uncertainty comes from", list(_sources(persons)), new_page=True),
@@ -46,21 +42,6 @@ def study_page(document: Muller2017Document) -> Page:
         ],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
-    )
-
-
-def _claims(document: Muller2017Document) -> Iterator[Block]:
-    held = sum(claim.holds is True for claim in document.claims)
-    yield Callout(
-        f"{held} of {len(document.claims)} claims hold on these {len(document.persons)} persons",
-        [Text("What differs, and why:"), Bullets(document.notes)],
-    )
-    rows = []
-    for claim in document.claims:
-        word, tone = _HOLDS[claim.holds]
-        rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
-    yield Table(
-        "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import plotly.graph_objects as go
 
 from scaling_service.evaluation.cohort import CohortStatistics
-from scaling_service.reports.blocks import Block, Bullets, Callout, Cell, Grid, Row, Table, Text, Tone
+from scaling_service.reports.blocks import Block, Cell, Grid, Row, Table
 from scaling_service.reports.cohort.angles import angle_blocks
 from scaling_service.reports.cohort.page import statistics_sections
 from scaling_service.reports.cohort.quantities import p_words, quantity_words
@@ -15,13 +15,8 @@ from scaling_service.reports.figures import Figure, chart, plain
 from scaling_service.reports.methods import method_columns
 from scaling_service.reports.page import Page, Section
 from scaling_service.reports.palette import FAINT, styles
+from scaling_service.reports.study.claims import claims_section
 from scaling_service.schemas.study import Beside, StudyDocument
-
-_HOLDS: dict[bool | None, tuple[str, Tone]] = {
-    True: ("holds", "good"),
-    False: ("does not hold", "poor"),
-    None: ("undecided", "unknown"),
-}
 
 
 def study_page(document: StudyDocument, cohort: CohortStatistics, walkers: CohortStatistics) -> Page:
@@ -37,7 +32,7 @@ def study_page(document: StudyDocument, cohort: CohortStatistics, walkers: Cohor
     return Page(
         "Puchaud et al. 2019, done again on virtual persons",
         [
-            Section("Do the paper's claims hold here?", list(_claims(document))),
+            claims_section(document.claims, document.notes, len(document.subjects)),
             Section("The paper's tables beside ours", list(_tables(document)), new_page=True),
             Section("The paper's figures beside ours", list(_figures(document)), new_page=True),
             Section(
@@ -49,21 +44,6 @@ def study_page(document: StudyDocument, cohort: CohortStatistics, walkers: Cohor
         ],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
-    )
-
-
-def _claims(document: StudyDocument) -> Iterator[Block]:
-    held = sum(claim.holds is True for claim in document.claims)
-    yield Callout(
-        f"{held} of {len(document.claims)} claims hold on these {len(document.subjects)} persons",
-        [Text("What differs, and why:"), Bullets(document.notes)],
-    )
-    rows = []
-    for claim in document.claims:
-        word, tone = _HOLDS[claim.holds]
-        rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
-    yield Table(
-        "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True
     )
 
 

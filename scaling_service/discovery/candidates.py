@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from scaling_service.discovery.loads import Load
-from scaling_service.discovery.profiles import ALWAYS, Profile
+from scaling_service.discovery.loads import Load, Wobbling
+from scaling_service.discovery.profiles import ALWAYS, Profile, Swing
 from scaling_service.discovery.spots import Spot
 from scaling_service.models.body import Vector
 
@@ -131,6 +131,15 @@ class Candidate:
     def of_forces(self) -> bool:
         """Whether it shows in the ground wrench rather than among the markers."""
         return isinstance(self.change, Contact) or any(c.load is not None for c in self.columns)
+
+    @property
+    def swing(self) -> tuple[float, float] | None:
+        """Frequency (Hz) and damping ratio of what swings; None where nothing does."""
+        for column in self.columns:
+            for source in (column.load, *(part.profile for part in column.parts)):
+                if isinstance(source, Swing | Wobbling):
+                    return source.frequency_hz, source.damping
+        return None
 
     @property
     def name(self) -> str:

@@ -3,28 +3,71 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from types import ModuleType
 
 from scaling_service.discovery import effects
+from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene
 
 
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What a file of the catalogue holds, in its own words there.
+
+    Parameters
+    ----------
+    kind, meaning : str
+    candidates : callable, optional
+        Of an effect that is a sum of columns.
+    options : callable, optional
+        Of an effect whose course is not known beforehand, which needs a search of its own.
+    details : callable, optional
+        Numbers that no column holds.
+    swinging : callable, optional
+        A candidate at another frequency and damping.
+    """
+
+    kind: str
+    meaning: str
+    candidates: Callable[[Scene], Iterator[Candidate]] | None
+    options: Callable[[Account, Scene, float], Iterator[Option]] | None
+    details: Callable[[Sized, Account], Mapping[str, float]] | None
+    swinging: Callable[[Candidate, Scene, float, float], Candidate] | None
+
+
 @cache
-def kinds() -> dict[str, ModuleType]:
-    """Every effect's module by its kind."""
+def kinds() -> Mapping[str, Effect]:
+    """Every effect by its kind."""
     modules = [
         import_module(f"{effects.__name__}.{info.name}")
         for info in pkgutil.iter_modules(effects.__path__)
         if not info.name.startswith("_")
     ]
-    return {module.KIND: module for module in modules}
+    hooks = ("candidates", "options", "details", "swinging")
+    return {m.KIND: Effect(m.KIND, m.MEANING, *(getattr(m, hook, None) for hook in hooks)) for m in modules}
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:
-    """All effects at all places where they could be in this scene."""
-    for module in kinds().values():
-        yield from module.candidates(scene)
+    """All effects that are sums of columns, at all places where they could be in this scene."""
+    for effect in kinds().values():
+        if effect.candidates is not None:
+            yield from effect.candidates(scene)
+
+
+def options(now: Account, scene: Scene, stretch_s: float) -> Iterator[Option]:
+    """All effects that need a search of their own, at the places where they are likely."""
+    for effect in kinds().values():
+        if effect.options is not None:
+            yield from effect.options(now, scene, stretch_s)
+
+
+def details(effect: Sized, after: Account) -> Mapping[str, float]:
+    """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
+    told = kinds()[effect.candidate.kind].details
+    return {} if told is None else told(effect, after)

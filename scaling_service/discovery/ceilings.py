@@ -13,7 +13,7 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Column, Part
-from scaling_service.discovery.catalogue import kinds
+from scaling_service.discovery.catalogue import candidates
 from scaling_service.discovery.evidence import Evidence, gather
 from scaling_service.discovery.fitting import Account, Recording, refined
 from scaling_service.discovery.judging import fit_each, inverse_of
@@ -77,12 +77,10 @@ def _pursue(detail: Evidence, count: int) -> tuple[list[int], Array]:
 
 def absorbed(before: Account, recordings: Sequence[Recording], scene: Scene, stretch_s: float) -> Account:
     """The account in which what calibration can free takes up what it can."""
-    modules = kinds()
     taken = {s.candidate.name for s in before.everything}
     added = [
         Sized(c, np.zeros(len(c.columns)))
-        for kind in _ABSORBING
-        for c in modules[kind].candidates(scene)
-        if c.trial is None and c.name not in taken
+        for c in candidates(scene)
+        if c.kind in _ABSORBING and c.trial is None and c.name not in taken
     ]
     return refined(before, recordings, added, stretch_s)

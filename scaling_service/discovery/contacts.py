@@ -13,14 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.discovery.candidates import Candidate, Contact
+from scaling_service.discovery.candidates import Contact
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.freedoms import above
 from scaling_service.discovery.judging import Fitted
 from scaling_service.discovery.weighed import Weighed
 from scaling_service.kernels.laws import Array
 
-KIND = "external_contact"
 WANDER_M = {"foot": 0.06, "other": 0.02}
 """m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
 a hand's grip stays within some 2 cm (both chosen)."""
@@ -54,18 +53,21 @@ class Touch:
 
     Parameters
     ----------
-    candidate : Candidate
+    contact : Contact
+    trial : str, optional
+        The only one in which it is.
     fitted : Fitted
     gain_share : float
         Of the trials' whitened squares that it takes off.
-    others : tuple of Candidate
-        Segments whose contact would explain nearly as much.
+    others : tuple of Contact
+        At segments where it would explain nearly as much.
     """
 
-    candidate: Candidate
+    contact: Contact
+    trial: str | None
     fitted: Fitted
     gain_share: float
-    others: tuple[Candidate, ...]
+    others: tuple[Contact, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,8 +150,8 @@ def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touc
     p = _p(spells, order[0], stretch_s)
     fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gap - best.left, best.left, p, 1.0)
     near = [n for n in order[1:] if fits[n].misfit - best.misfit < _ALIKE]
-    made = {n: _candidate(spells, n, fits[n].point, trial) for n in (order[0], *near)}
-    return Touch(made[order[0]], fitted, (gap - best.left) / square, tuple(made[n] for n in near))
+    contact, *others = (_contact(spells, n, fits[n].point) for n in (order[0], *near))
+    return Touch(contact, trial, fitted, (gap - best.left) / square, tuple(others))
 
 
 def _beside_plates(spell: _Spell, foot: str) -> bool:
@@ -169,13 +171,13 @@ def _beside_plates(spell: _Spell, foot: str) -> bool:
     return bool(near.mean() < 1.0 - _THROUGHOUT)
 
 
-def _candidate(spells: Sequence[_Spell], segment: str, point: Array, trial: str | None) -> Candidate:
+def _contact(spells: Sequence[_Spell], segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
     if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
         start, end = min(float(s.item.times[0]) for s in spells), max(float(s.item.times[-1]) for s in spells)
     else:
         start, end = np.median([s.item.times[s.rows[[0, -1]]] for s in spells], axis=0).tolist()
-    return Candidate(KIND, (segment,), (), trial=trial, change=Contact(segment, start, end, (x, y, z)))
+    return Contact(segment, start, end, (x, y, z))
 
 
 def wrench_of(item: Weighed, contact: Contact) -> Array:

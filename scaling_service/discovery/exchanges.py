@@ -8,12 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
-from scaling_service.discovery.candidates import Candidate, Exchange
+from scaling_service.discovery.candidates import Exchange
 from scaling_service.discovery.evidence import Generators, span
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
 
-KIND = "marker_swap"
 _BLOCK = 128
 _SAME_S = 0.1  # chosen: times of one script differ by less from trial to trial
 _SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
@@ -25,21 +24,19 @@ class Swap:
 
     Parameters
     ----------
-    candidate : Candidate
+    exchange : Exchange
+    trial : str, optional
+        The only one in which they are.
     gain : float
         Fall of the whitened sum of squares.
-    share : float
-        Of the trial's sum of squares in these frames that is left.
     level : float
         Whitened square of one number in the other frames.
-    rows : slice
     """
 
-    candidate: Candidate
+    exchange: Exchange
+    trial: str | None
     gain: float
-    share: float
     level: float
-    rows: slice
 
 
 def swaps(watched: Sequence[Watched]) -> list[Swap]:
@@ -51,17 +48,12 @@ def swaps(watched: Sequence[Watched]) -> list[Swap]:
 
 def _together(found: Sequence[Swap]) -> Swap | None:
     """One exchange for all trials, where all have the same pair at the same times."""
-    changes = [s.candidate.change for s in found]
-    spans = np.array([(c.start_s, c.end_s) for c in changes if isinstance(c, Exchange)])
-    if len(found) < 2 or len({s.candidate.where for s in found}) > 1 or np.ptp(spans, axis=0).max() > _SAME_S:
+    spans = np.array([(s.exchange.start_s, s.exchange.end_s) for s in found])
+    pairs = {(s.exchange.first, s.exchange.second) for s in found}
+    if len(found) < 2 or len(pairs) > 1 or np.ptp(spans, axis=0).max() > _SAME_S:
         return None
-    first, second = found[0].candidate.where
-    start, end = np.median(spans, axis=0).tolist()
-    change = Exchange(first, second, start, end)
-    candidate = Candidate(KIND, (first, second), (), change=change)
-    return Swap(
-        candidate, sum(s.gain for s in found), found[0].share, max(s.level for s in found), found[0].rows
-    )
+    exchange = Exchange(*pairs.pop(), *np.median(spans, axis=0).tolist())
+    return Swap(exchange, None, sum(s.gain for s in found), max(s.level for s in found))
 
 
 def _best(item: Watched) -> Swap | None:
@@ -76,13 +68,11 @@ def _best(item: Watched) -> Swap | None:
         return None
     first, second = (item.markers[m] for m in pairs[k])
     times = item.trial.times
-    change = Exchange(first, second, float(times[rows.start]), float(times[rows.stop - 1]))
+    exchange = Exchange(first, second, float(times[rows.start]), float(times[rows.stop - 1]))
     outside = np.ones(len(times), dtype=bool)
     outside[rows] = False
     level = float(square[outside].sum() / max(freedom[outside].sum(), 1.0)) if outside.any() else 1.0
-    left = 1.0 - gain / max(float(square[rows].sum()), 1e-300)
-    candidate = Candidate(KIND, (first, second), (), trial=item.name, change=change)
-    return Swap(candidate, gain, left, level, rows)
+    return Swap(exchange, item.name, gain, level)
 
 
 def _gains(item: Watched, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:

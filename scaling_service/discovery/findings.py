@@ -10,7 +10,7 @@ from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.judging import Fitted
-from scaling_service.discovery.options import Option
+from scaling_service.discovery.option import Option
 from scaling_service.kernels.laws import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]

@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from scaling_service.discovery.candidates import Candidate, FreeMotion
+from scaling_service.discovery.candidates import FreeMotion
+from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.evidence import Generators, span, stretches_of
 from scaling_service.discovery.judging import HIDDEN, Fitted
 from scaling_service.discovery.scene import Scene
@@ -23,7 +24,6 @@ from scaling_service.discovery.watched import Role, Watched
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
 
-KIND = "missing_dof"
 _CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _BLOCK = 64
 _ROUNDS = 10
@@ -61,18 +61,16 @@ class Freedom:
 
     Parameters
     ----------
-    candidate : Candidate
+    motion : FreeMotion
     fitted : Fitted
     gains : ndarray, shape (n_stretches of the trials to fit,)
-    unseen_gain, unseen_p : float
-        Share of the held-out residuals that it takes off, and how likely chance takes as much.
+    unseen : Unseen
     """
 
-    candidate: Candidate
+    motion: FreeMotion
     fitted: Fitted
     gains: Array
-    unseen_gain: float
-    unseen_p: float
+    unseen: Unseen
 
 
 def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[Freedom]:
@@ -88,10 +86,8 @@ def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
             made = _freedom(watched, by_trial, stretch_s)
             if made is not None and _spread(by_trial, np.array(made[0])) < MOST[kind]:
                 axis, fitted, gains, share, p = made
-                free = FreeMotion(segment.name, kind, axis)
-                note = "extra turn" if kind == "rotation" else "extra shift"
-                candidate = Candidate(KIND, (segment.joint_name,), (), note=note, change=free)
-                found.append(Freedom(candidate, fitted, gains, share, p))
+                motion = FreeMotion(segment.name, kind, axis)
+                found.append(Freedom(motion, fitted, gains, Unseen(share, p, folds=False)))
     return found
 
 
@@ -170,6 +166,16 @@ def _spread(courses: Sequence[Course], axis: Array) -> float:
     bend = np.einsum("k,nkl,l->n", axis, np.concatenate([c.curvature for c in courses]), axis)
     known = bend > HIDDEN * bend.max()
     return float(np.sqrt(np.mean((slope[known] / bend[known]) ** 2))) if known.any() else 0.0
+
+
+def course_rms(watched: Sequence[Watched], name: str) -> float:
+    """RMS of a coordinate over the trials that fitted it, rad or m; not a number where none has it."""
+    courses = [
+        item.q[:, item.task.model.coordinate_names.index(name)]
+        for item in watched
+        if item.role == "fit" and name in item.task.model.coordinate_names
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(courses) ** 2))) if courses else float("nan")
 
 
 def cut(course: Course, rows: slice) -> Course:

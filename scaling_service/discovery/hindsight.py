@@ -9,10 +9,10 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized, freedom_name
 from scaling_service.discovery.candidates import FreeMotion
-from scaling_service.discovery.details import course_rms, details
+from scaling_service.discovery.catalogue import details
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, refined
-from scaling_service.discovery.freedoms import MOST
+from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.tallies import floors_of
@@ -60,7 +60,7 @@ def _plausible(effect: Sized, now: Account) -> bool:
     """Whether all its numbers, estimated with everything else, are such as a laboratory could meet."""
     free = effect.candidate.change
     if isinstance(free, FreeMotion):
-        return bool(course_rms(now, freedom_name(effect.candidate)) < MOST[free.kind])
+        return bool(course_rms(now.watched, freedom_name(effect.candidate)) < MOST[free.kind])
     return all(column.plausible(size) for column, size in effect.columns)
 
 

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.effects.skin_wobble import swinging
-from scaling_service.discovery.effects.wobbling_mass import hanging
+from scaling_service.discovery.catalogue import kinds
 from scaling_service.discovery.evidence import gather
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.forces import gather_forces
 from scaling_service.discovery.judging import fit_each
-from scaling_service.discovery.loads import Wobbling
-from scaling_service.discovery.options import Option
-from scaling_service.discovery.profiles import Swing
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.scene import Scene
 
 FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
 _STEPS = (0.5, 0.25, 0.12, 0.06)
 """Shares by which both are changed, round after round; the last is finer than their own deviation."""
 
 
-def tuned(option: Option, now: Account, stretch_s: float) -> Option:
+def tuned(option: Option, now: Account, scene: Scene, stretch_s: float) -> Option:
     """The option at the frequency and damping at which it explains most; any other option as it is."""
-    start = _pair(option.candidate)
-    if start is None:
+    start, swinging = option.candidate.swing, kinds()[option.candidate.kind].swinging
+    if start is None or swinging is None:
         return option
     pair, best = start, option
     known = [s.candidate for s in now.everything if s.candidate.columns]
@@ -39,7 +36,7 @@ def tuned(option: Option, now: Account, stretch_s: float) -> Option:
                 for b in (-1, -0.5, 0, 0.5, 1)
             }
         )
-        choice = [_at(option.candidate, now, *each) for each in tried]
+        choice = [swinging(option.candidate, scene, *each) for each in tried]
         if option.candidate.of_forces:
             found = fit_each(gather_forces(now.weighed, known, choice, stretch_s, together=False), choice)
         else:
@@ -48,21 +45,6 @@ def tuned(option: Option, now: Account, stretch_s: float) -> Option:
         if found[k].gain > best.fitted.gain:
             pair, best = tried[k], replace(option, candidate=choice[k], fitted=found[k])
     return best
-
-
-def _pair(candidate: Candidate) -> tuple[float, float] | None:
-    for column in candidate.columns:
-        for source in (column.load, *(part.profile for part in column.parts)):
-            if isinstance(source, Swing | Wobbling):
-                return source.frequency_hz, source.damping
-    return None
-
-
-def _at(candidate: Candidate, now: Account, frequency_hz: float, damping: float) -> Candidate:
-    if candidate.of_forces:
-        (segment,) = candidate.where
-        return hanging(segment, now.model.segment(segment).mass, frequency_hz, damping)
-    return swinging(candidate.where, frequency_hz, damping)
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

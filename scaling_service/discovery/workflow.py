@@ -10,13 +10,14 @@ import numpy as np
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Masked
 from scaling_service.discovery.ceilings import absorbed, black_box
-from scaling_service.discovery.details import smallest_nameable
 from scaling_service.discovery.findings import Findings, Gap, Named, Verdict
 from scaling_service.discovery.fitting import Account, Recording, account, refined
 from scaling_service.discovery.gaps import gap
 from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.locating import disagreements
-from scaling_service.discovery.options import Option, Options, confusable, look
+from scaling_service.discovery.nameable import smallest_nameable
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.options import Options, confusable, look
 from scaling_service.discovery.remainder import unexplained
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.separating import would_separate
@@ -169,7 +170,7 @@ def _passes(option: Option, options: Options, settings: DiscoverySettings) -> bo
 
 
 def _named(option: Option, options: Options, now: Account, settings: DiscoverySettings) -> Named:
-    option = tuned(option, now, settings.stretch_s)
+    option = tuned(option, now, scene_of(now), settings.stretch_s)
     effect = Sized(option.candidate, option.fitted.size)
     twins = confusable(option, options.best)
     return Named(

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.findings import Disagreement, Gap, Level, Named, Unexplained
-from scaling_service.discovery.options import Option
+from scaling_service.discovery.option import Option
 from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.jobs.discover import DiscoverResults
 from scaling_service.jobs.discover_sizes import finite, quantities, rounded

@@ -7,18 +7,8 @@ from collections.abc import Mapping
 
 from scaling_service.core.text import few
 from scaling_service.discovery.catalogue import kinds
-from scaling_service.discovery.contacts import KIND as CONTACT
-from scaling_service.discovery.exchanges import KIND as SWAP
-from scaling_service.discovery.freedoms import KIND as FREE
 from scaling_service.reports.methods import words
 from scaling_service.schemas.discovery import QuantityDocument
-
-_WITHOUT_COLUMNS = {
-    SWAP: "two labels are exchanged for a while",
-    FREE: "the joint moves in a way that the model locks",
-    CONTACT: "something touches the segment that no plate measures",
-}
-"""Meanings of the effects that are no sum of columns."""
 
 _SUFFIXES = (
     ("_mm_per_deg", " mm/deg"),
@@ -35,12 +25,12 @@ _SUFFIXES = (
 
 def meaning(kind: str) -> str:
     """What an effect is, in a sentence without its place."""
-    return _WITHOUT_COLUMNS[kind] if kind in _WITHOUT_COLUMNS else str(kinds()[kind].MEANING)
+    return kinds()[kind].meaning
 
 
 def known_kinds() -> tuple[str, ...]:
     """All kinds of effects that the search knows."""
-    return (*kinds(), *_WITHOUT_COLUMNS)
+    return tuple(kinds())
 
 
 def sentence(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.loads import Inertial
 from scaling_service.discovery.scene import Scene
 
@@ -24,3 +26,10 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
             for k, (name, scale, low, high) in enumerate(names)
         )
         yield Candidate(KIND, (segment.name,), columns)
+
+
+def details(effect: Sized, after: Account) -> Mapping[str, float]:
+    """Where it is."""
+    mass = float(effect.size[0])
+    place = effect.size[1:] / mass * 1e3 if mass else np.zeros(3)
+    return dict(zip(("x_mm", "y_mm", "z_mm"), place.tolist(), strict=True))

@@ -21,11 +21,15 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
         groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
         for group in groups:
             for frequency, damping in TRIED:
-                yield swinging(group, frequency, damping)
+                yield _at(group, frequency, damping)
 
 
-def swinging(markers: tuple[str, ...], frequency_hz: float, damping: float) -> Candidate:
-    """Markers whose skin swings at one frequency."""
+def swinging(candidate: Candidate, scene: Scene, frequency_hz: float, damping: float) -> Candidate:
+    """The same markers at another frequency and damping."""
+    return _at(candidate.where, frequency_hz, damping)
+
+
+def _at(markers: tuple[str, ...], frequency_hz: float, damping: float) -> Candidate:
     parts = tuple(
         Part(MarkerSpot(m, k), Swing(m, frequency_hz, damping, k)) for m in markers for k in range(3)
     )

@@ -17,11 +17,16 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, at each frequency and damping tried."""
     for segment in scene.heavy:
         for frequency, damping in TRIED:
-            yield hanging(segment.name, segment.mass, frequency, damping)
+            yield _at(segment.name, segment.mass, frequency, damping)
 
 
-def hanging(segment: str, mass: float, frequency_hz: float, damping: float) -> Candidate:
-    """A segment with part of its mass (kg) swinging at one frequency."""
+def swinging(candidate: Candidate, scene: Scene, frequency_hz: float, damping: float) -> Candidate:
+    """The same segment at another frequency and damping."""
+    (segment,) = candidate.where
+    return _at(segment, scene.model.segment(segment).mass, frequency_hz, damping)
+
+
+def _at(segment: str, mass: float, frequency_hz: float, damping: float) -> Candidate:
     note = f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
     columns = (Column("kg", 1.0, load=Wobbling(segment, frequency_hz, damping), low=0.0, high=mass),)
     return Candidate(KIND, (segment,), columns, note=note)

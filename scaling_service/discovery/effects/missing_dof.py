@@ -1,0 +1,37 @@
+"""A joint that moves in a way that the model locks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from scaling_service.discovery.additions import Sized, freedom_name
+from scaling_service.discovery.candidates import Candidate, FreeMotion
+from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.freedoms import course_rms, freedoms
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.scene import Scene
+
+KIND = "missing_dof"
+MEANING = "the joint moves in a way that the model locks"
+
+_NOTES = {"rotation": "extra turn", "translation": "extra shift"}
+
+
+def options(now: Account, scene: Scene, stretch_s: float) -> Iterator[Option]:
+    """Every joint that turns, with its best direction of turning and of shifting."""
+    for free in freedoms(scene, now.watched, stretch_s):
+        joint = now.model.segment(free.motion.segment).joint_name
+        candidate = Candidate(KIND, (joint,), (), note=_NOTES[free.motion.kind], change=free.motion)
+        yield Option(candidate, free.fitted, free.gains, free.unseen)
+
+
+def details(effect: Sized, after: Account) -> Mapping[str, float]:
+    """How much it moves, and along which axis."""
+    motion = effect.candidate.change
+    assert isinstance(motion, FreeMotion)
+    rms = course_rms(after.watched, freedom_name(effect.candidate))
+    turns = motion.kind == "rotation"
+    size = {"rms_deg": float(np.degrees(rms))} if turns else {"rms_mm": 1e3 * rms}
+    return {**size, **dict(zip(("axis_x", "axis_y", "axis_z"), motion.axis, strict=True))}

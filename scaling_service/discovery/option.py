@@ -1,0 +1,32 @@
+"""A candidate, fitted and tried on what did not fit it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.comparing import Unseen
+from scaling_service.discovery.judging import Fitted
+from scaling_service.kernels.laws import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Option:
+    """What could be the next effect.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    fitted : Fitted
+    gains : ndarray, shape (n_stretches,), or None
+        What it takes off each stretch of the trials that are to fit, or of its own trial.
+    unseen : Unseen
+    alike : tuple of Candidate
+        Those that are known not to be told from it.
+    """
+
+    candidate: Candidate
+    fitted: Fitted
+    gains: Array | None
+    unseen: Unseen
+    alike: tuple[Candidate, ...] = ()

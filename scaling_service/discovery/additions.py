@@ -9,9 +9,7 @@ import numpy as np
 
 from scaling_service.discovery.candidates import Candidate, Column, Exchange, FreeMotion, Masked
 from scaling_service.discovery.profiles import Swing, term
-from scaling_service.discovery.spots import At, SizeSpot, VolumeSpot, put, put_joint
-from scaling_service.discovery.watched import Watched
-from scaling_service.discovery.wobbles import Skin
+from scaling_service.discovery.spots import SizeSpot, VolumeSpot, put, put_joint
 from scaling_service.kernels.laws import Array
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law
 from scaling_service.models.parameters import fold, free_scale
@@ -64,8 +62,7 @@ def _with_column(model: BodyModel, column: Column, size: float) -> BodyModel:
 def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
     """A coordinate of its own for a motion that the model locked."""
     joint = Joint(free.kind, free.axis, Law.of(name))
-    at: At = "before" if free.kind == "rotation" else "start"
-    model = put_joint(model, free.segment, at, joint)
+    model = put_joint(model, free.segment, free.at, joint)
     return replace(model, coordinates=(*model.coordinates, Coordinate(name, free.kind)))
 
 
@@ -91,21 +88,3 @@ def _exchanged(trial: Trial, markers: Array, exchange: Exchange) -> Array:
     markers = markers.copy()
     markers[inside[:, None], pair] = markers[inside[:, None], pair[::-1]]
     return markers
-
-
-def still(item: Watched, effects: Sequence[Sized]) -> Trial:
-    """The recording with skin that swings brought to rest."""
-    skin, markers = Skin(item), item.trial.markers
-    for effect in effects:
-        if effect.candidate.trial in (None, item.name):
-            for column, size in effect.columns:
-                swung = {
-                    p.profile for p in column.parts if isinstance(p.profile, Swing) and p.profile.axis == 0
-                }
-                if swung:
-                    markers = markers.copy()
-                for profile in swung:
-                    moved = skin.swing(profile.frequency_hz, profile.damping)
-                    k = item.markers.index(profile.marker)
-                    markers[:, item.trial.index(profile.marker)] -= size * moved[:, k]
-    return item.trial if markers is item.trial.markers else replace(item.trial, markers=markers)

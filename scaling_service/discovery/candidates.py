@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from scaling_service.discovery.loads import Load, Wobbling
 from scaling_service.discovery.profiles import ALWAYS, Profile, Swing
-from scaling_service.discovery.spots import Spot
+from scaling_service.discovery.spots import At, Spot
 from scaling_service.models.body import Vector
 
 
@@ -39,6 +39,8 @@ class Column:
         Of the ground wrench, in place of parts.
     low, high : float
         What is plausible, as in the results.
+    natural : float, optional
+        The coefficient that physics gives, taken where the data do not speak clearly against it.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Column:
     load: Load | None = None
     low: float = -math.inf
     high: float = math.inf
+    natural: float | None = None
 
     def plausible(self, size: float) -> bool:
         """Whether a coefficient (SI) is one that a laboratory could meet."""
@@ -61,12 +64,15 @@ class FreeMotion:
     Parameters
     ----------
     segment : str
+    at : 'start', 'before' or 'after'
+        In the parent's frame; before or after the joint's own turns.
     kind : 'rotation' or 'translation'
     axis : (3,)
-        Unit vector in the frame before the joint's own turns, or in the parent's frame for a shift.
+        Unit vector in the frame there.
     """
 
     segment: str
+    at: At
     kind: Literal["rotation", "translation"]
     axis: Vector
 
@@ -148,3 +154,8 @@ class Candidate:
         only = f" in {self.trial}" if self.trial else ""
         said = f" ({self.note})" if self.note else ""
         return f"{self.kind} at {', '.join(self.where)}{driven}{only}{said}"
+
+    @property
+    def key(self) -> str:
+        """The name, whatever the frequency and damping of a swing."""
+        return self.name if self.swing is None else replace(self, note="").name

@@ -29,6 +29,8 @@ class Effect:
         Of an effect whose course is not known beforehand, which needs a search of its own.
     details : callable, optional
         Numbers that no column holds.
+    spreads : callable, optional
+        Standard deviations of these.
     swinging : callable, optional
         A candidate at another frequency and damping.
     """
@@ -38,6 +40,7 @@ class Effect:
     candidates: Callable[[Scene], Iterator[Candidate]] | None
     options: Callable[[Account, Scene, float], Iterator[Option]] | None
     details: Callable[[Sized, Account], Mapping[str, float]] | None
+    spreads: Callable[[Sized, Account, float], Mapping[str, float]] | None
     swinging: Callable[[Candidate, Scene, float, float], Candidate] | None
 
 
@@ -49,7 +52,7 @@ def kinds() -> Mapping[str, Effect]:
         for info in pkgutil.iter_modules(effects.__path__)
         if not info.name.startswith("_")
     ]
-    hooks = ("candidates", "options", "details", "swinging")
+    hooks = ("candidates", "options", "details", "spreads", "swinging")
     return {m.KIND: Effect(m.KIND, m.MEANING, *(getattr(m, hook, None) for hook in hooks)) for m in modules}
 
 
@@ -71,3 +74,9 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
     """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
     told = kinds()[effect.candidate.kind].details
     return {} if told is None else told(effect, after)
+
+
+def spreads(effect: Sized, after: Account, stretch_s: float) -> Mapping[str, float]:
+    """Standard deviations of the details that have one."""
+    told = kinds()[effect.candidate.kind].spreads
+    return {} if told is None else told(effect, after, stretch_s)

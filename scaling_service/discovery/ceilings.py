@@ -15,9 +15,10 @@ from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Column, Part
 from scaling_service.discovery.catalogue import candidates
 from scaling_service.discovery.evidence import Evidence, gather
-from scaling_service.discovery.fitting import Account, Recording, refined
+from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.judging import fit_each, inverse_of
 from scaling_service.discovery.profiles import ALWAYS, Following, Profile
+from scaling_service.discovery.refining import refined
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import MarkerSpot
 from scaling_service.discovery.watched import Role

@@ -63,6 +63,8 @@ class Named:
         Of its size (SI), whatever the memory of the noise.
     details : mapping
         Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
+    spreads : mapping
+        Standard deviations of those of them that have one.
     smallest : mapping
         Column to the size (as in the results) from which it is named nine times in ten.
     fitted : Fitted
@@ -79,6 +81,7 @@ class Named:
     effect: Sized
     covariance: Array
     details: Mapping[str, float]
+    spreads: Mapping[str, float]
     smallest: Mapping[str, float]
     fitted: Fitted
     p_family: float

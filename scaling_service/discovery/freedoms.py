@@ -32,6 +32,7 @@ MOST = {"rotation": np.radians(20.0), "translation": 0.03}
 
 _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
     ("before", "rotation"),
+    ("after", "rotation"),
     ("start", "translation"),
 )
 
@@ -76,17 +77,17 @@ class Freedom:
 def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[Freedom]:
     """Every joint that turns, with its best direction of turning and of shifting."""
     spots = [JointSpot(s.name, at, kind, k) for s in scene.jointed for at, kind in _PLACES for k in range(3)]
-    joints = [(s, kind) for s in scene.jointed for _, kind in _PLACES]
+    joints = [(s, *place) for s in scene.jointed for place in _PLACES]
     courses = [courses_of(item, spots) for item in watched]
     shares = _shares(courses)
     found = []
-    for k, (segment, kind) in enumerate(joints):
+    for k, (segment, at, kind) in enumerate(joints):
         if shares[k] > HIDDEN:
             by_trial = [each[0][k] for each in courses]
             made = _freedom(watched, by_trial, stretch_s)
             if made is not None and _spread(by_trial, np.array(made[0])) < MOST[kind]:
                 axis, fitted, gains, share, p = made
-                motion = FreeMotion(segment.name, kind, axis)
+                motion = FreeMotion(segment.name, at, kind, axis)
                 found.append(Freedom(motion, fitted, gains, Unseen(share, p, folds=False)))
     return found
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized, freedom_name
 from scaling_service.discovery.candidates import FreeMotion
-from scaling_service.discovery.catalogue import details
+from scaling_service.discovery.catalogue import details, spreads
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, refined
+from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
+from scaling_service.discovery.refining import refined
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.tallies import floors_of
 from scaling_service.discovery.watched import Role
@@ -37,7 +38,7 @@ def looked_back(
     """
     kept = list(named)
     for n in named:
-        effect = next(e for e in now.effects if e.candidate.name == n.effect.candidate.name)
+        effect = next(e for e in now.effects if e.candidate.key == n.effect.candidate.key)
         if not _plausible(effect, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
@@ -51,9 +52,11 @@ def looked_back(
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    by_name = {e.candidate.name: e for e in now.effects}
-    found = [replace(n, effect=by_name[n.effect.candidate.name]) for n in kept]
-    return [replace(n, details=details(n.effect, now)) for n in found], now
+    by_name = {e.candidate.key: e for e in now.effects}
+    found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
+    return [
+        replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
+    ], now
 
 
 def _plausible(effect: Sized, now: Account) -> bool:
@@ -65,7 +68,7 @@ def _plausible(effect: Sized, now: Account) -> bool:
 
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
-    others = tuple(e for e in now.effects if e.candidate.name != n.effect.candidate.name)
+    others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
     return refined(replace(now, effects=others), recordings, [], stretch_s)
 
 

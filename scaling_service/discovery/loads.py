@@ -136,4 +136,17 @@ class Wobbling:
         return np.concatenate([force, np.cross(place, force)], axis=1)
 
 
-Load = Late | PlateShift | PlateBias | PlateGain | PlateTurn | Inertial | Tilt | Wobbling
+@dataclass(frozen=True, slots=True)
+class Between:
+    """How a load changes with a number that shapes it: the difference of two loads, times a factor."""
+
+    high: Wobbling
+    low: Wobbling
+    factor: float
+
+    def column(self, weighed: Weighed) -> Array:
+        """The difference, (n, 6)."""
+        return self.factor * (self.high.column(weighed) - self.low.column(weighed))
+
+
+Load = Late | PlateShift | PlateBias | PlateGain | PlateTurn | Inertial | Tilt | Wobbling | Between

@@ -37,12 +37,12 @@ def look(now: Account, scene: Scene, stretch_s: float, shortlist: int) -> Option
     shortlist : int
         How many to try on what did not fit them.
     """
-    taken = {s.candidate.name for s in now.everything}
+    taken = {s.candidate.key for s in now.everything}
     others = list(catalogue.options(now, scene, stretch_s))
-    every = [c for c in catalogue.candidates(scene) if c.name not in taken]
+    every = [c for c in catalogue.candidates(scene) if c.key not in taken]
     columns = _columns(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
     loads = _columns(now, [c for c in every if c.of_forces], stretch_s, shortlist)
-    new = [o for o in others if o.candidate.name not in taken]
+    new = [o for o in others if o.candidate.key not in taken]
     best = sorted((*columns, *loads, *new), key=lambda o: -o.fitted.expected)
     return Options(best, len(every) + len(others))
 
@@ -98,9 +98,15 @@ def confusable(option: Option, others: Sequence[Option]) -> tuple[Candidate, ...
         looser = isinstance(other.candidate.change, FreeMotion) and option.candidate.change is None
         same = other.candidate.trial == option.candidate.trial
         alike = other.candidate.of_forces == option.candidate.of_forces
-        if other is not option and comparable and same and alike and not looser:
+        if comparable and same and alike and not looser and _named_otherwise(other, option):
             assert other.gains is not None
             p = no_worse(option.gains, other.gains, option.fitted.by_chance - other.fitted.by_chance)
             if p > ALIKE:
                 found.append((p, other.candidate))
     return tuple(candidate for _, candidate in sorted(found, key=lambda item: -item[0]))
+
+
+def _named_otherwise(other: Option, option: Option) -> bool:
+    """Whether it is another kind, place or driver, not only another frequency or direction."""
+    one, two = ((c.kind, c.where, c.driver) for c in (other.candidate, option.candidate))
+    return one != two

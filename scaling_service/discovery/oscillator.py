@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import signal
 
+from scaling_service.kernels.derivatives import spline_rates
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
 
@@ -19,8 +20,7 @@ def pulled(places: Array, step: float) -> Array:
     cutoff = min(CUTOFF_HZ, 0.4 / step)
     flat = places.reshape(len(places), -1)
     smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=cutoff, order=4).values
-    twice = np.gradient(np.gradient(smooth, step, axis=0), step, axis=0)
-    return np.asarray(-twice.reshape(places.shape))
+    return np.asarray(-spline_rates(step * np.arange(len(flat)), smooth)[1].reshape(places.shape))
 
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

@@ -12,19 +12,54 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Masked
 from scaling_service.discovery.evidence import stretches_of
+from scaling_service.discovery.fitting import Account, scene_of
 from scaling_service.discovery.freedoms import Course, above, courses_of, cut
 from scaling_service.discovery.judging import HIDDEN, Fitted
+from scaling_service.discovery.options import Options
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import MarkerSpot
+from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
 
 KIND = "own_way"
 
+CLEARLY = 1.3
+"""How much more a free course of one marker must explain than a law (chosen: a law that is right explains all
+but noise, and the free course takes that too)."""
 
-def strangers(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[tuple[Candidate, Fitted]]:
+
+def stranger(now: Account, options: Options, settings: DiscoverySettings) -> Sized | None:
+    """A marker that goes its own way, if that explains clearly more than any law, be it sure or not.
+
+    One of a segment at most: where two do, it is the segment that the model does not follow. None that has an
+    effect of its own: what is left there is a remainder.
+    """
+    laws = [o.fitted.expected for o in options.best if not o.candidate.of_forces]
+    model = now.model
+    known = {
+        model.marker(e.candidate.change.marker).segment
+        for e in now.effects
+        if isinstance(e.candidate.change, Masked)
+    }
+    lawful = {name for e in now.effects for name in e.candidate.where}
+    odd = [
+        (fitted.expected, candidate)
+        for candidate, fitted in _strange(scene_of(now), now.watched, settings.stretch_s)
+        if fitted.p * options.count <= settings.level
+        and model.marker(candidate.where[0]).segment not in known
+        and candidate.where[0] not in lawful
+    ]
+    best = max(odd, key=lambda each: each[0], default=None)
+    if best is None or best[0] <= CLEARLY * max(laws, default=0.0):
+        return None
+    return Sized(best[1], np.zeros(0))
+
+
+def _strange(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[tuple[Candidate, Fitted]]:
     """Every marker in all trials that are to fit, and in each trial by itself."""
     spots = [MarkerSpot(marker, k) for marker in scene.markers for k in range(3)]
     shown = [item for item in watched if set(scene.markers) <= set(item.markers)]

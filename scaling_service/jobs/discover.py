@@ -9,7 +9,7 @@ from pathlib import Path
 
 from scaling_service.discovery.findings import Findings
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.workflow import DiscoverySettings
+from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.workflow import discover as searched
 from scaling_service.jobs.discover_settings import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.jobs.discover_start import Prepared, prepare, read

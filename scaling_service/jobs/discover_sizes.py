@@ -33,7 +33,8 @@ def quantities(named: Named) -> dict[str, QuantityDocument]:
     found |= _of_change(named.effect.candidate.change)
     for name, value in named.details.items():
         if math.isfinite(value) and name not in found and not name.startswith("axis_"):
-            found[name] = QuantityDocument(value=rounded(value), sd=None)
+            spread = named.spreads.get(name)
+            found[name] = QuantityDocument(value=rounded(value), sd=spread and rounded(spread))
     return found
 
 

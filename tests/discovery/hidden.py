@@ -10,8 +10,7 @@ import numpy as np
 from scaling_service.discovery.additions import Sized, with_effects
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.fitting import Recording, account
-from scaling_service.discovery.workflow import scene_of
+from scaling_service.discovery.fitting import Recording, account, scene_of
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.body import BodyModel

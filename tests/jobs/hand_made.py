@@ -20,7 +20,7 @@ def named(candidate: Candidate, size: list[float], sd: list[float]) -> Named:
     """An effect of known size and spread, the numbers independent."""
     covariance = np.diag(np.square(sd))
     effect = Sized(candidate, np.array(size))
-    return Named(effect, covariance, {}, {}, NOTHING, 0.01, UNSEEN, (), "")
+    return Named(effect, covariance, {}, {}, {}, NOTHING, 0.01, UNSEEN, (), "")
 
 
 LOAD = named(
@@ -49,7 +49,7 @@ LOCKED = replace(
             ("knee_r",),
             (),
             note="extra turn",
-            change=FreeMotion("tibia_r", "rotation", (0.0, 1.0, 0.0)),
+            change=FreeMotion("tibia_r", "before", "rotation", (0.0, 1.0, 0.0)),
         ),
         [],
         [],

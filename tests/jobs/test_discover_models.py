@@ -63,7 +63,7 @@ ONCE = one(marker_offset.candidates(SCENE), [0.01, 0.0, 0.0], "LFH", trial="b")
 FREE = Sized(
     Candidate(
         "missing_dof", ("knee_l",), (), note="extra turn",
-        change=FreeMotion("tibia_l", "rotation", (0.0, 1.0, 0.0)),
+        change=FreeMotion("tibia_l", "before", "rotation", (0.0, 1.0, 0.0)),
     ),
     np.zeros(0),
 )  # fmt: skip

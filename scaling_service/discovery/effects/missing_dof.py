@@ -16,14 +16,14 @@ from scaling_service.discovery.scene import Scene
 KIND = "missing_dof"
 MEANING = "the joint moves in a way that the model locks"
 
-_NOTES = {"rotation": "extra turn", "translation": "extra shift"}
+_NOTES = {"before": "extra turn", "after": "extra turn about own axes", "start": "extra shift"}
 
 
 def options(now: Account, scene: Scene, stretch_s: float) -> Iterator[Option]:
-    """Every joint that turns, with its best direction of turning and of shifting."""
+    """Every joint that turns, with its best directions of turning and of shifting."""
     for free in freedoms(scene, now.watched, stretch_s):
         joint = now.model.segment(free.motion.segment).joint_name
-        candidate = Candidate(KIND, (joint,), (), note=_NOTES[free.motion.kind], change=free.motion)
+        candidate = Candidate(KIND, (joint,), (), note=_NOTES[free.motion.at], change=free.motion)
         yield Option(candidate, free.fitted, free.gains, free.unseen)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scaling_service.discovery.candidates import Candidate, Column, Part
+from scaling_service.discovery.effects._swings import swing_details, swing_spreads
 from scaling_service.discovery.profiles import Swing
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import MarkerSpot
@@ -12,6 +13,8 @@ from scaling_service.discovery.wobbles import TRIED
 
 KIND = "skin_wobble"
 MEANING = "the skin under the marker swings when the segment accelerates"
+
+details, spreads = swing_details, swing_spreads
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:
@@ -34,4 +37,4 @@ def _at(markers: tuple[str, ...], frequency_hz: float, damping: float) -> Candid
         Part(MarkerSpot(m, k), Swing(m, frequency_hz, damping, k)) for m in markers for k in range(3)
     )
     note = f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
-    return Candidate(KIND, markers, (Column("share", 1.0, parts, low=0.1, high=10.0),), note=note)
+    return Candidate(KIND, markers, (Column("share", 1.0, parts, low=0.3, high=3.0, natural=1.0),), note=note)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from scaling_service.discovery.candidates import Candidate, Column
+from scaling_service.discovery.effects._swings import swing_details, swing_spreads
 from scaling_service.discovery.loads import Wobbling
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.wobbles import TRIED
 
 KIND = "wobbling_mass"
 MEANING = "part of the segment's own mass swings on a spring"
+
+details, spreads = swing_details, swing_spreads
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:

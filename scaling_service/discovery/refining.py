@@ -1,0 +1,138 @@
+"""All named effects and everything that was free before, estimated together.
+
+Variable projection (Golub & Pereyra 1973, SIAM J Numer Anal 10:413): the motion is solved anew for every
+value of the shared numbers, whose steps come from columns that the pose cannot hide. A step that makes the
+disagreement larger is shortened, and not taken where no part of it helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.discovery.additions import Sized, freedom_name
+from scaling_service.discovery.candidates import Candidate, Column, FreeMotion, Part
+from scaling_service.discovery.evidence import Evidence, gather
+from scaling_service.discovery.fitting import Account, Recording, account, reweighed, scene_of, squares
+from scaling_service.discovery.forces import gather_forces
+from scaling_service.discovery.judging import inverse_of
+from scaling_service.discovery.profiles import Following
+from scaling_service.discovery.spots import JointSpot
+from scaling_service.discovery.swings import shaped, stepped
+from scaling_service.kernels.laws import Array
+from scaling_service.models.body import Vector
+
+_ROUNDS = 8
+_SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
+_OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
+_SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
+_SETTLED = 1e-4  # of the cost, chosen: steps below are far smaller than a parameter's own deviation
+
+
+def refined(
+    start: Account, recordings: Sequence[Recording], added: Sequence[Sized], stretch_s: float
+) -> Account:
+    """Estimate what is free and the effects, with some more of them, on the recordings that are to fit."""
+    now = account(start.model, recordings, start.free, (*start.effects, *added), start)
+    if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
+        unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
+        now = account(start.model, recordings, start.free, (*start.effects, *unsized), start)
+    reached = _whole(now)
+    for _round in range(_ROUNDS):
+        before = reached
+        now = _stepped(now, recordings, stretch_s, of_forces=False)
+        now = _aligned(now, recordings, stretch_s)
+        now = _stepped(now, recordings, stretch_s, of_forces=True)
+        reached = _whole(now)
+        if before - reached < _SETTLED * before:
+            break
+    return now
+
+
+def _misfit(now: Account, deciding: Account, *, of_forces: bool) -> float:
+    """Whitened squares of the trials that decide for an account: those to fit, those with own effects."""
+    return squares(now, of_forces=of_forces, alone=frozenset(e.candidate.trial for e in deciding.effects))
+
+
+def _whole(now: Account) -> float:
+    return _misfit(now, now, of_forces=False) + _misfit(now, now, of_forces=True)
+
+
+def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float, *, of_forces: bool) -> Account:
+    """One step of everything shared that shows among the markers, or in the forces."""
+    moving = [s for s in now.everything if s.candidate.columns and s.candidate.of_forces == of_forces]
+    if not moving:
+        return now
+    scene = scene_of(now)
+    chosen = [shaped(s, scene) for s in moving]
+    if of_forces:
+        evidence = gather_forces(now.weighed, [], chosen, stretch_s, together=True)
+    else:
+        evidence = gather(now.watched, [], chosen, stretch_s, together=True)
+    step = _step(evidence, chosen)
+    before = _misfit(now, now, of_forces=of_forces)
+    for share in _SHARES:
+        sized = {
+            id(s): stepped(s, scene, share * step[rows])
+            for s, rows in zip(moving, evidence.groups, strict=True)
+        }
+        free = tuple(sized.get(id(s), s) for s in now.free)
+        effects = tuple(sized.get(id(s), s) for s in now.effects)
+        if of_forces:
+            tried = reweighed(replace(now, free=free, effects=effects), recordings)
+        else:
+            tried = account(now.model, recordings, free, effects, now)
+        if _misfit(tried, tried, of_forces=of_forces) < before:
+            return tried
+    return now
+
+
+def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> Array:
+    owners = [c.trial for c in chosen for _ in c.columns]
+    curvature, score = np.zeros((len(owners),) * 2), np.zeros(len(owners))
+    for stretch in evidence.stretches:
+        counts = np.array([t == stretch.trial if t else stretch.role == "fit" for t in owners], dtype=float)
+        curvature += stretch.own * np.outer(counts, counts)
+        score += stretch.scores * counts
+    return np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)
+
+
+def _aligned(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
+    """Axes of free motions turned to where their residuals want them, if that helps.
+
+    A turn by the angle a about u + d is, for small d, the turn about u and one by a about d.
+    """
+    turned = now
+    for effect in now.effects:
+        free = effect.candidate.change
+        if isinstance(free, FreeMotion):
+            axis = _better_axis(turned, effect.candidate, free, stretch_s)
+            if np.dot(axis, free.axis) > _SAME:
+                continue
+            candidate = replace(effect.candidate, change=replace(free, axis=axis))
+            other = replace(effect, candidate=candidate)
+            turned = replace(turned, effects=tuple(other if e is effect else e for e in turned.effects))
+    if turned is now:
+        return now
+    turned = account(now.model, recordings, now.free, turned.effects, now)
+    return turned if _misfit(turned, turned, of_forces=False) < _misfit(now, now, of_forces=False) else now
+
+
+def _better_axis(now: Account, candidate: Candidate, free: FreeMotion, stretch_s: float) -> Vector:
+    course = Following(freedom_name(candidate))
+    parts = [Part(JointSpot(free.segment, free.at, free.kind, k), course) for k in range(3)]
+    columns = tuple(Column(f"axis_{k}", 1.0, (part,)) for k, part in enumerate(parts))
+    evidence = gather(
+        now.watched, [], [replace(candidate, columns=columns, change=None)], stretch_s, together=True
+    )
+    fitting = [s for s in evidence.stretches if s.role == "fit"]
+    curvature, score = np.sum([s.own for s in fitting], axis=0), np.sum([s.scores for s in fitting], axis=0)
+    step = inverse_of(curvature, evidence.raw)[0] @ score
+    axis = np.array(free.axis) + step - np.array(free.axis) * float(step @ np.array(free.axis))
+    value, vector = np.linalg.eigh(curvature)
+    hidden = vector[:, value < _OWN * value[-1]]  # turns that the joint makes anyhow
+    axis = axis - hidden @ (hidden.T @ axis)
+    x, y, z = (float(v) for v in axis / np.linalg.norm(axis))
+    return (x, y, z)

@@ -1,0 +1,102 @@
+"""What a search found, told with its gaps and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scaling_service.discovery.ceilings import absorbed, black_box
+from scaling_service.discovery.findings import Findings, Gap, Named, Verdict
+from scaling_service.discovery.fitting import Account, Recording, scene_of
+from scaling_service.discovery.gaps import gap
+from scaling_service.discovery.locating import disagreements
+from scaling_service.discovery.options import Options
+from scaling_service.discovery.remainder import unexplained
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.discovery.tallies import Floors, floors_of, marker_tally
+from scaling_service.discovery.watched import Role
+
+
+def told(
+    named: Sequence[Named],
+    options: Options,
+    before: Account,
+    after: Account,
+    recordings: Sequence[Recording],
+    settings: DiscoverySettings,
+    notes: Sequence[str],
+) -> Findings:
+    """The story of a search: where, what, how far the gap closed, and what is left."""
+    scene = scene_of(before)
+    floors = floors_of(after, scene.moving, settings.stretch_s)
+    places = disagreements(before, settings.stretch_s, floors)
+    left = unexplained(after, settings.stretch_s, floors)
+    verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
+    folds = not any(item.role == "held_out" for item in before.watched)
+    gaps = _gaps(named, before, after, recordings, scene, settings, folds, floors)
+    spent = any(
+        sum(n.effect.candidate.of_forces == kind for n in named) >= settings.most for kind in (False, True)
+    )
+    reason = (
+        f"{settings.most} effects of one kind were named, the most that are looked for"
+        if spent
+        else "nothing in the catalogue explains what is left better than chance"
+    )
+    return Findings(
+        verdict,
+        places,
+        tuple(named),
+        gaps["fit"],
+        gaps["fit" if folds else "held_out"],
+        folds,
+        tuple(o for o in options.best if o.candidate.key not in {n.effect.candidate.key for n in named}),
+        left,
+        reason,
+        (*notes, *_limits(before, folds)),
+    )
+
+
+def _gaps(
+    named: Sequence[Named],
+    before: Account,
+    after: Account,
+    recordings: Sequence[Recording],
+    scene: Scene,
+    settings: DiscoverySettings,
+    folds: bool,
+    floors: Floors,
+) -> dict[Role, Gap]:
+    count = sum(max(len(n.effect.candidate.columns), 1) for n in named if not n.effect.candidate.of_forces)
+    shares = black_box(before, scene, count, settings.stretch_s) if count else {"fit": 1.0, "held_out": 1.0}
+    swallowed = absorbed(before, recordings, scene, settings.stretch_s) if named else before
+    found: dict[Role, Gap] = {}
+    roles: tuple[Role, ...] = ("fit",) if folds else ("fit", "held_out")
+    for role in roles:
+        reached = _whitened(swallowed, role, settings.stretch_s, floors)
+        ceiling = {"markers": shares[role]}
+        found[role] = gap(before, after, role, settings.stretch_s, floors, ceiling=ceiling, absorbed=reached)
+    return found
+
+
+def _whitened(now: Account, role: Role, stretch_s: float, floors: Floors) -> float:
+    tally = marker_tally(now, role, stretch_s, floors)
+    if tally is None:
+        return float("nan")
+    ratio = tally.square.sum(axis=0) / tally.floor.sum(axis=0).clip(1e-300)
+    frames = tally.frames.sum(axis=0)
+    return float((ratio @ frames / frames.sum()) ** 0.5)
+
+
+def _limits(before: Account, folds: bool) -> tuple[str, ...]:
+    said = []
+    if folds:
+        said.append(
+            "no trial was held out: effects were tried on blocks of time between those that fitted them"
+        )
+    longest = max(float(np.ptp(item.trial.times)) for item in before.watched)
+    if len(before.watched) == 1 and longest < 5.0:
+        undecided = "what changes from trial to trial, and small effects, cannot be decided"
+        said.append(f"one trial of {longest:.1f} s: {undecided}")
+    return tuple(said)

@@ -14,6 +14,7 @@ from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene
+from scaling_service.kernels.laws import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,8 @@ class Effect:
         Of an effect whose course is not known beforehand, which needs a search of its own.
     details : callable, optional
         Numbers that no column holds.
+    plausible : callable, optional
+        Whether coefficients, each in its range, are so together.
     spreads : callable, optional
         Standard deviations of these.
     swinging : callable, optional
@@ -40,6 +43,7 @@ class Effect:
     candidates: Callable[[Scene], Iterator[Candidate]] | None
     options: Callable[[Account, Scene, float], Iterator[Option]] | None
     details: Callable[[Sized, Account], Mapping[str, float]] | None
+    plausible: Callable[[Array], bool] | None
     spreads: Callable[[Sized, Account, float], Mapping[str, float]] | None
     swinging: Callable[[Candidate, Scene, float, float], Candidate] | None
 
@@ -52,7 +56,7 @@ def kinds() -> Mapping[str, Effect]:
         for info in pkgutil.iter_modules(effects.__path__)
         if not info.name.startswith("_")
     ]
-    hooks = ("candidates", "options", "details", "spreads", "swinging")
+    hooks = ("candidates", "options", "details", "plausible", "spreads", "swinging")
     return {m.KIND: Effect(m.KIND, m.MEANING, *(getattr(m, hook, None) for hook in hooks)) for m in modules}
 
 
@@ -74,6 +78,13 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
     """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
     told = kinds()[effect.candidate.kind].details
     return {} if told is None else told(effect, after)
+
+
+def plausible(candidate: Candidate, size: Array) -> bool:
+    """Whether coefficients (SI) are such as a laboratory could meet."""
+    together = kinds()[candidate.kind].plausible
+    each = all(c.plausible(value) for c, value in zip(candidate.columns, size.tolist(), strict=True))
+    return each and (together is None or together(size))
 
 
 def spreads(effect: Sized, after: Account, stretch_s: float) -> Mapping[str, float]:

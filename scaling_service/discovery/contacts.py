@@ -41,6 +41,7 @@ _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the cen
 _MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must hold
 _QUIET = 0.1  # chosen: the quietest tenth of the frames
 _FEWEST, _MANY = 5, 4  # frames of a stretch, and stretches, from which something is told
+_PARTS = 10  # stretches that a contact should have at least (chosen: fewer can be sure of nothing)
 _THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
 _COMMON = 0.7  # chosen: of the time that contacts in several trials cover, what they share if they are one
 _ALIKE = 6.0
@@ -273,7 +274,7 @@ def _p(spells: Sequence[_Spell], segment: str, stretch_s: float) -> float:
     parts = [
         _Spell(spell.item, rows)
         for spell in spells
-        for s in stretches_of(spell.item.item, stretch_s)
+        for s in stretches_of(spell.item.item, _length(spells, stretch_s))
         if len(rows := spell.rows[(spell.rows >= s.start) & (spell.rows < s.stop)]) >= _FEWEST
     ]
     if len(parts) < _MANY:
@@ -286,6 +287,13 @@ def _p(spells: Sequence[_Spell], segment: str, stretch_s: float) -> float:
             gap = float(np.square(part.item.gap[part.rows] / part.item.floor).sum())
             ratios.append(np.log(max(gap - left, 1e-12) / max(left, 1e-12)))
     return above(np.array(ratios))
+
+
+def _length(spells: Sequence[_Spell], stretch_s: float) -> float:
+    """Shorter stretches for a short contact, yet longer than the filter's memory, s."""
+    lasting = sum(float(np.ptp(s.item.times[s.rows])) for s in spells)
+    memory = max(1.0 / s.item.cutoff_hz for s in spells)
+    return min(stretch_s, max(memory, lasting / _PARTS))
 
 
 def _short_p(spells: Sequence[_Spell], segment: str) -> float:

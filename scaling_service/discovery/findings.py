@@ -76,6 +76,8 @@ class Named:
         Those that this recording does not tell from it.
     would_separate : str
         The ordinary movement that would.
+    rivals : tuple of Candidate
+        Those that explained most beside it when it was named.
     """
 
     effect: Sized
@@ -88,6 +90,7 @@ class Named:
     unseen: Unseen
     confusable: tuple[Candidate, ...]
     would_separate: str
+    rivals: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized, freedom_name
 from scaling_service.discovery.candidates import FreeMotion
-from scaling_service.discovery.catalogue import details, spreads
+from scaling_service.discovery.catalogue import details, plausible, spreads
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.freedoms import MOST, course_rms
@@ -64,7 +64,7 @@ def _plausible(effect: Sized, now: Account) -> bool:
     free = effect.candidate.change
     if isinstance(free, FreeMotion):
         return bool(course_rms(now.watched, freedom_name(effect.candidate)) < MOST[free.kind])
-    return all(column.plausible(size) for column, size in effect.columns)
+    return plausible(effect.candidate, effect.size)
 
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:

@@ -40,15 +40,15 @@ def look(now: Account, scene: Scene, stretch_s: float, shortlist: int) -> Option
     taken = {s.candidate.key for s in now.everything}
     others = list(catalogue.options(now, scene, stretch_s))
     every = [c for c in catalogue.candidates(scene) if c.key not in taken]
-    columns = _columns(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
-    loads = _columns(now, [c for c in every if c.of_forces], stretch_s, shortlist)
+    columns = compared(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
+    loads = compared(now, [c for c in every if c.of_forces], stretch_s, shortlist)
     new = [o for o in others if o.candidate.key not in taken]
     best = sorted((*columns, *loads, *new), key=lambda o: -o.fitted.expected)
     return Options(best, len(every) + len(others))
 
 
-def _columns(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:
-    """Candidates that all show among the markers, or all in the wrench."""
+def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:
+    """The likely ones of candidates that all show among the markers, or all in the wrench, the best first."""
     if not choice:
         return []
     of_forces = choice[0].of_forces
@@ -75,14 +75,15 @@ def _columns(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
 
 
 def _plausible(candidate: Candidate, fitted: Fitted) -> bool:
-    """Whether every number lies in its range, give or take its own deviation."""
+    """Whether every number lies in its range, give or take its own deviation, and all do together."""
     if not len(fitted.size):
         return False
     spread = np.sqrt(np.diag(fitted.covariance))
-    return all(
-        column.plausible(size - sd) or column.plausible(size + sd) or column.plausible(size)
+    nearest = [
+        next((x for x in (size, size - sd, size + sd) if column.plausible(x)), size)
         for column, size, sd in zip(candidate.columns, fitted.size.tolist(), spread.tolist(), strict=True)
-    )
+    ]
+    return catalogue.plausible(candidate, np.array(nearest))
 
 
 def confusable(option: Option, others: Sequence[Option]) -> tuple[Candidate, ...]:

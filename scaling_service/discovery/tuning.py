@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.catalogue import plausible
 from scaling_service.discovery.evidence import gather
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.forces import gather_forces
@@ -52,8 +53,9 @@ def tuned(option: Option, now: Account, scene: Scene, stretch_s: float) -> Optio
             best = natural
     pair, candidate, fitted = best
     inside = all(low < x < high for x, (low, high) in zip(pair, (FREQUENCIES_HZ, DAMPINGS), strict=True))
-    plausible = all(c.plausible(s) for c, s in zip(candidate.columns, fitted.size.tolist(), strict=True))
-    return replace(option, candidate=candidate, fitted=fitted) if inside and plausible else None
+    if not inside or not plausible(candidate, fitted.size):
+        return None
+    return replace(option, candidate=candidate, fitted=fitted)
 
 
 def _free(_candidate: Candidate, fitted: Fitted) -> float:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Masked
+from scaling_service.discovery.candidates import Candidate, Masked
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.hindsight import looked_back
@@ -14,6 +15,7 @@ from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
 from scaling_service.discovery.refining import refined
+from scaling_service.discovery.rivals import revisited
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
@@ -22,6 +24,9 @@ from scaling_service.discovery.tuning import tuned
 from scaling_service.models.body import BodyModel
 
 Progress = Callable[[str, float], None]
+
+SHADOW = 1.5
+"""How much more a law that is not sure may explain than the one that is named (chosen)."""
 
 KEPT = 0.3
 """Share of what an effect promised to explain that it must explain when everything is estimated anew with it
@@ -87,6 +92,8 @@ def discover(
         poor = [n for n in found if not _keeps_its_promise(n, now, tried)]
         if not poor:
             now, named = tried, named + found
+            name = partial(_tuned, options=options, settings=settings)
+            named, now = revisited(named, now, recordings, settings, name)
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
@@ -128,9 +135,23 @@ def _next(
             o for o in options.best if o.candidate.of_forces == of_forces and _passes(o, options, settings)
         ]
         if room > 0:
-            first = _first(passing, options, now, refused, settings)
+            held_out = {item.name for item in now.watched if item.role == "held_out"}
+            first = _first(_widest(passing, held_out), options, now, refused, settings)
             found += [] if first is None else [first]
     return found, options
+
+
+def _widest(passing: Sequence[Option], held_out: Collection[str]) -> list[Option]:
+    """Without what is in a held-out trial only, where the same in all trials passes too.
+
+    Gains in a held-out trial and in those to fit do not compare; where the effect is in all, it is that.
+    """
+    wide = {o.candidate.name for o in passing if o.candidate.trial is None}
+    return [
+        o
+        for o in passing
+        if o.candidate.trial not in held_out or replace(o.candidate, trial=None).name not in wide
+    ]
 
 
 def _first(
@@ -141,13 +162,32 @@ def _first(
     settings: DiscoverySettings,
 ) -> Named | None:
     """The best that is not refused; what swings is refused if no plausible swing fits."""
+    least = _least(passing, options)
     for option in passing:
-        if option.candidate.key not in refused:
-            best = tuned(option, now, scene_of(now), settings.stretch_s)
-            if best is not None:
-                return _named(best, options, now, settings)
+        if option.candidate.key not in refused and option.fitted.expected >= least:
+            named = _tuned(option, now, options, settings)
+            if named is not None:
+                return named
             refused.add(option.candidate.key)
     return None
+
+
+def _least(passing: Sequence[Option], options: Options) -> float:
+    """What a law must explain to be named: not much less than another law does that is not sure.
+
+    Where the disagreement follows something else more, and that unevenly, the sure one is but its shadow.
+    """
+    if not passing:
+        return 0.0
+    of_forces = passing[0].candidate.of_forces
+    laws = [o for o in options.best if o.candidate.columns and o.candidate.of_forces == of_forces]
+    return max((o.fitted.expected for o in laws), default=0.0) / SHADOW
+
+
+def _tuned(option: Option, now: Account, options: Options, settings: DiscoverySettings) -> Named | None:
+    """An option as a named effect, at the frequency that explains most; None where no swing is plausible."""
+    best = tuned(option, now, scene_of(now), settings.stretch_s)
+    return None if best is None else _named(best, options, now, settings)
 
 
 def _passes(option: Option, options: Options, settings: DiscoverySettings) -> bool:
@@ -170,4 +210,10 @@ def _named(option: Option, options: Options, now: Account, settings: DiscoverySe
         option.unseen,
         twins,
         would_separate(effect, twins, now) if twins else "",
+        tuple(o.candidate for o in options.best if _comparable(o.candidate, option.candidate)),
     )
+
+
+def _comparable(other: Candidate, candidate: Candidate) -> bool:
+    """Whether both are sums of columns of the same sort."""
+    return bool(other.columns and candidate.columns) and other.of_forces == candidate.of_forces

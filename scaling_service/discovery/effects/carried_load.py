@@ -11,9 +11,12 @@ from scaling_service.discovery.candidates import Candidate, Column
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.loads import Inertial
 from scaling_service.discovery.scene import Scene
+from scaling_service.kernels.laws import Array
 
 KIND = "carried_load"
 MEANING = "the segment carries a load at a point"
+
+_REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:
@@ -26,6 +29,11 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
             for k, (name, scale, low, high) in enumerate(names)
         )
         yield Candidate(KIND, (segment.name,), columns)
+
+
+def plausible(size: Array) -> bool:
+    """Whether it hangs within reach of its segment."""
+    return bool(np.linalg.norm(size[1:]) <= _REACH_M * abs(size[0]))
 
 
 def details(effect: Sized, after: Account) -> Mapping[str, float]:

@@ -1,0 +1,71 @@
+"""Names that were given early, compared with their rivals again once more is known.
+
+The first name is given while everything else is still missing, and what is missing may have spoken for the
+wrong place. With the others known, another candidate may explain clearly more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from scaling_service.discovery.comparing import no_worse
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import Account, Recording, account, reweighed
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.options import ALIKE, compared
+from scaling_service.discovery.refining import refined
+from scaling_service.discovery.strictness import DiscoverySettings
+
+Name = Callable[[Option, Account], Named | None]
+
+
+def revisited(
+    named: Sequence[Named],
+    now: Account,
+    recordings: Sequence[Recording],
+    settings: DiscoverySettings,
+    name: Name,
+) -> tuple[list[Named], Account]:
+    """Give every name but the last of its sort to the rival that explains clearly more, if one does.
+
+    Parameters
+    ----------
+    name : callable
+        Makes a named effect of an option, in an account.
+    """
+    kept = list(named)
+    for k, n in enumerate(named):
+        later = [m for m in named[k + 1 :] if m.effect.candidate.of_forces == n.effect.candidate.of_forces]
+        if later and n.rivals and n.effect.candidate.columns:
+            without = _without(n, now, recordings)
+            better = _better(n, without, settings)
+            made = None if better is None else name(better, without)
+            if made is not None:
+                kept[k] = replace(made, rivals=n.rivals)
+                now = refined(without, recordings, [made.effect], settings.stretch_s)
+    return kept, now
+
+
+def _without(n: Named, now: Account, recordings: Sequence[Recording]) -> Account:
+    others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
+    if n.effect.candidate.of_forces:
+        return reweighed(replace(now, effects=others), recordings)
+    return account(now.model, recordings, now.free, others, now)
+
+
+def _better(n: Named, without: Account, settings: DiscoverySettings) -> Option | None:
+    """The best of the rivals, if chance does not make the difference."""
+    own = n.effect.candidate
+    choice = [own, *(c for c in n.rivals if c.key != own.key and c.trial == own.trial)]
+    options = compared(without, choice, settings.stretch_s, len(choice))
+    best = max(options, key=lambda o: o.fitted.expected, default=None)
+    mine = next((o for o in options if o.candidate.key == own.key), None)
+    if best is None or best is mine or best.unseen.p > settings.level or best.unseen.gain <= 0.0:
+        return None
+    if mine is None:
+        return best
+    assert best.gains is not None
+    assert mine.gains is not None
+    p = no_worse(best.gains, mine.gains, best.fitted.by_chance - mine.fitted.by_chance)
+    return best if p <= ALIKE else None

@@ -14,7 +14,7 @@ from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
-from scaling_service.discovery.refining import refined
+from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.tallies import floors_of
 from scaling_service.discovery.watched import Role
@@ -52,6 +52,7 @@ def looked_back(
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
+    now = refined(now, recordings, [], stretch_s)
     by_name = {e.candidate.key: e for e in now.effects}
     found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
     return [
@@ -69,7 +70,7 @@ def _plausible(effect: Sized, now: Account) -> bool:
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
     others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
-    return refined(replace(now, effects=others), recordings, [], stretch_s)
+    return refined(replace(now, effects=others), recordings, [], stretch_s, ROUGHLY)
 
 
 def _squares(now: Account) -> float:

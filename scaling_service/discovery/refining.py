@@ -28,13 +28,26 @@ _ROUNDS = 8
 _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
 _OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
-_SETTLED = 1e-4  # of the cost, chosen: steps below are far smaller than a parameter's own deviation
+
+SETTLED, ROUGHLY = 1e-4, 3e-3
+"""Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
+that gained so little; roughly is enough to compare effects, not to tell their numbers."""
 
 
 def refined(
-    start: Account, recordings: Sequence[Recording], added: Sequence[Sized], stretch_s: float
+    start: Account,
+    recordings: Sequence[Recording],
+    added: Sequence[Sized],
+    stretch_s: float,
+    settled: float = SETTLED,
 ) -> Account:
-    """Estimate what is free and the effects, with some more of them, on the recordings that are to fit."""
+    """Estimate what is free and the effects, with some more of them, on the recordings that are to fit.
+
+    Parameters
+    ----------
+    settled : float
+        Share of the cost below which a round's gain ends the rounds.
+    """
     now = account(start.model, recordings, start.free, (*start.effects, *added), start)
     if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
         unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
@@ -46,7 +59,7 @@ def refined(
         now = _aligned(now, recordings, stretch_s)
         now = _stepped(now, recordings, stretch_s, of_forces=True)
         reached = _whole(now)
-        if before - reached < _SETTLED * before:
+        if before - reached < settled * before:
             break
     return now
 

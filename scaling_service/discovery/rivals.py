@@ -14,7 +14,7 @@ from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, account, reweighed
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE, compared
-from scaling_service.discovery.refining import refined
+from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.strictness import DiscoverySettings
 
 Name = Callable[[Option, Account], Named | None]
@@ -43,7 +43,7 @@ def revisited(
             made = None if better is None else name(better, without)
             if made is not None:
                 kept[k] = replace(made, rivals=n.rivals)
-                now = refined(without, recordings, [made.effect], settings.stretch_s)
+                now = refined(without, recordings, [made.effect], settings.stretch_s, ROUGHLY)
     return kept, now
 
 

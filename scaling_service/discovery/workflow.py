@@ -14,7 +14,7 @@ from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
-from scaling_service.discovery.refining import refined
+from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.rivals import revisited
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
@@ -24,9 +24,6 @@ from scaling_service.discovery.tuning import tuned
 from scaling_service.models.body import BodyModel
 
 Progress = Callable[[str, float], None]
-
-SHADOW = 1.5
-"""How much more a law that is not sure may explain than the one that is named (chosen)."""
 
 KEPT = 0.3
 """Share of what an effect promised to explain that it must explain when everything is estimated anew with it
@@ -88,7 +85,7 @@ def discover(
             continue
         if not found:
             break
-        tried = refined(now, recordings, [n.effect for n in found], settings.stretch_s)
+        tried = refined(now, recordings, [n.effect for n in found], settings.stretch_s, ROUGHLY)
         poor = [n for n in found if not _keeps_its_promise(n, now, tried)]
         if not poor:
             now, named = tried, named + found
@@ -162,26 +159,13 @@ def _first(
     settings: DiscoverySettings,
 ) -> Named | None:
     """The best that is not refused; what swings is refused if no plausible swing fits."""
-    least = _least(passing, options)
     for option in passing:
-        if option.candidate.key not in refused and option.fitted.expected >= least:
+        if option.candidate.key not in refused:
             named = _tuned(option, now, options, settings)
             if named is not None:
                 return named
             refused.add(option.candidate.key)
     return None
-
-
-def _least(passing: Sequence[Option], options: Options) -> float:
-    """What a law must explain to be named: not much less than another law does that is not sure.
-
-    Where the disagreement follows something else more, and that unevenly, the sure one is but its shadow.
-    """
-    if not passing:
-        return 0.0
-    of_forces = passing[0].candidate.of_forces
-    laws = [o for o in options.best if o.candidate.columns and o.candidate.of_forces == of_forces]
-    return max((o.fitted.expected for o in laws), default=0.0) / SHADOW
 
 
 def _tuned(option: Option, now: Account, options: Options, settings: DiscoverySettings) -> Named | None:

@@ -8,6 +8,7 @@ import pytest
 from scaling_service.discovery.additions import Sized, with_effects
 from scaling_service.discovery.candidates import Candidate, Exchange, FreeMotion
 from scaling_service.discovery.fitting import Recording
+from scaling_service.discovery.spots import At
 from scaling_service.discovery.workflow import Discovery, discover
 from scaling_service.models.trial import Trial
 from tests.discovery.hidden import hide, person, recorded
@@ -54,21 +55,20 @@ def test_nothing_is_named_where_nothing_is() -> None:
     assert result.findings.verdict == "nothing"
 
 
-def test_a_locked_motion_is_found_with_its_axis() -> None:
-    free = Candidate(
-        "missing_dof",
-        ("knee_r",),
-        (),
-        note="extra turn",
-        change=FreeMotion("tibia_r", "before", "rotation", (1.0, 0.0, 0.0)),
-    )
+@pytest.mark.parametrize(("at", "axis"), [("before", 0), ("after", 1)])
+def test_a_locked_motion_is_found_with_its_axis(at: At, axis: int) -> None:
+    about = [0.0, 0.0, 0.0]
+    about[axis] = 1.0
+    hidden = FreeMotion("tibia_r", at, "rotation", (about[0], about[1], about[2]))
+    free = Candidate("missing_dof", ("knee_r",), (), note="extra turn", change=hidden)
     truth = with_effects(person().model, [Sized(free, np.zeros(0))], "")
     course = np.radians(2.0) * np.sqrt(2.0) * np.sin(2.0 * np.pi * 0.7 * np.arange(500) / 100.0)
     (named,) = found(recorded(person(), truth, more=course)).findings.named
     change = named.effect.candidate.change
     assert named.effect.candidate.where == ("knee_r",)
     assert isinstance(change, FreeMotion)
-    assert abs(change.axis[0]) > 0.99
+    assert change.at == at
+    assert abs(change.axis[axis]) > 0.99
     assert named.details["rms_deg"] == pytest.approx(2.0, rel=0.1)
 
 

@@ -1,0 +1,70 @@
+"""Skin that swings is found with its frequency and damping, though the pose follows it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+from scipy.signal import lsim
+
+from scaling_service.discovery.catalogue import kinds, plausible
+from scaling_service.discovery.fitting import Recording
+from scaling_service.discovery.workflow import discover
+from scaling_service.kernels.laws import Array
+from tests.discovery.hidden import candidate, person, recorded
+
+FREQUENCY_HZ, DAMPING = 5.0, 0.2
+
+
+def swung(times: Array, path: Array) -> Array:
+    """How far a spring and damper lag behind a path (n, 3) that shakes them, by scipy's own integration."""
+    shaking = make_interp_spline(times, path, k=5).derivative(2)(times)
+    w = 2.0 * np.pi * FREQUENCY_HZ
+    system = ([-1.0], [1.0, 2.0 * DAMPING * w, w * w])
+    return np.stack([lsim(system, shaking[:, k], times)[1] for k in range(3)], axis=1)
+
+
+def shaken(marker: str) -> list[Recording]:
+    """Recordings in which the skin under one marker swings."""
+    made = []
+    for item in recorded(person(), person().model):
+        name, k = item.trial.name, item.trial.index(marker)
+        still = person().trials[name].markers[:, person().trials[name].index(marker)]
+        markers = item.trial.markers.copy()
+        markers[:, k] += swung(item.trial.times, still)
+        made.append(Recording(item.trial.with_markers(markers), item.role))
+    return made
+
+
+def test_a_swing_is_named_with_its_frequency_and_damping() -> None:
+    result = discover(person().model, shaken("RLM"))
+    (named,) = result.findings.named
+    assert named.effect.candidate.kind == "skin_wobble"
+    assert named.effect.candidate.where == ("RLM",)
+    assert named.details["frequency_hz"] == pytest.approx(FREQUENCY_HZ, rel=0.05)
+    assert named.details["damping"] == pytest.approx(DAMPING, rel=0.25)
+    assert float(named.effect.size[0]) == pytest.approx(1.0, abs=0.1)
+    assert 0.0 < named.spreads["frequency_hz"] < 0.3
+    whitened = result.findings.held_out.levels["whitened"]
+    assert whitened.before - whitened.after > 0.9 * (whitened.before - 1.0)
+
+
+def test_a_load_hangs_within_reach() -> None:
+    load = kinds()["carried_load"]
+    assert load.plausible is not None
+    assert load.plausible(np.array([2.0, 0.6, 0.0, 0.0]))
+    assert not load.plausible(np.array([2.0, 0.0, -7.0, 0.0]))
+
+
+def test_each_number_keeps_to_its_range() -> None:
+    scale = candidate("capture_scale", "markers")
+    assert plausible(scale, np.array([0.01]))
+    assert not plausible(scale, np.array([3.0]))
+
+
+def test_every_effect_is_a_sum_of_columns_or_searches_for_itself() -> None:
+    assert len(kinds()) == 21
+    for kind, effect in kinds().items():
+        assert (effect.candidates is None) != (effect.options is None), kind
+        assert len(effect.meaning) > 10
+        assert (effect.swinging is None) == (effect.spreads is None), kind

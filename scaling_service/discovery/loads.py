@@ -126,14 +126,15 @@ class Wobbling:
     damping: float
 
     def column(self, weighed: Weighed) -> Array:
-        """A kilogram's acceleration against the segment, at its centre of mass, (n, 6)."""
+        """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
         place = weighed.segment_centre(self.segment)
         step = float(np.median(np.diff(weighed.times)))
         pull = pulled(place, step)
         displaced, speed = oscillate(pull, step, self.frequency_hz, self.damping)
         w = 2.0 * np.pi * self.frequency_hz
         force = pull - 2.0 * self.damping * w * speed - w * w * displaced
-        return np.concatenate([force, np.cross(place, force)], axis=1)
+        moment = np.cross(place, force) + np.cross(displaced, force - pull - weighed.gravity)
+        return np.concatenate([force, moment], axis=1)
 
 
 @dataclass(frozen=True, slots=True)

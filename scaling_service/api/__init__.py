@@ -19,6 +19,7 @@ The parts, each one idea:
 ``watching``    around every request: its log line, its measurements, the headers of its answer
 ``threads``     where writers wait for each other without holding up readers
 ``openapi``     the document of all routes; ``page`` shows it to people
+``site``        the web page, bundled from the sources in ``web``
 ``serving``     from settings to a server that runs, and its end
 =============== ====================================================================================
 

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.api import asking, jobs, monitoring, openapi, page, problems, subjects
+from scaling_service.api import asking, jobs, monitoring, openapi, page, problems, site, subjects
 from scaling_service.api.callers import Callers
 from scaling_service.api.monitoring import JobCounts, Recent
 from scaling_service.api.shield import Shield
@@ -54,6 +54,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         jobs.router,
         monitoring.router,
         page.router,
+        site.router,
     ):
         app.include_router(router)
     problems.install(app)

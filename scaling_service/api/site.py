@@ -1,0 +1,116 @@
+"""The web page as it was bundled when the package was built: files of one folder, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse
+
+from scaling_service.api import conditional
+from scaling_service.store.errors import NotFound
+
+router = APIRouter(include_in_schema=False)
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "font-src 'self' data:; connect-src 'self' blob:; worker-src 'self' blob:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
+"""Content-Security-Policy of the page: its own scripts only. Charts set styles of their own elements."""
+
+FOREVER = "public, max-age=31536000, immutable"
+"""For files whose name holds a hash of their content."""
+
+_NAME = re.compile(r"[\w.\-]{1,200}")
+_MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".woff2": "font/woff2",
+    ".txt": "text/plain; charset=utf-8",
+    ".map": "application/json",
+}
+_OTHER = "application/octet-stream"
+_COMPRESSED = ".gz"
+_WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
+<meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
+<p>The service runs. This installation was built without the web page; install the package again without
+<code>SCALING_SERVICE_WITHOUT_PAGE</code> to have it.</p>
+<p>Everything can be asked for over HTTP: <a href="/docs">routes and examples</a>.</p></html>"""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One file of the page.
+
+    Parameters
+    ----------
+    content : bytes
+    packed : bytes or None
+        The same compressed by gzip, where the bundle has it.
+    tag : str
+        Changes with the content.
+    """
+
+    content: bytes
+    packed: bytes | None
+    tag: str
+
+
+@router.get("/", response_class=HTMLResponse)
+def index(request: Request) -> Response:
+    """Show the page, or say that there is none and where the routes are."""
+    part = _part("index.html")
+    if part is None:
+        return HTMLResponse(_WITHOUT, headers={"Cache-Control": "no-cache"})
+    return _answer(request, part, "index.html", "no-cache", {"Content-Security-Policy": POLICY})
+
+
+@router.get("/assets/{name}")
+def asset(name: str, request: Request) -> Response:
+    """Send a script, style, font or picture of the page."""
+    part = _part(f"assets/{name}") if _NAME.fullmatch(name) else None
+    if part is None:
+        raise NotFound(f"the page has no file '{name[:100]}'", field="name", remedy="Load / again")
+    return _answer(request, part, name, FOREVER, {})
+
+
+def _answer(request: Request, part: Part, name: str, keep: str, more: dict[str, str]) -> Response:
+    headers = {"ETag": part.tag, "Cache-Control": keep, "Vary": "Accept-Encoding", **more}
+    if conditional.is_known(request, part.tag):
+        return Response(status_code=304, headers=headers)
+    content = part.content
+    if part.packed is not None and _takes_gzip(request):
+        content, headers["Content-Encoding"] = part.packed, "gzip"
+    suffix = name[name.rfind(".") :].lower()
+    return Response(content, media_type=_MEDIA_TYPES.get(suffix, _OTHER), headers=headers)
+
+
+def _takes_gzip(request: Request) -> bool:
+    """Whether the client asks for gzip and does not give it the weight zero (RFC 9110, section 12.5.3)."""
+    for one in request.headers.get("accept-encoding", "").lower().split(","):
+        coding, _, weight = one.partition(";")
+        if coding.strip() in ("gzip", "*"):
+            return not re.fullmatch(r"\s*q=0(\.0*)?\s*", weight)
+    return False
+
+
+def _part(path: str) -> Part | None:
+    """A file of the bundle; None where there is none."""
+    folder = files("scaling_service.api") / "web" / "built"
+    content = _read(folder.joinpath(path))
+    if content is None or path.endswith(_COMPRESSED):
+        return None
+    packed = _read(folder.joinpath(path + _COMPRESSED))
+    return Part(content, packed, conditional.tag(hashlib.sha256(content).hexdigest()[:32]))
+
+
+def _read(file: Traversable) -> bytes | None:
+    return file.read_bytes() if file.is_file() else None

@@ -9,11 +9,12 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.api import asking, jobs, monitoring, openapi, page, problems, site, subjects
+from scaling_service.api import asking, examples, jobs, monitoring, openapi, page, problems, site, subjects
 from scaling_service.api.callers import Callers
 from scaling_service.api.monitoring import JobCounts, Recent
 from scaling_service.api.shield import Shield
 from scaling_service.api.watching import Watching
+from scaling_service.runner.example import Examples
 from scaling_service.runner.identity import code_version
 from scaling_service.runner.service import Service
 
@@ -45,11 +46,13 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     )
     app.state.service = service
     app.state.callers = Callers(service, loopback=loopback)
+    app.state.examples = Examples(service)
     app.state.recent = Recent(service)
     app.state.registry = CollectorRegistry()
     app.state.registry.register(JobCounts(service))
     for router in (
         subjects.router,
+        examples.router,
         asking.routes(service.kinds),
         jobs.router,
         monitoring.router,

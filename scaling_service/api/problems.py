@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from scaling_service.core.errors import InputError
+from scaling_service.runner.example import ExampleFailed
 from scaling_service.runner.ledger import QueueFull
 from scaling_service.runner.submission import RequestInvalid
 from scaling_service.schemas.service import Problem
@@ -70,6 +71,7 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (WrongMediaType, 415),
     (TooSlow, 408),
     (WrongHost, 421),
+    (ExampleFailed, 500),
     (InputError, 422),
 )
 """The first that fits counts."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import re
 from dataclasses import dataclass
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from functools import lru_cache
+from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
@@ -38,7 +39,13 @@ _MEDIA_TYPES = {
     ".map": "application/json",
 }
 _OTHER = "application/octet-stream"
-_COMPRESSED = ".gz"
+_PACKED = {".html", ".js", ".css", ".svg", ".txt", ".map", ".json"}
+"""Sent compressed: texts; pictures and fonts are compressed in themselves."""
+
+_BUNDLE = Path(__file__).with_name("web") / "built"
+_MOST_PARTS = 64
+"""Kept in memory. Chosen: more than a page has."""
+
 _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
 <meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
 <p>The service runs. This installation was built without the web page; install the package again without
@@ -54,7 +61,7 @@ class Part:
     ----------
     content : bytes
     packed : bytes or None
-        The same compressed by gzip, where the bundle has it.
+        The same compressed by gzip, where that is worth it.
     tag : str
         Changes with the content.
     """
@@ -104,13 +111,16 @@ def _takes_gzip(request: Request) -> bool:
 
 def _part(path: str) -> Part | None:
     """A file of the bundle; None where there is none."""
-    folder = files("scaling_service.api") / "web" / "built"
-    content = _read(folder.joinpath(path))
-    if content is None or path.endswith(_COMPRESSED):
+    file = _BUNDLE / path
+    if not file.is_file():
         return None
-    packed = _read(folder.joinpath(path + _COMPRESSED))
+    found = file.stat()
+    return _read(file, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=_MOST_PARTS)
+def _read(file: Path, _changed_ns: int, _size: int) -> Part:
+    """The file as it is since it was changed last."""
+    content = file.read_bytes()
+    packed = gzip.compress(content, 9, mtime=0) if file.suffix in _PACKED else None
     return Part(content, packed, conditional.tag(hashlib.sha256(content).hexdigest()[:32]))
-
-
-def _read(file: Traversable) -> bytes | None:
-    return file.read_bytes() if file.is_file() else None

@@ -66,6 +66,12 @@ class SubjectPage(_Travels):
     next: str | None = Field(description="Give it as `cursor` for those that follow; null at the end.")
 
 
+class ExampleList(_Travels):
+    """Examples among the caller's subjects."""
+
+    subjects: list[str] = Field(description="Their names.")
+
+
 class Progress(_Travels):
     """How far a job is."""
 

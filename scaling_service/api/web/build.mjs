@@ -1,10 +1,9 @@
 // Bundles the page: src/main.ts and styles/page.css to built/assets/ under names that hold their content's hash,
-// and index.html that names them. Every text also gets a compressed copy beside it.
+// and index.html that names them.
 import { build } from "esbuild";
-import { mkdir, readFile, readdir, rm, writeFile } from "node:fs/promises";
+import { mkdir, readFile, rm, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
-import { gzipSync } from "node:zlib";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const out = join(here, "built");
@@ -38,12 +37,3 @@ const page = template
   .replace("STYLE", assetOf("styles/page.css"))
   .replace("SCRIPT", assetOf("src/main.ts"));
 await writeFile(join(out, "index.html"), page);
-
-for (const folder of [out, join(out, "assets")]) {
-  for (const name of await readdir(folder)) {
-    if (/\.(css|html|js)$/.test(name)) {
-      const content = await readFile(join(folder, name));
-      await writeFile(join(folder, `${name}.gz`), gzipSync(content, { level: 9 }));
-    }
-  }
-}

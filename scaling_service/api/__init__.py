@@ -10,7 +10,7 @@ The parts, each one idea:
 ``buckets``     how many requests a caller may make
 ``conditional`` ETag and If-None-Match
 ``subjects``    routes of subjects and their files
-``examples``    something to try
+``examples``    something to try; ``words`` tells the names that are used
 ``asking``      one route for each row of the table of kinds (``runner.kinds``)
 ``jobs``        routes of jobs
 ``events``      a job's progress as server-sent events

@@ -9,7 +9,18 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.api import asking, examples, jobs, monitoring, openapi, page, problems, site, subjects
+from scaling_service.api import (
+    asking,
+    examples,
+    jobs,
+    monitoring,
+    openapi,
+    page,
+    problems,
+    site,
+    subjects,
+    words,
+)
 from scaling_service.api.callers import Callers
 from scaling_service.api.monitoring import JobCounts, Recent
 from scaling_service.api.shield import Shield
@@ -53,6 +64,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     for router in (
         subjects.router,
         examples.router,
+        words.router,
         asking.routes(service.kinds),
         jobs.router,
         monitoring.router,

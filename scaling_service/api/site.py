@@ -18,11 +18,11 @@ from scaling_service.store.errors import NotFound
 router = APIRouter(include_in_schema=False)
 
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
     "font-src 'self' data:; connect-src 'self' blob:; worker-src 'self' blob:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy of the page: its own scripts only. Charts set styles of their own elements."""
+"""Content-Security-Policy of the page: its own scripts and styles only."""
 
 FOREVER = "public, max-age=31536000, immutable"
 """For files whose name holds a hash of their content."""

@@ -1,0 +1,1 @@
+import { plain } from "./plain.ts"; export const proof = plain;

@@ -1,0 +1,1 @@
+import type { Finished } from "./result.ts"; export const space = (_f: Finished, place: HTMLElement): void => void place.append("later");

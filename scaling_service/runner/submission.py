@@ -109,7 +109,11 @@ def new_job(
     inputs = tuple(
         FileRow(f"{subject}/{file.name}", file.sha256, file.size)
         for subject, named in request.needed(documents).items()
-        for file in _found(connection, owner, subject, named)
+        for file in (
+            uploads.files_in(connection, owner, subject)
+            if request.reads_every_file
+            else _found(connection, owner, subject, named)
+        )
     )
     hashes = {file.name: file.sha256 for file in inputs}
     try:

@@ -16,8 +16,11 @@ export interface Heat {
   unit: string;
 }
 
+/** Room beside the drawing, px. */
+export const HEAT_SIDES = { left: 84, right: 66 };
+
 export function heatOption(ink: Ink, heat: Heat): Option {
-  const common = base(ink, { left: 84, right: 66, top: 6, bottom: 38 });
+  const common = base(ink, { ...HEAT_SIDES, top: 6, bottom: 38 });
   const columns = Array.from(heat.times);
   return {
     ...common,

@@ -1,0 +1,148 @@
+/** The stage: a floor, light, a camera that is turned by mouse, touch and keys, and drawing when something changed. */
+
+import {
+  AxesHelper,
+  Color,
+  DirectionalLight,
+  GridHelper,
+  HemisphereLight,
+  PerspectiveCamera,
+  Scene,
+  Spherical,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { inkOf } from "../charts/ink.ts";
+import { h } from "../ui/dom.ts";
+import { onTheme, theme, type Theme } from "../ui/theme.ts";
+
+const TURN = Math.PI / 24;
+const NEARER = 0.9;
+/** Above this, a picture is drawn with fewer pixels next time; below the other, with more. */
+const SLOW_MS = 26;
+const FAST_MS = 9;
+const RATIOS = [0.5, 0.67, 0.83, 1, 1.5, 2];
+
+export class Stage {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(40, 1, 0.05, 200);
+  readonly canvas = h("canvas", { tabindex: 0, role: "img" });
+  readonly element = h("div", { class: "stage" }, this.canvas);
+  private readonly renderer: WebGLRenderer;
+  private readonly controls: OrbitControls;
+  private grid: GridHelper | null = null;
+  private waiting = 0;
+  private ratio: number;
+  private slow = 0;
+
+  /** @throws Error where the browser has no WebGL. */
+  constructor(label: string, signal: AbortSignal) {
+    this.canvas.setAttribute("aria-label", `${label}. Arrow keys turn it, plus and minus move nearer and away.`);
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, powerPreference: "high-performance" });
+    this.ratio = RATIOS.findLastIndex((ratio) => ratio <= Math.max(1, devicePixelRatio));
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.canvas.addEventListener("keydown", (event) => this.key(event));
+    this.scene.add(new HemisphereLight(0xffffff, 0x8899aa, 2.2), new AxesHelper(0.25));
+    const sun = new DirectionalLight(0xffffff, 1.8);
+    sun.position.set(2, 5, 3);
+    this.scene.add(sun);
+    this.look(new Vector3(0, 0.85, 0), 3.6);
+    this.paint(theme());
+    onTheme((chosen) => this.paint(chosen), signal);
+    const resizing = new ResizeObserver(() => this.resize());
+    resizing.observe(this.element);
+    signal.addEventListener("abort", () => {
+      resizing.disconnect();
+      cancelAnimationFrame(this.waiting);
+      this.waiting = -1;
+      this.controls.dispose();
+      this.renderer.dispose();
+      this.renderer.forceContextLoss();
+    });
+  }
+
+  /** Look at a point from the front right, so far away. */
+  look(target: Vector3, distance: number): void {
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).add(new Vector3(0.62, 0.28, 0.73).multiplyScalar(distance));
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Go along with what moves: shift what is looked at, and the camera as much. */
+  follow(shift: Vector3): void {
+    this.controls.target.add(shift);
+    this.camera.position.add(shift);
+    this.controls.update();
+  }
+
+  get target(): Vector3 {
+    return this.controls.target;
+  }
+
+  /** Draw soon, once. */
+  draw(): void {
+    if (this.waiting !== 0) return;
+    this.waiting = requestAnimationFrame(() => {
+      this.waiting = 0;
+      this.drawNow();
+    });
+  }
+
+  /** Draw at once; while playing this is called once for each picture. */
+  drawNow(): void {
+    if (this.waiting === -1) return;
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Tell how long pictures take, so that a slow machine gets fewer pixels instead of fewer pictures. */
+  paced(milliseconds: number): void {
+    this.slow = 0.9 * this.slow + 0.1 * milliseconds;
+    const step = this.slow > SLOW_MS ? -1 : this.slow < FAST_MS && devicePixelRatio > (RATIOS[this.ratio] ?? 1) ? 1 : 0;
+    const next = this.ratio + step;
+    if (step === 0 || RATIOS[next] === undefined) return;
+    this.ratio = next;
+    this.slow = (SLOW_MS + FAST_MS) / 2;
+    this.resize();
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.element;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    this.renderer.setPixelRatio(RATIOS[this.ratio] ?? 1);
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    this.drawNow();
+  }
+
+  private paint(chosen: Theme): void {
+    const ink = inkOf(chosen);
+    this.scene.background = new Color(chosen === "dark" ? "#1a2027" : "#eef1f5");
+    if (this.grid !== null) this.scene.remove(this.grid);
+    this.grid = new GridHelper(12, 24, ink.quiet, ink.line);
+    this.scene.add(this.grid);
+    this.draw();
+  }
+
+  private key(event: KeyboardEvent): void {
+    const turns: Record<string, [number, number]> = {
+      ArrowLeft: [-TURN, 0], ArrowRight: [TURN, 0], ArrowUp: [0, -TURN], ArrowDown: [0, TURN],
+    };
+    const turn = turns[event.key];
+    const zoom = event.key === "+" ? NEARER : event.key === "-" ? 1 / NEARER : 1;
+    if ((turn === undefined && zoom === 1) || event.ctrlKey || event.altKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const offset = this.camera.position.clone().sub(this.target);
+    const polar = new Spherical().setFromVector3(offset);
+    polar.theta += turn?.[0] ?? 0;
+    polar.phi = Math.min(Math.max(polar.phi + (turn?.[1] ?? 0), 0.05), Math.PI - 0.05);
+    polar.radius *= zoom;
+    this.camera.position.copy(this.target).add(offset.setFromSpherical(polar));
+    this.controls.update();
+    this.draw();
+  }
+}

@@ -10,8 +10,9 @@ from typing import Any
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.arrays import ArrayFiles
 from scaling_service.jobs.loading import load, read_model
+from scaling_service.jobs.proof_extra import extra_markers
 from scaling_service.jobs.proof_files import Found, look_into
-from scaling_service.jobs.proof_markers import extra_markers, propose
+from scaling_service.jobs.proof_markers import propose
 from scaling_service.jobs.proof_proposal import named_in, proposal, roles_of
 from scaling_service.jobs.proof_recordings import Seen, axes_entry, problem_of, session_axes
 from scaling_service.jobs.proof_tables import Ground, recording_proof

@@ -12,7 +12,7 @@ from scaling_service.kernels.rigid import fit_rigid
 from scaling_service.models.body import BodyModel
 from scaling_service.models.neutral import neutral_markers
 from scaling_service.models.trial import Array, Trial
-from scaling_service.schemas.proof import Candidate, ExtraMarker, MarkerProof
+from scaling_service.schemas.proof import Candidate, MarkerProof
 
 CONFIDENCE: Mapping[str, float] = {
     "": 1.0,
@@ -31,10 +31,6 @@ right there is less sure than any name."""
 
 FEWEST_KNOWN = 4
 """Markers that tell where the model stands (three, and one to spare)."""
-
-RIGID_MM, STANDS_OUT = 5.0, 0.6
-"""Chosen: distances between markers of one thigh change by less, and by less than this share of what they
-change to the next segment's markers; else nothing is said."""
 
 _MOST_OTHERS = 3
 
@@ -193,43 +189,3 @@ def _entry(
             ],
         }
     )
-
-
-def extra_markers(
-    markers: Sequence[MarkerProof], unused: Sequence[str], trials: Mapping[str, Trial]
-) -> list[ExtraMarker]:
-    """The segment that each further label moves with: the one to whose markers it keeps its distances."""
-    carried: dict[str, list[str]] = {}
-    for entry in markers:
-        if entry.label is not None:
-            carried.setdefault(entry.segment, []).append(entry.label)
-    found = []
-    for label in unused:
-        if looks_computed(label):
-            continue
-        spreads = sorted((_spread_mm(label, others, trials), name) for name, others in carried.items())
-        clear = bool(spreads) and spreads[0][0] < RIGID_MM
-        clear = clear and (len(spreads) < 2 or spreads[0][0] < STANDS_OUT * spreads[1][0])
-        known = bool(spreads) and bool(np.isfinite(spreads[0][0]))
-        found.append(
-            ExtraMarker(
-                label=label,
-                segment=spreads[0][1] if clear else None,
-                spread_mm=round(spreads[0][0], 1) if known else None,
-            )
-        )
-    return found
-
-
-def _spread_mm(label: str, others: Sequence[str], trials: Mapping[str, Trial]) -> float:
-    """Largest standard deviation of a label's distance to others over all recordings; infinite if unknown."""
-    found = [0.0]
-    seen = False
-    for trial in (t for t in trials.values() if label in t.labels):
-        for other in (o for o in others if o in trial.labels):
-            distance = np.linalg.norm(trial.position(label) - trial.position(other), axis=1)
-            known = distance[np.isfinite(distance)]
-            if len(known) > 1:
-                found.append(1e3 * float(known.std()))
-                seen = True
-    return max(found) if seen else float("inf")

@@ -38,7 +38,7 @@ export class Playback {
   constructor(private readonly options: PlaybackOptions) {
     const { trial, shown, signal } = options;
     this.method = shown[0] ?? Object.keys(trial.motions)[0] ?? "";
-    this.player = new Player(trial.frames, trial.rate_hz, trial.start_s, (frame) => this.show(frame), (ms) => this.theatre?.stage.paced(ms), signal);
+    this.player = new Player(trial.frames, trial.rate_hz, trial.start_s, (frame) => this.show(frame), () => this.theatre?.stage, signal);
     this.element.append(this.failed);
   }
 
@@ -57,9 +57,11 @@ export class Playback {
     const { theatre } = this;
     if (theatre !== null) {
       theatre.picked = (label) => this.choose(label);
-      this.element.append(this.controls(theatre, bodies.map(({ told }) => told.name)), theatre.stage.element, this.player.element, this.told);
+      const controls = h("div", { class: "controls" });
+      this.element.append(controls, theatre.stage.element, this.player.element, this.told);
       this.element.addEventListener("keydown", (event) => this.key(event));
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
+      fill(controls, ...this.choices(theatre, bodies.map(({ told }) => told.name)));
     }
     this.element.append(this.mapChoice(), this.map);
     await this.draw();
@@ -93,23 +95,21 @@ export class Playback {
     this.told.textContent = `${this.marker}: ${error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`}`;
   }
 
-  private controls(theatre: Theatre, names: readonly string[]): HTMLElement {
+  private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {
     const known = styles(names);
     const models = names.map((name) =>
       box(h("span", null, chipOf(known.get(name)?.colour ?? ""), ` ${name}`), this.options.shown.includes(name), (shown) =>
         void guarded(this.failed, () => theatre.showBody(name, shown))));
-    return h(
-      "div",
-      { class: "controls" },
+    return [
       group("Models", ...models),
       group("Show",
         box("bones", true, (shown) => theatre.showBones(shown)),
         box("model markers", true, (shown) => theatre.showMarkers(shown)),
         box("measured markers", true, (shown) => theatre.showMeasured(shown)),
-        box("follow", false, (following) => {
+        box("follow", theatre.following, (following) => {
           theatre.following = following;
         })),
-    );
+    ];
   }
 
   private mapChoice(): HTMLElement {

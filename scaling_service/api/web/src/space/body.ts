@@ -1,10 +1,12 @@
 /** One model in space: its bones, joint centres, knee axes and markers, moved by the poses of its segments. */
 
-import { Color, Group, Mesh, MeshLambertMaterial, Quaternion, Vector3, type Object3D } from "three";
+import { Color, Group, type BufferGeometry, Mesh, MeshLambertMaterial, Quaternion, Vector3, type Object3D } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import type { BodyDocument, Triple } from "../scene/documents.ts";
 import { BONE } from "../ui/palette.ts";
+import { coarsened } from "./coarse.ts";
 import { Dots } from "./dots.ts";
+import { wellOrdered } from "./order.ts";
 import { Strokes } from "./strokes.ts";
 
 const POSE = 7;
@@ -26,6 +28,7 @@ export class Body {
   private readonly sticks: Strokes;
   private readonly gaps: Strokes;
   private readonly toLabels: number[];
+  private readonly bones: Bone[] = [];
 
   /** @param labels of the measured markers, in their order. */
   constructor(
@@ -52,7 +55,7 @@ export class Body {
       const place = this.told.segments.findIndex(({ name }) => name === node.name);
       const group = this.segments[place];
       if (group === undefined) continue;
-      paint(node, tinted(this.colour));
+      this.bones.push(...prepared(node, tinted(this.colour)));
       group.add(node);
     }
   }
@@ -72,6 +75,11 @@ export class Body {
     if (measured === null) return;
     this.toLabels.forEach((label, k) => this.gaps.put(k, this.placed, 3 * (this.markers[k] ?? 0), measured, label < 0 ? NaN : 3 * label));
     this.gaps.done();
+  }
+
+  /** Draw the bones with fewer triangles, or with all. */
+  detail(coarse: boolean): void {
+    for (const { mesh, fine, rough } of this.bones) mesh.geometry = coarse ? rough : fine;
   }
 
   showBones(shown: boolean): void {
@@ -122,10 +130,21 @@ function tinted(colour: string): Color {
   return new Color(BONE).lerp(new Color(colour), TINT);
 }
 
-function paint(node: Object3D, colour: Color): void {
+interface Bone {
+  mesh: Mesh;
+  fine: BufferGeometry;
+  rough: BufferGeometry;
+}
+
+function prepared(node: Object3D, colour: Color): Bone[] {
+  const found: Bone[] = [];
   node.traverse((part) => {
     if (!(part instanceof Mesh)) return;
-    if (!part.geometry.hasAttribute("normal")) part.geometry.computeVertexNormals();
+    const fine = part.geometry as BufferGeometry;
+    if (!fine.hasAttribute("normal")) fine.computeVertexNormals();
+    wellOrdered(fine);
     part.material = new MeshLambertMaterial({ color: colour });
+    found.push({ mesh: part, fine, rough: coarsened(fine) });
   });
+  return found;
 }

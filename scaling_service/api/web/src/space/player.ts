@@ -3,7 +3,14 @@
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
 
+/** While playing, the clock and the slider change this often: people read no faster, and painting them costs. */
+const TELL_MS = 100;
 const SPEEDS = ["0.1", "0.25", "0.5", "1", "2"];
+
+interface Pacing {
+  play: (playing: boolean) => void;
+  paced: (milliseconds: number) => void;
+}
 
 export class Player {
   readonly element: HTMLElement;
@@ -14,17 +21,18 @@ export class Player {
   private position = 0;
   private speed = 1;
   private playing = false;
+  private toldAt = 0;
 
   /**
    * @param show called with each frame that is to be seen.
-   * @param paced called with the milliseconds between two pictures while playing.
+   * @param stage told when playing begins and ends, and how long pictures take.
    */
   constructor(
     private readonly frames: number,
     private readonly rate_hz: number,
     private readonly start_s: number,
     private readonly show: (frame: number) => void,
-    private readonly paced: (milliseconds: number) => void,
+    private readonly stage: () => Pacing | undefined,
     private readonly signal: AbortSignal,
   ) {
     this.slider = h("input", { type: "range", min: 0, max: frames - 1, step: 1, value: 0, "aria-label": "Frame",
@@ -68,6 +76,7 @@ export class Player {
   private play(): void {
     this.playing = true;
     this.button.textContent = "Pause";
+    this.stage()?.play(true);
     let before = performance.now();
     let counted = 0;
     let since = before;
@@ -76,9 +85,12 @@ export class Player {
       const past = now - before;
       before = now;
       this.position = (this.position + (this.speed * this.rate_hz * past) / 1000) % this.frames;
-      this.tell();
+      if (now - this.toldAt > TELL_MS) {
+        this.toldAt = now;
+        this.tell();
+      }
       this.show(this.frame);
-      this.paced(past);
+      this.stage()?.paced(past);
       counted += 1;
       if (now - since > 1000) {
         this.pace.textContent = `${Math.round((1000 * counted) / (now - since))} pictures/s`;
@@ -93,7 +105,9 @@ export class Player {
   }
 
   private stop(): void {
+    if (!this.playing) return;
     this.playing = false;
+    this.stage()?.play(false);
     this.button.textContent = "Play";
     this.pace.textContent = "";
   }

@@ -15,15 +15,11 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { inkOf } from "../charts/ink.ts";
 import { h } from "../ui/dom.ts";
+import { isSoftware, Pace, type Quality } from "./quality.ts";
 import { onTheme, theme, type Theme } from "../ui/theme.ts";
 
 const TURN = Math.PI / 24;
 const NEARER = 0.9;
-/** Above this, a picture is drawn with fewer pixels next time; below the other, with more. */
-const SLOW_MS = 26;
-const FAST_MS = 9;
-const RATIOS = [0.5, 0.67, 0.83, 1, 1.5, 2];
-
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(40, 1, 0.05, 200);
@@ -33,16 +29,21 @@ export class Stage {
   private readonly controls: OrbitControls;
   private grid: GridHelper | null = null;
   private waiting = 0;
-  private ratio: number;
-  private slow = 0;
+  /** Called when bones are to have fewer triangles, or all. */
+  detailed: (coarse: boolean) => void = () => undefined;
+  private readonly pace: Pace;
+  private moving = false;
 
   /** @throws Error where the browser has no WebGL. */
   constructor(label: string, signal: AbortSignal) {
     this.canvas.setAttribute("aria-label", `${label}. Arrow keys turn it, plus and minus move nearer and away.`);
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, powerPreference: "high-performance" });
-    this.ratio = RATIOS.findLastIndex((ratio) => ratio <= Math.max(1, devicePixelRatio));
+    const software = isSoftware();
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: !software, powerPreference: "high-performance" });
+    this.pace = new Pace(software);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => this.move(true));
+    this.controls.addEventListener("end", () => this.move(this.playing));
     this.canvas.addEventListener("keydown", (event) => this.key(event));
     this.scene.add(new HemisphereLight(0xffffff, 0x8899aa, 2.2), new AxesHelper(0.25));
     const sun = new DirectionalLight(0xffffff, 1.8);
@@ -97,21 +98,33 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Tell how long pictures take, so that a slow machine gets fewer pixels instead of fewer pictures. */
-  paced(milliseconds: number): void {
-    this.slow = 0.9 * this.slow + 0.1 * milliseconds;
-    const step = this.slow > SLOW_MS ? -1 : this.slow < FAST_MS && devicePixelRatio > (RATIOS[this.ratio] ?? 1) ? 1 : 0;
-    const next = this.ratio + step;
-    if (step === 0 || RATIOS[next] === undefined) return;
-    this.ratio = next;
-    this.slow = (SLOW_MS + FAST_MS) / 2;
+  /** Whether something plays: quickly drawn then, in full when it rests. */
+  play(playing: boolean): void {
+    this.playing = playing;
+    this.move(playing);
+  }
+
+  private playing = false;
+
+  private move(moving: boolean): void {
+    this.moving = moving;
+    this.detailed(this.quality.coarse);
     this.resize();
+  }
+
+  private get quality(): Quality {
+    return this.moving ? this.pace.moving : this.pace.resting;
+  }
+
+  /** Tell how long a picture took, so that a slow machine gets fewer pixels instead of fewer pictures. */
+  paced(milliseconds: number): void {
+    if (this.pace.took(milliseconds)) this.move(this.moving);
   }
 
   private resize(): void {
     const { clientWidth, clientHeight } = this.element;
     if (clientWidth === 0 || clientHeight === 0) return;
-    this.renderer.setPixelRatio(RATIOS[this.ratio] ?? 1);
+    this.renderer.setPixelRatio(this.quality.ratio);
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     this.camera.updateProjectionMatrix();

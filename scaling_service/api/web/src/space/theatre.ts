@@ -11,6 +11,8 @@ import { Ground } from "./ground.ts";
 import { Stage } from "./stage.ts";
 
 const PICKED = "#e69f00";
+/** Who goes further than this is followed at first, lest they walk off the stage. */
+const GOES_M = 1;
 
 export interface Play {
   labels: readonly string[];
@@ -63,7 +65,15 @@ export class Theatre {
     }
     this.stage.scene.add(this.dots.mesh, this.ground.group);
     onTheme(() => this.repaint(), signal);
+    this.stage.detailed = (coarse) => this.detail(coarse);
     this.pickOnClick();
+  }
+
+  private coarse = false;
+
+  private detail(coarse: boolean): void {
+    this.coarse = coarse;
+    for (const { body } of this.actors.values()) body.detail(coarse);
   }
 
   /** Fetch what the first picture needs, and show it. */
@@ -72,6 +82,8 @@ export class Theatre {
     await Promise.all([this.measured.begin(), ...forces, ...shown.map((name) => this.showBody(name, true))]);
     this.frame = frame;
     const centre = this.centreAt(frame);
+    const last = this.centreAt(this.measured.count - 1);
+    this.following = centre !== null && last !== null && centre.distanceTo(last) > GOES_M;
     if (centre !== null) this.stage.look(new Vector3(centre.x, Math.max(centre.y, 0.6), centre.z), 3.4);
     this.show(frame);
   }
@@ -164,6 +176,7 @@ export class Theatre {
     actor.dressed = true;
     const { send } = await import("../api/http.ts");
     await actor.body.dress(await (await send(this.path(file), { signal: this.signal })).arrayBuffer());
+    actor.body.detail(this.coarse);
     actor.body.showBones(this.bones);
     actor.body.showMarkers(this.markers);
   }

@@ -11,6 +11,7 @@ The parts, each one idea:
 ``conditional`` ETag and If-None-Match
 ``subjects``    routes of subjects and their files
 ``examples``    something to try; ``words`` tells the names that are used
+``markers``     the labels of a laboratory
 ``asking``      one route for each row of the table of kinds (``runner.kinds``)
 ``jobs``        routes of jobs
 ``events``      a job's progress as server-sent events

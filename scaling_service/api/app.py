@@ -13,6 +13,7 @@ from scaling_service.api import (
     asking,
     examples,
     jobs,
+    markers,
     monitoring,
     openapi,
     page,
@@ -65,6 +66,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         subjects.router,
         examples.router,
         words.router,
+        markers.router,
         asking.routes(service.kinds),
         jobs.router,
         monitoring.router,
@@ -73,7 +75,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     ):
         app.include_router(router)
     problems.install(app)
-    openapi.install(app, {*subjects.DOCUMENTS, *asking.models(service.kinds)})
+    openapi.install(app, {*subjects.DOCUMENTS, *markers.DOCUMENTS, *asking.models(service.kinds)})
     app.add_middleware(Shield)
     app.add_middleware(Watching, registry=app.state.registry)
     return app

@@ -13,17 +13,14 @@ export interface KnownModel {
 export interface KnownMethod {
   name: string;
   meaning: string;
+  starts_from: string | null;
   needs_images: boolean;
-  needs_calibration: boolean;
 }
 
 export interface Vocabulary {
   models: KnownModel[];
   methods: KnownMethod[];
   bones: string[];
-  recordings: string[];
-  forces: string[];
-  meshes: string[];
 }
 
 let asked: Promise<Vocabulary> | null = null;

@@ -28,6 +28,8 @@ export interface BodyDocument {
 
 export interface MotionDocument {
   poses: Stored;
+  /** Where the model's markers are, where they glide on their segments; in the order of the labels. */
+  placed: Stored | null;
   errors: Stored;
   coordinates: { name: string; unit: string; estimated: boolean }[];
   angles: Stored;

@@ -47,7 +47,7 @@ export class Playback {
     const colours = styles(scene.bodies.map(({ name }) => name));
     const bodies = scene.bodies.flatMap((told) => {
       const motion = trial.motions[told.name];
-      return motion === undefined ? [] : [{ told, poses: motion.poses, colour: colours.get(told.name)?.colour ?? "" }];
+      return motion === undefined ? [] : [{ told, poses: motion.poses, placed: motion.placed, colour: colours.get(told.name)?.colour ?? "" }];
     });
     try {
       this.theatre = new Theatre({ ...trial, bodies }, path, `Models of ${bodies.map(({ told }) => told.name).join(", ")} in ${trial.name}`, signal);

@@ -37,7 +37,7 @@ export class Body {
     labels: readonly string[],
   ) {
     this.segments = told.segments.map(() => new Group());
-    this.group.add(...this.segments);
+    for (const segment of this.segments) this.group.add(segment);
     this.markers = told.markers.map(({ segment, xyz_m }) => this.point(segment, xyz_m));
     this.toLabels = told.markers.map(({ name }) => labels.indexOf(name));
     this.connect();
@@ -60,8 +60,9 @@ export class Body {
     }
   }
 
-  /** Move everything to a frame: poses of all segments, and where the markers were measured. */
-  put(poses: Float32Array, measured: Float32Array | null): void {
+  /** Move everything to a frame: poses of all segments, where the markers were measured, and where the
+   * model's own are where they glide. */
+  put(poses: Float32Array, measured: Float32Array | null, gliding: Float32Array | null): void {
     this.segments.forEach((group, k) => {
       const at = POSE * k;
       group.visible = Number.isFinite(poses[at] ?? NaN);
@@ -69,6 +70,7 @@ export class Body {
       group.quaternion.set(poses[at + 3] ?? 0, poses[at + 4] ?? 0, poses[at + 5] ?? 0, poses[at + 6] ?? 1);
     });
     this.place(poses);
+    if (gliding !== null) this.glide(gliding);
     this.markerDots.put(this.markers.flatMap((k) => [...this.placed.subarray(3 * k, 3 * k + 3)]));
     this.pairs.forEach(([a, b], k) => this.sticks.put(k, this.placed, 3 * a, this.placed, 3 * b));
     this.sticks.done();
@@ -101,6 +103,12 @@ export class Body {
       this.placed[3 * k] = at.x + (poses[p] ?? NaN);
       this.placed[3 * k + 1] = at.y + (poses[p + 1] ?? NaN);
       this.placed[3 * k + 2] = at.z + (poses[p + 2] ?? NaN);
+    });
+  }
+
+  private glide(gliding: Float32Array): void {
+    this.toLabels.forEach((label, k) => {
+      if (label >= 0) this.placed.set(gliding.subarray(3 * label, 3 * label + 3), 3 * (this.markers[k] ?? 0));
     });
   }
 

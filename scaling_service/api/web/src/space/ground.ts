@@ -21,7 +21,7 @@ export class Ground {
     plates.forEach(({ corners_m }, k) => {
       if (corners_m !== null) this.group.add(outline(corners_m.flat(), colourOf(k)));
     });
-    this.group.add(...this.arrows);
+    for (const arrow of this.arrows) this.group.add(arrow);
   }
 
   /** Three numbers for each plate: the force, N, and where it acts, m. */

@@ -1,7 +1,6 @@
 /** The stage: a floor, light, a camera that is turned by mouse, touch and keys, and drawing when something changed. */
 
 import {
-  AxesHelper,
   Color,
   DirectionalLight,
   GridHelper,
@@ -45,7 +44,7 @@ export class Stage {
     this.controls.addEventListener("start", () => this.move(true));
     this.controls.addEventListener("end", () => this.move(this.playing));
     this.canvas.addEventListener("keydown", (event) => this.key(event));
-    this.scene.add(new HemisphereLight(0xffffff, 0x8899aa, 2.2), new AxesHelper(0.25));
+    this.scene.add(new HemisphereLight(0xffffff, 0x8899aa, 2.2));
     const sun = new DirectionalLight(0xffffff, 1.8);
     sun.position.set(2, 5, 3);
     this.scene.add(sun);

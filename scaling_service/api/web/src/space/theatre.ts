@@ -1,6 +1,6 @@
 /** One recording in space: measured markers, the bodies that are shown, plates and forces, at one frame. */
 
-import { Raycaster, Vector2, Vector3 } from "three";
+import { Raycaster, Vector2, Vector3, type Object3D } from "three";
 import { inkOf } from "../charts/ink.ts";
 import type { BodyDocument, Plate, Stored } from "../scene/documents.ts";
 import { Frames } from "../scene/frames.ts";
@@ -21,12 +21,13 @@ export interface Play {
   force: Stored | null;
   centre_of_pressure: Stored | null;
   /** Bodies with their poses, in the order of their drawing. */
-  bodies: readonly { told: BodyDocument; poses: Stored; colour: string }[];
+  bodies: readonly { told: BodyDocument; poses: Stored; placed: Stored | null; colour: string }[];
 }
 
 interface Actor {
   body: Body;
   poses: Frames;
+  gliding: Frames | null;
   shown: boolean;
   dressed: boolean;
 }
@@ -60,8 +61,9 @@ export class Theatre {
     this.ground = new Ground(play.plates);
     const { force, centre_of_pressure } = play;
     this.forces = force === null || centre_of_pressure === null ? null : { push: frames(force), at: frames(centre_of_pressure) };
-    for (const { told, poses, colour } of play.bodies) {
-      this.actors.set(told.name, { body: new Body(told, colour, play.labels), poses: frames(poses), shown: false, dressed: false });
+    for (const { told, poses, placed, colour } of play.bodies) {
+      const body = new Body(told, colour, play.labels);
+      this.actors.set(told.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
     }
     this.stage.scene.add(this.dots.mesh, this.ground.group);
     onTheme(() => this.repaint(), signal);
@@ -84,7 +86,7 @@ export class Theatre {
     const centre = this.centreAt(frame);
     const last = this.centreAt(this.measured.count - 1);
     this.following = centre !== null && last !== null && centre.distanceTo(last) > GOES_M;
-    if (centre !== null) this.stage.look(new Vector3(centre.x, Math.max(centre.y, 0.6), centre.z), 3.4);
+    if (centre !== null) this.stage.look(centre, Math.max(1.2, 3.7 * this.reachAt(frame, centre)));
     this.show(frame);
   }
 
@@ -95,11 +97,21 @@ export class Theatre {
     actor.shown = shown;
     if (!shown) this.stage.scene.remove(actor.body.group);
     if (shown) {
-      await actor.poses.begin();
+      await Promise.all([actor.poses.begin(), actor.gliding?.begin()]);
       this.stage.scene.add(actor.body.group);
       if (!actor.dressed && actor.body.told.bones !== null) await this.dress(actor, actor.body.told.bones);
     }
     this.show(this.frame);
+  }
+
+  /** Put signs on the floor below the middle of the markers. */
+  mark(...signs: Object3D[]): void {
+    const centre = this.centreAt(this.frame) ?? new Vector3();
+    for (const sign of signs) {
+      sign.position.set(centre.x, 0.01, centre.z);
+      this.stage.scene.add(sign);
+    }
+    this.stage.draw();
   }
 
   showBones(shown: boolean): void {
@@ -141,9 +153,9 @@ export class Theatre {
     this.frame = frame;
     const measured = this.measured.at(frame);
     if (measured !== null) this.dots.put(measured);
-    for (const { body, poses, shown } of this.actors.values()) {
+    for (const { body, poses, gliding, shown } of this.actors.values()) {
       const pose = shown ? poses.at(frame) : null;
-      if (pose !== null) body.put(pose, measured);
+      if (pose !== null) body.put(pose, measured, gliding?.at(frame) ?? null);
     }
     const push = this.forces?.push.at(frame) ?? null;
     const at = this.forces?.at.at(frame) ?? null;
@@ -170,6 +182,17 @@ export class Theatre {
       count += 1;
     }
     return count === 0 ? null : sum.divideScalar(count);
+  }
+
+  /** How far the furthest marker is from the middle. */
+  private reachAt(frame: number, centre: Vector3): number {
+    const measured = this.measured.at(frame) ?? new Float32Array();
+    let far = 0;
+    for (let k = 0; k < measured.length; k += 3) {
+      const distance = new Vector3().fromArray(measured, k).distanceTo(centre);
+      if (distance > far) far = distance;
+    }
+    return far;
   }
 
   private async dress(actor: Actor, file: string): Promise<void> {

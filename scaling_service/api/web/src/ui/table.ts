@@ -88,11 +88,12 @@ function tools(
 }
 
 function head(column: Column, sort: () => void): HTMLElement {
+  if (column.title === "") return h("th", { scope: "col" }, h("span", { class: "sr" }, "what it is or does"));
   const chip = column.colour === undefined ? false : chipOf(column.colour);
   return h(
     "th",
     { scope: "col", class: column.words === true ? "words" : null },
-    h("button", { class: "head", onclick: sort }, chip, column.title || "name"),
+    h("button", { class: "head", onclick: sort }, chip, column.title),
   );
 }
 
@@ -144,6 +145,6 @@ const valueOf = (found: Cell | undefined): string | number | null =>
   found === undefined ? null : found.value === undefined ? found.text : found.value;
 
 function textOf(options: TableOptions): string {
-  const title = options.columns.map((column) => column.title || "name");
+  const title = options.columns.map((column) => column.title);
   return csv([title, ...options.rows.map((row) => row.map(valueOf))]);
 }

@@ -6,6 +6,8 @@ import type { Option } from "./engine.ts";
 import { tip } from "./figure.ts";
 import type { Ink } from "./ink.ts";
 
+const LEFT = 110;
+
 export interface Bar {
   name: string;
   value: number | null;
@@ -23,7 +25,7 @@ export interface Bars {
 }
 
 export function barsOption(ink: Ink, { bars, axis, unit, marks, left }: Bars): Option {
-  const common = base(ink, { left: left ?? 110 });
+  const common = base(ink, { left: left ?? LEFT });
   return {
     ...common,
     tooltip: {
@@ -33,7 +35,7 @@ export function barsOption(ink: Ink, { bars, axis, unit, marks, left }: Bars): O
       formatter: (found: unknown) => told(bars, unit, marks, found),
     },
     xAxis: valueAxis(ink, { name: axis, min: 0 }, "x"),
-    yAxis: nameAxis(ink, bars.map((bar) => bar.name)),
+    yAxis: nameAxis(ink, bars.map((bar) => bar.name), (left ?? LEFT) - 10),
     series: [
       {
         type: "bar",

@@ -41,12 +41,12 @@ export function valueAxis(ink: Ink, { name, min, max }: Axis, where: "x" | "y"):
   };
 }
 
-export function nameAxis(ink: Ink, names: readonly string[], inverse = true): Option {
+export function nameAxis(ink: Ink, names: readonly string[], width: number): Option {
   return {
     type: "category",
     data: names.map((value) => ({ value })),
-    inverse,
-    axisLabel: { color: ink.text, fontSize: 11, width: 130, overflow: "truncate", interval: names.length > 45 ? "auto" : 0 },
+    inverse: true,
+    axisLabel: { color: ink.text, fontSize: 11, width, overflow: "truncate", interval: names.length > 45 ? "auto" : 0 },
     axisLine: { lineStyle: { color: ink.quiet } },
     axisTick: { show: false },
   };

@@ -18,9 +18,11 @@ export interface Heat {
 
 /** Room beside the drawing, px. */
 export const HEAT_SIDES = { left: 84, right: 66 };
+export const HEAT_ABOVE = 6;
+export const HEAT_BELOW = 38;
 
 export function heatOption(ink: Ink, heat: Heat): Option {
-  const common = base(ink, { ...HEAT_SIDES, top: 6, bottom: 38 });
+  const common = base(ink, { ...HEAT_SIDES, top: HEAT_ABOVE, bottom: HEAT_BELOW });
   const columns = Array.from(heat.times);
   return {
     ...common,
@@ -35,7 +37,7 @@ export function heatOption(ink: Ink, heat: Heat): Option {
       axisLabel: { color: ink.quiet, hideOverlap: true },
       axisTick: { show: false },
     },
-    yAxis: { ...nameAxis(ink, heat.names), splitArea: { show: false } },
+    yAxis: { ...nameAxis(ink, heat.names, HEAT_SIDES.left - 10), splitArea: { show: false } },
     visualMap: {
       min: 0,
       max: heat.top,

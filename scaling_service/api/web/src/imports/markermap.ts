@@ -69,8 +69,8 @@ export class MarkerMap {
       table({
         caption: "Model markers and labels",
         name: "marker_map",
-        columns: [{ title: "marker" }, { title: "segment", words: true }, { title: "label", words: true }, { title: "sure" },
-          { title: "why", words: true }, { title: "recordings" }, { title: "" }],
+        columns: [{ title: "marker" }, { title: "label", words: true }, { title: "sure" }, { title: "why", words: true },
+          { title: "segment", words: true }, { title: "recordings" }],
         rows: this.proof.markers.map((marker) => this.row(marker)),
         filter: true,
       }),
@@ -88,12 +88,11 @@ export class MarkerMap {
     const tone: Tone = sure === null ? "unknown" : sure >= SURE ? "good" : sure >= LIKELY ? "fair" : "poor";
     return [
       { text: marker, node: h("span", label === null ? null : { "data-label": label }, marker) },
-      cell(segment),
-      { text: label ?? "", node: this.chooser(found, label) },
+      { text: label ?? "", node: h("span", { class: "labelled" }, this.chooser(found, label), this.picker(marker)) },
       cell(percent(sure), sure, tone),
       cell(corrected ? "chosen here" : why),
+      cell(segment),
       cell(`${recordings.length} of ${this.proof.recordings.length}`, recordings.length),
-      { text: "", node: this.picker(marker) },
     ];
   }
 

@@ -12,7 +12,7 @@ export const comparison: ResultView = async (found) => {
   const document = await getResult<ComparisonDocument>(found.job.id, found.signal);
   await parts("Parts of the comparison", found, [
     { name: "verdict", title: "Verdict", show: (place) => verdict(document, found, place) },
-    { name: "space", title: "In space", show: async (place) => (await import("./space.ts")).space(found, place) },
+    { name: "space", title: "In space", show: async (place) => (await import("./space.ts")).space(found, place, preferred(document)) },
     { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
     { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
     { name: "angles", title: "Angles", show: async (place) => (await import("./angles.ts")).angles(found, place) },
@@ -20,3 +20,8 @@ export const comparison: ResultView = async (found) => {
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
+
+/** Seen at first: what the verdict says, and what it started from. */
+function preferred({ verdict: told, methods }: ComparisonDocument): string[] {
+  return [...(told === null ? [] : [told.method]), ...("MB_am" in methods ? ["MB_am"] : [])];
+}

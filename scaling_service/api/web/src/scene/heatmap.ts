@@ -1,8 +1,8 @@
 /** Marker × time of the error of one model in one recording; a click goes to that frame. */
 
-import { darkest, HEAT_SIDES, heatHeight, heatOption, type Heat } from "../charts/heat.ts";
+import { darkest, HEAT_ABOVE, HEAT_BELOW, HEAT_SIDES, heatHeight, heatOption, type Heat } from "../charts/heat.ts";
 import { figure } from "../charts/figure.ts";
-import { h } from "../ui/dom.ts";
+import { h, vary } from "../ui/dom.ts";
 import { number } from "../ui/words.ts";
 import type { TrialDocument } from "./documents.ts";
 import { Frames } from "./frames.ts";
@@ -45,6 +45,7 @@ export async function errorMap(
     },
   }, signal);
   const cursor = h("div", { class: "cursor", "aria-hidden": "true" });
+  vary(cursor, { "--high": `${heatHeight(heat.names.length) - HEAT_ABOVE - HEAT_BELOW}px` });
   const plot = drawn.element.querySelector<HTMLElement>(".plot");
   plot?.after(h("div", { class: "cursors" }, cursor));
   return {

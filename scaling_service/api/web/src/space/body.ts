@@ -55,7 +55,8 @@ export class Body {
       const place = this.told.segments.findIndex(({ name }) => name === node.name);
       const group = this.segments[place];
       if (group === undefined) continue;
-      this.bones.push(...prepared(node, tinted(this.colour)));
+      const simple = this.told.segments[place]?.shape === "simple";
+      this.bones.push(...prepared(node, tinted(this.colour), simple));
       group.add(node);
     }
   }
@@ -144,14 +145,15 @@ interface Bone {
   rough: BufferGeometry;
 }
 
-function prepared(node: Object3D, colour: Color): Bone[] {
+/** Shapes that only stand for bones are seen through. */
+function prepared(node: Object3D, colour: Color, simple: boolean): Bone[] {
   const found: Bone[] = [];
   node.traverse((part) => {
     if (!(part instanceof Mesh)) return;
     const fine = part.geometry as BufferGeometry;
     if (!fine.hasAttribute("normal")) fine.computeVertexNormals();
     wellOrdered(fine);
-    part.material = new MeshLambertMaterial({ color: colour });
+    part.material = new MeshLambertMaterial(simple ? { color: colour, transparent: true, opacity: 0.35, depthWrite: false } : { color: colour });
     found.push({ mesh: part, fine, rough: coarsened(fine) });
   });
   return found;

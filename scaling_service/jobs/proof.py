@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scaling_service.calibration.methods import calibrate
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.arrays import ArrayFiles
+from scaling_service.jobs.checks import require_landmarks
 from scaling_service.jobs.loading import load, read_model
 from scaling_service.jobs.proof_extra import extra_markers
 from scaling_service.jobs.proof_files import Found, look_into
@@ -208,8 +210,12 @@ def _refusals(folder: Path, proposed: Mapping[str, Any] | None, settings: Settin
         return
     try:
         subject = subject_from_document(check_document(proposed), folder=folder)
-        for warning in load(subject, settings).session.warnings:
+        session = load(subject, settings).session
+        for warning in session.warnings:
             yield ProblemEntry(severity="warning", problem=warning)
+        if session.scale_setup is None and session.images is None:
+            require_landmarks(session)
+        calibrate(session, "MB", settings.calibration, {})  # in closed form: it takes milliseconds
     except InputError as error:
         yield problem_of(error)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.kernels.tree import marker_positions
@@ -41,11 +42,12 @@ def segment_poses(model: BodyModel, q: Array) -> Array:
     corners = placed.reshape(len(q), len(model.segments), 4, 3)
     origins = corners[:, :, 0]
     R_ground_segment = np.swapaxes(corners[:, :, 1:] - origins[:, :, None], 2, 3)
-    quaternions = np.full((*origins.shape[:2], 4), np.nan)
-    known = np.asarray(np.isfinite(corners).all(axis=(2, 3)))
-    if known.any():
-        quaternions[known] = Rotation.from_matrix(R_ground_segment[known]).as_quat()
-    return np.concatenate([np.where(known[:, :, None], origins, np.nan), quaternions], axis=2)
+    flat = Rotation.from_matrix(R_ground_segment.reshape(-1, 3, 3)).as_quat()
+    poses = np.concatenate([origins, flat.reshape(*origins.shape[:2], 4)], axis=2)
+    enters = _coordinates_of(model)
+    for k, segment in enumerate(model.segments):
+        poses[_unknown(model, q, enters[segment.name]), k] = np.nan
+    return poses
 
 
 def placed_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
@@ -55,6 +57,11 @@ def placed_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
     if have:
         carrier = model.with_markers(tuple(model.marker(name) for name in have))
         result[:, [names.index(name) for name in have]] = _in_blocks(_placing(carrier), q)
+        enters = _coordinates_of(model)
+        for marker in carrier.markers:
+            own = {t.coordinate for law in marker.laws for t in law.terms if t.coordinate is not None}
+            lost = _unknown(model, q, own | enters[marker.segment])
+            result[lost, names.index(marker.name)] = np.nan
     return result
 
 
@@ -64,9 +71,25 @@ def glides(model: BodyModel, names: tuple[str, ...]) -> bool:
     return any(term.coordinate is not None for m in chosen for law in m.laws for term in law.terms)
 
 
+def _coordinates_of(model: BodyModel) -> dict[str, set[str]]:
+    """Segment to the coordinates that its pose depends on, its own and those of what it hangs on."""
+    found: dict[str, set[str]] = {}
+    for segment in model.segments:
+        own = {t.coordinate for joint in segment.joints for t in joint.law.terms if t.coordinate is not None}
+        found[segment.name] = own | found.get(segment.parent, set())
+    return found
+
+
+def _unknown(model: BodyModel, q: Array, names: set[str]) -> NDArray[np.bool_]:
+    """Frames in which one of some coordinates is not known, (n_frames,)."""
+    columns = [k for k, name in enumerate(model.coordinate_names) if name in names]
+    return np.asarray(np.isnan(q[:, columns]).any(axis=1))
+
+
 def _placing(model: BodyModel) -> Callable[[Array], Array]:
     tree, p = compile_model(model), parameter_values(model)
-    return lambda q: marker_positions(tree, q, p)
+    # One unknown angle would make all of a frame unknown: any value stands in, and is taken out again.
+    return lambda q: marker_positions(tree, np.nan_to_num(q, nan=0.0), p)
 
 
 def _in_blocks(place: Callable[[Array], Array], q: Array) -> Array:

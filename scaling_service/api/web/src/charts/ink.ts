@@ -22,4 +22,5 @@ const DARK: Ink = {
 
 export const inkOf = (theme: Theme): Ink => (theme === "dark" ? DARK : LIGHT);
 
-export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, sans-serif';
+/** Without quotation marks: they would break the attributes of saved SVG. */
+export const FONT = "system-ui, -apple-system, Roboto, sans-serif";

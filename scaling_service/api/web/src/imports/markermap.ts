@@ -129,14 +129,19 @@ export class MarkerMap {
       field.querySelector("label")?.classList.add("sr");
       return [cell(label), cell(segment ?? "–"), cell(number(spread_mm), spread_mm), { text: "", node: field }];
     });
-    return table({
+    const found = this.proof.extra_markers.filter(({ segment }) => segment !== null);
+    const all = h("button", { onclick: () => {
+      for (const { label, segment } of found) this.draft.extra(label, segment);
+      this.draw();
+    } }, `Use the ${found.length} that move with a segment`);
+    return h("div", null, found.length > 0 && h("div", { class: "actions" }, all), table({
       caption: "Further labels",
       name: "further_labels",
       columns: [{ title: "label" }, { title: "moves with", words: true }, { title: "to within, mm" }, { title: "use on", words: true }],
       rows,
       filter: true,
       note: "Further tracking markers are placed on their segment from the static trial.",
-    });
+    }));
   }
 
   /** Labels without the name of the subject before them, for the next subjects of this laboratory. */

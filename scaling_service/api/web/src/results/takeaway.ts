@@ -61,9 +61,9 @@ function commands(kind: string, request: Record<string, unknown>): HTMLElement[]
   ];
 }
 
-export function curlLines(route: string, request: Record<string, unknown>): string {
+function curlLines(route: string, request: Record<string, unknown>): string {
   const key = currentKey() === null ? "" : ` -H "Authorization: Bearer $KEY"`;
-  const body = JSON.stringify(request).replaceAll("'", "'\\''");
+  const body = JSON.stringify(asked(request), null, 1).replaceAll("'", "'\\''");
   const api = `${location.origin}/v1`;
   return [
     `job=$(curl -sf${key} ${api}/${route} --json '${body}' | grep -o '"id":"[^"]*"' | cut -d'"' -f4)`,
@@ -73,22 +73,27 @@ export function curlLines(route: string, request: Record<string, unknown>): stri
   ].join("\n");
 }
 
-export function pythonLines(route: string, request: Record<string, unknown>): string {
+function pythonLines(route: string, request: Record<string, unknown>): string {
   const key = currentKey() === null ? "" : `, key=os.environ["KEY"]`;
   return [
     key === "" ? "" : "import os",
     "from scaling_service.client import Client",
     "",
     `with Client("${location.origin}"${key}) as client:`,
-    `    job = client.ask(${asPython(route)}, **${asPython(request)})`,
+    `    job = client.ask(${asPython(route)}, **${asPython(asked(request))})`,
     "    client.wait(job)",
     "    result = client.result(job)",
     `    client.download(job, "results")`,
   ].join("\n").trimStart();
 }
 
+/** Without what is as it is unless given. */
+function asked(request: Record<string, unknown>): Record<string, unknown> {
+  return Object.fromEntries(Object.entries(request).filter(([, value]) => value !== null));
+}
+
 /** A value as Python writes it. */
-export function asPython(value: unknown): string {
+function asPython(value: unknown): string {
   if (value === null || value === undefined) return "None";
   if (value === true) return "True";
   if (value === false) return "False";

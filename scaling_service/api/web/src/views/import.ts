@@ -104,7 +104,7 @@ function inSpace(
   markers: MarkerMap,
   signal: AbortSignal,
 ): HTMLElement {
-  const [first] = proof.recordings;
+  const [first] = [...proof.recordings].sort((a, b) => b.walked_m - a.walked_m);
   if (first === undefined) return h("section");
   const box = h("div");
   const failed = h("div");

@@ -40,7 +40,7 @@ function head(job: Job, { specification }: Origin, failed: HTMLElement): HTMLEle
       "p",
       { class: "crumbs" },
       h("a", { href: link(["jobs"]) }, "Jobs"),
-      " / ",
+      typeof subject === "string" && " / ",
       typeof subject === "string" && h("a", { href: toSubject(subject, "run") }, subject),
     ),
     h(

@@ -8,7 +8,7 @@ export function subjectHead(id: string, present: "import" | "run"): HTMLElement 
   return h(
     "div",
     null,
-    h("p", { class: "crumbs" }, h("a", { href: link(["subjects"]) }, "Subjects"), " / "),
+    h("p", { class: "crumbs" }, h("a", { href: link(["subjects"]) }, "Subjects")),
     h("h1", null, id),
     tabs(
       "Steps",

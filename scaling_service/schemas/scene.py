@@ -130,3 +130,20 @@ class SceneDocument(_Travels):
     bodies: list[BodyEntry]
     trials: list[SceneTrial]
     gait: GaitScene | None
+
+
+class ResidualTrial(_Travels):
+    """The residual wrench over one recording."""
+
+    start_s: float
+    rate_hz: float
+    residual: ArrayEntry = Field(
+        description="Frames, 6: force in N, moment about the root segment's origin in N m, in ground axes."
+    )
+
+
+class ResidualScene(_Travels):
+    """Residual wrenches over time; frames that do not count are unknown."""
+
+    schema_version: int = SCHEMA_VERSION
+    trials: dict[str, ResidualTrial]

@@ -15,7 +15,8 @@ The parts, each one idea:
 ``asking``      one route for each row of the table of kinds (``runner.kinds``)
 ``jobs``        routes of jobs
 ``events``      a job's progress as server-sent events
-``contents``    stored files and archives, streamed
+``links``       links that work for a minute without a key, by ``tickets``
+``contents``    stored files and archives, streamed; ``ranges`` of them
 ``monitoring``  health, readiness, metrics
 ``shield``      a defect ends as a problem document, too
 ``watching``    around every request: its log line, its measurements, the headers of its answer

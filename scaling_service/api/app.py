@@ -13,6 +13,7 @@ from scaling_service.api import (
     asking,
     examples,
     jobs,
+    links,
     markers,
     monitoring,
     openapi,
@@ -69,13 +70,16 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         markers.router,
         asking.routes(service.kinds),
         jobs.router,
+        links.router,
         monitoring.router,
         page.router,
         site.router,
     ):
         app.include_router(router)
     problems.install(app)
-    openapi.install(app, {*subjects.DOCUMENTS, *markers.DOCUMENTS, *asking.models(service.kinds)})
+    openapi.install(
+        app, {*subjects.DOCUMENTS, *markers.DOCUMENTS, *links.DOCUMENTS, *asking.models(service.kinds)}
+    )
     app.add_middleware(Shield)
     app.add_middleware(Watching, registry=app.state.registry)
     return app

@@ -67,6 +67,8 @@ def test_no_request_of_any_form_breaks_the_service(served: Served, tmp_path: Pat
         "positive_data_acceptance,use_after_free",
         "--max-time",
         "20",
+        "--request-timeout",
+        "60",  # five examples take ten seconds
         "--seed",
         "1",
         "--no-color",

@@ -6,6 +6,7 @@ import { parsed, type Place } from "./routes.ts";
 import { shell } from "./shell.ts";
 import { askForKeyOnScreen } from "./ui/dialog.ts";
 import { fill } from "./ui/dom.ts";
+import { notices } from "./ui/flash.ts";
 import { problemBox } from "./ui/problem.ts";
 import { apply } from "./ui/theme.ts";
 import type { View } from "./views/view.ts";
@@ -41,7 +42,7 @@ async function go(): Promise<void> {
   try {
     const view = await viewOf(place);
     if (signal.aborted) return;
-    fill(page.main);
+    fill(page.main, notices());
     await view({ place, main: page.main, signal });
   } catch (error) {
     if (signal.aborted || isAbort(error)) return;

@@ -51,7 +51,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const element = h(
     "figure",
     null,
-    h("div", { class: "bar" }, h("figcaption", null, options.title), ...tools(options, () => plot.clientWidth)),
+    h("div", { class: "bar" }, h("figcaption", null, options.title), h("span", { class: "tools" }, ...tools(options, () => plot.clientWidth))),
     plot,
     options.note !== undefined && h("p", { class: "note" }, options.note),
   );

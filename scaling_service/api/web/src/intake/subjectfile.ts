@@ -2,7 +2,8 @@
 
 import type { SubjectDocument } from "../api/documents.ts";
 import { Problem } from "../api/problem.ts";
-import { baseName, folderOf, type Entry } from "./entries.ts";
+import { folderOf, type Entry } from "./entries.ts";
+import { keptName } from "./names.ts";
 
 export interface Intake {
   document: SubjectDocument | null;
@@ -50,18 +51,18 @@ function isSubject(found: unknown): found is SubjectDocument {
 /** The same with plain names: uploaded files lie in no folders. */
 function flat(document: SubjectDocument): SubjectDocument {
   const plain = (found: Record<string, string> | undefined): Record<string, string> | undefined =>
-    found && Object.fromEntries(Object.entries(found).map(([name, path]) => [baseName(name), baseName(path)]));
+    found && Object.fromEntries(Object.entries(found).map(([name, path]) => [keptName(name), name === "units" ? path : keptName(path)]));
   const { trials } = document;
   return withoutUndefined({
     ...document,
-    model: baseName(document.model ?? ""),
-    marker_set: document.marker_set && baseName(document.marker_set),
-    scale_setup: document.scale_setup && baseName(document.scale_setup),
-    image_markers: document.image_markers && baseName(document.image_markers),
+    model: keptName(document.model ?? ""),
+    marker_set: document.marker_set && keptName(document.marker_set),
+    scale_setup: document.scale_setup && keptName(document.scale_setup),
+    image_markers: document.image_markers && keptName(document.image_markers),
     trials: trials && {
-      static: trials.static ? baseName(trials.static) : null,
-      calibration: (trials.calibration ?? []).map(baseName),
-      evaluation: (trials.evaluation ?? []).map(baseName),
+      static: trials.static ? keptName(trials.static) : null,
+      calibration: (trials.calibration ?? []).map(keptName),
+      evaluation: (trials.evaluation ?? []).map(keptName),
     },
     forces: plain(document.forces),
     bones: plain(document.bones),

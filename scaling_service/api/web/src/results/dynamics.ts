@@ -11,7 +11,7 @@ export const dynamics: ResultView = (found) =>
     {
       name: "residuals",
       title: "Residual forces",
-      show: async (place) => residuals(await getResult<DynamicsDocument>(found.job.id, found.signal), place),
+      show: async (place) => residuals(await getResult<DynamicsDocument>(found.job.id, found.signal), found.job.id, found.signal, place),
     },
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);

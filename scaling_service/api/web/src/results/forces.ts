@@ -16,7 +16,7 @@ export async function forces({ origin, signal }: Finished, place: HTMLElement): 
   const [latest] = items;
   if (latest !== undefined) {
     place.append(h("p", null, "The latest check of this subject's forces. ", h("a", { href: toJob(latest.id) }, "All of it")));
-    residuals(await getResult<DynamicsDocument>(latest.id, signal), place);
+    await residuals(await getResult<DynamicsDocument>(latest.id, signal), latest.id, signal, place);
     return;
   }
   const failed = h("div");

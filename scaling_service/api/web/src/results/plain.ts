@@ -1,6 +1,6 @@
 /** A result without a view of its own: its numbers as a tree, and everything to take away. */
 
-import { getResult } from "../api/jobs.ts";
+import { getResult, listFiles } from "../api/jobs.ts";
 import { h } from "../ui/dom.ts";
 import { figures } from "../ui/words.ts";
 import { parts, type ResultView } from "./result.ts";
@@ -8,15 +8,19 @@ import { takeAway } from "./takeaway.ts";
 
 const DEEP = 1;
 
-export const plain: ResultView = (found) =>
-  parts("Parts of the result", found, [
+export const plain: ResultView = async (found) => {
+  const files = await listFiles(found.job.id);
+  const inSpace = { name: "space", title: "In space", show: async (place: HTMLElement) => (await import("./space.ts")).space(found, place) };
+  await parts("Parts of the result", found, [
     {
       name: "numbers",
       title: "Numbers",
       show: async (place) => void place.append(tree(await getResult<unknown>(found.job.id, found.signal), 0)),
     },
+    ...(files.some(({ name }) => name === "scene/scene.json") ? [inSpace] : []),
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
+};
 
 function tree(value: unknown, depth: number): HTMLElement {
   if (typeof value !== "object" || value === null) return h("span", null, leaf(value));

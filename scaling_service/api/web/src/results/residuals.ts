@@ -4,10 +4,13 @@ import { bullets, callout, folded } from "../ui/blocks.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
 import { figures, number, words } from "../ui/words.ts";
+import { residualCurves } from "./residualcurves.ts";
 import { SIX, type DynamicsDocument, type TrialDynamics } from "./dynamicsdocument.ts";
 
-export function residuals(document: DynamicsDocument, place: HTMLElement): void {
-  place.append(callout(sentence(document.verdict), ""), gates(document), rms(document), uncertainty(document), loads(document));
+export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
+  const curves = await residualCurves(document, job, signal);
+  if (signal.aborted) return;
+  place.append(callout(sentence(document.verdict), ""), gates(document), curves, rms(document), uncertainty(document), loads(document));
   const warnings = [...document.warnings, ...Object.values(document.trials).flatMap((trial) => trial.warnings)];
   if (warnings.length > 0) place.append(folded("Notes", bullets([...new Set(warnings)])));
 }

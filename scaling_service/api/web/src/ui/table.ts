@@ -57,7 +57,7 @@ export function table(options: TableOptions): HTMLElement {
   return h(
     "div",
     { class: "tabular" },
-    h("div", { class: "bar" }, h("p", { class: "caption" }, options.caption), ...tools(options, state, show, many)),
+    h("div", { class: "bar" }, h("p", { class: "caption" }, options.caption), h("span", { class: "tools" }, ...tools(options, state, show, many))),
     h(
       "div",
       { class: "table", tabindex: 0, role: "region", "aria-label": options.caption },

@@ -42,5 +42,4 @@ def test_names_and_subject_files_that_are_refused(visit: Visit, url: str, tmp_pa
     (tmp_path / "#1.trc").write_bytes(b"")
     visitor.drops(tmp_path / "#1.trc")
     visitor.press("Check them")
-    visitor.sees("The service cannot keep a file of this name")
-    visitor.sees("Rename it")
+    visitor.sees("#1.trc is kept as _1.trc")

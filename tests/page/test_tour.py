@@ -89,6 +89,11 @@ def plays(visitor: Visitor) -> None:
     page.mouse.click(box["x"] + 84 + 0.75 * (box["width"] - 150), box["y"] + 30)
     visitor.sees("mm from")
     assert int(page.get_by_label("Frame", exact=True).input_value()) == pytest.approx(208, abs=3)
+    frame = int(page.get_by_label("Frame", exact=True).input_value())
+    page.wait_for_url(f"**/space?trial=gait_1&frame={frame}")
+    page.reload()  # the address leads to the same picture
+    page.locator(".cursor").wait_for(state="attached")
+    visitor.sees(f"{frame + 1} / 278")
     page.locator(".stage canvas").focus()
     before = page.locator(".stage canvas").screenshot()
     page.keyboard.press("ArrowLeft")

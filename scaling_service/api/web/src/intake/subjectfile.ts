@@ -55,7 +55,7 @@ function flat(document: SubjectDocument): SubjectDocument {
   const { trials } = document;
   return withoutUndefined({
     ...document,
-    model: keptName(document.model ?? ""),
+    model: document.model && keptName(document.model),
     marker_set: document.marker_set && keptName(document.marker_set),
     scale_setup: document.scale_setup && keptName(document.scale_setup),
     image_markers: document.image_markers && keptName(document.image_markers),

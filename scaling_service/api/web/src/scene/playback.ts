@@ -63,9 +63,9 @@ export class Playback {
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
       fill(controls, ...this.choices(theatre, bodies.map(({ told }) => told.name)));
     }
+    this.player.go(frame);
     this.element.append(this.mapChoice(), this.map);
     await this.draw();
-    this.player.go(frame);
   }
 
   private show(frame: number): void {

@@ -105,7 +105,7 @@ function nameForm(intake: Intake, tell: (text: string) => void, failed: HTMLElem
         });
       },
     },
-    h("label", { for: id }, `Whose ${intake.files.length} files are these?`),
+    h("label", { for: id }, intake.files.length === 1 ? "Whose file is this?" : `Whose ${intake.files.length} files are these?`),
     input,
     h("button", { class: "main" }, "Check them"),
   );

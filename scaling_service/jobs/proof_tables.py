@@ -137,8 +137,9 @@ def _written(files: ArrayFiles, name: str, forces: GroundForces, trial: Trial, u
 
 def at_frames(times: Array, values: Array, wanted: Array) -> Array:
     """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
-    rows = np.clip(np.searchsorted(times, wanted), 1, max(len(times) - 1, 1))
-    rows -= (wanted - times[rows - 1] < times[np.minimum(rows, len(times) - 1)] - wanted).astype(np.intp)
+    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    rows = np.where(wanted - times[before] < times[after] - wanted, before, after)
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     picked = values[rows].copy()
     picked[(wanted < times[0] - step) | (wanted > times[-1] + step)] = np.nan

@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.jobs.arrays import MOST_FRAMES, ArrayFiles
 from scaling_service.jobs.loading import Loaded
+from scaling_service.jobs.proof_tables import at_frames
 from scaling_service.jobs.scene_poses import segment_poses
 from scaling_service.jobs.scene_results import AFTER, BEFORE, scene_of_discovery, scene_of_results
-from scaling_service.jobs.scene_shapes import MOST_FACES, simple_shape
+from scaling_service.jobs.scene_shapes import MOST_FACES, glb, simple_shape
 from scaling_service.jobs.tasks import Results, run
 from scaling_service.models.builtin import builtin
 from scaling_service.models.neutral import neutral_frames
@@ -171,6 +174,27 @@ def test_a_long_table_has_a_first_look(tmp_path: Path, frames: int) -> None:
         stretch = values[k * step : (k + 1) * step]
         expected = [np.nan if np.isnan(c).all() else np.nanmax(c) for c in stretch.T]
         assert np.allclose(most[k], expected, atol=1e-6, equal_nan=True)
+
+
+@given(
+    st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=9, unique=True),
+    st.lists(st.floats(-6.0, 6.0), min_size=1, max_size=9),
+)
+def test_samples_are_those_nearest_in_time(times: list[float], wanted: list[float]) -> None:
+    clock, asked = np.array(sorted(times)), np.array(wanted)
+    found = at_frames(clock, clock[:, None].copy(), asked)[:, 0]
+    step = np.median(np.diff(clock)) if len(clock) > 1 else 0.0
+    inside = (asked >= clock[0] - step) & (asked <= clock[-1] + step)
+    assert np.array_equal(np.isnan(found), ~inside)
+    nearest = np.abs(clock[:, None] - asked).min(axis=0)
+    assert np.allclose(np.abs(found - asked)[inside], nearest[inside])
+
+
+def test_a_body_without_any_shape_is_still_a_file(tmp_path: Path) -> None:
+    (tmp_path / "empty.glb").write_bytes(glb({}))
+    content = trimesh.load(tmp_path / "empty.glb")
+    assert isinstance(content, trimesh.Scene)
+    assert not content.geometry
 
 
 def test_a_simple_shape_goes_around_its_points() -> None:

@@ -4,9 +4,8 @@
  * is saved as; libraries that only know a canvas cannot give the latter.
  */
 
-import { BarChart, HeatmapChart, LineChart, ScatterChart } from "echarts/charts";
+import { BarChart, CustomChart, HeatmapChart, LineChart, ScatterChart } from "echarts/charts";
 import {
-  DataZoomComponent,
   GridComponent,
   MarkAreaComponent,
   MarkLineComponent,
@@ -19,7 +18,7 @@ import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
 use([
   BarChart,
   CanvasRenderer,
-  DataZoomComponent,
+  CustomChart,
   GridComponent,
   HeatmapChart,
   LineChart,

@@ -20,6 +20,7 @@ export function gapTimeline(recording: RecordingProof, go: (frame: number, label
       { class: "bar" },
       h("h3", null, `Gaps in ${recording.name}`),
       h("span", { class: "push" }),
+      h("button", { class: "small", "aria-label": `Save as SVG: gaps in ${recording.name}`, onclick: () => saveText(`gaps_${recording.name}.svg`, drawing(recording), "image/svg+xml") }, "SVG"),
       h("button", { class: "small", "aria-label": `Save as CSV: gaps in ${recording.name}`, onclick: () => saveText(`gaps_${recording.name}.csv`, textOf(recording)) }, "CSV"),
     ),
     open.length === 0
@@ -53,6 +54,25 @@ function row(entry: LabelEntry, recording: RecordingProof, go: (frame: number, l
 
 const spoken = ({ label, seen, gaps, longest_gap_s }: LabelEntry): string =>
   `${label} was seen in ${percent(seen)} of the frames; ${gaps.length} gaps, the longest ${number(longest_gap_s, 2)} s`;
+
+const [NAMES, HIGH] = [140, 14];
+
+/** The same as a drawing of its own. */
+function drawing({ name, labels, frames, rate_hz }: RecordingProof): string {
+  const rows = labels.map((entry, k) => {
+    const y = HIGH * k;
+    const at = (frame: number): number => NAMES + (WIDTH * frame) / frames;
+    return svg("g", {},
+      svg("text", { x: NAMES - 8, y: y + 11, "text-anchor": "end" }, entry.label),
+      svg("rect", { x: NAMES, y: y + 2, width: WIDTH, height: HIGH - 4, fill: "#009e73" }),
+      ...entry.gaps.map(([first, last]) =>
+        svg("rect", { x: at(first), y: y + 2, width: at(last + 1) - at(first), height: HIGH - 4, fill: "#d55e00" })));
+  });
+  const high = HIGH * (labels.length + 1);
+  const scale = svg("text", { x: NAMES, y: high - 3 }, `${name}: 0 to ${number(frames / rate_hz, 2)} s; orange where a marker was not seen`);
+  const all = svg("svg", { viewBox: `0 0 ${NAMES + WIDTH + 8} ${high}`, "font-family": "sans-serif", "font-size": 11 }, ...rows, scale);
+  return new XMLSerializer().serializeToString(all);
+}
 
 function textOf({ labels, rate_hz, start_s }: RecordingProof): string {
   const rows = labels.flatMap(({ label, gaps }) =>

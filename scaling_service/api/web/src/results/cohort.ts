@@ -22,7 +22,7 @@ export const cohort: ResultView = async (found) => {
     { name: "errors", title: "Errors", show: (place) => quantities(statistics, ["kinematic_error_mm"], found.signal, place) },
     { name: "sizes", title: "Sizes", show: (place) => quantities(statistics, ["segment_lengths_mm", "knee_axis_deg", "marker_shift_mm", "from_truth_mm", "from_truth_deg"], found.signal, place) },
     { name: "angles", title: "Angles", show: (place) => cohortAngles(statistics.joint_angles, found.signal, place) },
-    { name: "agreement", title: "Agreement", show: (place) => agreement(statistics, place) },
+    { name: "agreement", title: "Agreement", show: (place) => agreement(statistics, found.signal, place) },
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };

@@ -27,7 +27,9 @@ export async function takeAway({ job, origin, signal }: Finished, place: HTMLEle
       h("button", { onclick: () => void guarded(failed, () => download(`/v1/jobs/${job.id}/result`, `${job.kind}.json`)) }, "The result as JSON"),
       report !== undefined &&
         h("button", { onclick: () => void guarded(failed, () => open(filePath(job.id, report.name))) }, "The report"),
-      h("button", { onclick: () => void guarded(failed, () => open(`/v1/jobs/${job.id}`)) }, "The same in the API"),
+      currentKey() === null
+        ? h("a", { class: "button", href: `/v1/jobs/${job.id}`, target: "_blank", rel: "noopener" }, "The same in the API")
+        : h("code", null, `GET ${location.origin}/v1/jobs/${job.id}`),
     ),
     ...commands(job.kind, origin.specification.request),
     table({

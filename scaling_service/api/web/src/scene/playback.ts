@@ -7,6 +7,7 @@ import { box, group, select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded, problemBox } from "../ui/problem.ts";
+import { save } from "../ui/save.ts";
 import { chipOf } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
 import type { SceneDocument, TrialDocument } from "./documents.ts";
@@ -109,7 +110,13 @@ export class Playback {
         box("follow", theatre.following, (following) => {
           theatre.following = following;
         })),
+      h("button", { class: "small", "aria-label": "Save the view as PNG", onclick: () => void this.snapshot(theatre) }, "PNG"),
     ];
+  }
+
+  private async snapshot(theatre: Theatre): Promise<void> {
+    const picture = await theatre.stage.picture();
+    if (picture !== null) save(`${this.options.trial.name}_${this.player.frame}.png`, picture);
   }
 
   private mapChoice(): HTMLElement {

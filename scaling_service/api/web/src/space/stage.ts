@@ -97,6 +97,12 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 
+  /** What is seen now, as a PNG. */
+  picture(): Promise<Blob | null> {
+    this.renderer.render(this.scene, this.camera); // what is drawn is kept only until the browser shows it
+    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
+  }
+
   /** Whether something plays: quickly drawn then, in full when it rests. */
   play(playing: boolean): void {
     this.playing = playing;

@@ -63,6 +63,8 @@ async function viewOf(kind: string): Promise<ResultView> {
       return (await import("../results/discovery.ts")).discovery;
     case "dynamics":
       return (await import("../results/dynamics.ts")).dynamics;
+    case "consistent":
+      return (await import("../results/consistent.ts")).consistent;
     case "batch":
       return (await import("../results/cohort.ts")).cohort;
     case "proof":

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+import zipfile
 from pathlib import Path
 
+from scaling_service.client import Client
 from tests.cli.serving import COMMAND, ENVIRONMENT, served
 from tests.page.conftest import Visit
+from tests.page.visitor import Visitor
 
 
 def new_key(folder: Path) -> str:
@@ -14,6 +17,22 @@ def new_key(folder: Path) -> str:
     place = {"SCALING_SERVICE_DATA_DIRECTORY": str(folder)}
     done = subprocess.run(command, env=ENVIRONMENT | place, capture_output=True, text=True, check=True)
     return next(word for word in done.stdout.split() if len(word) > 30)
+
+
+def takes_away(visitor: Visitor, key: str) -> None:
+    """Files and the report are fetched by the browser itself, which sends no key."""
+    with Client(visitor.url, key) as client:
+        client._call("POST", "/v1/examples")
+        job = client.wait(client.ask("comparisons", subject="example", methods=["MB"]))
+    visitor.go(f"jobs/{job.id}/files")
+    with visitor.page.expect_download() as coming:
+        visitor.page.get_by_role("button", name="Everything as one zip").click()
+    with zipfile.ZipFile(coming.value.path()) as archive:
+        assert "comparison.json" in archive.namelist()
+    with visitor.page.expect_popup() as opened:
+        visitor.press("The report")
+    opened.value.get_by_role("heading", name="Verdict").wait_for()
+    assert key not in opened.value.url
 
 
 def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, tmp_path: Path) -> None:
@@ -32,6 +51,8 @@ def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, tmp_path: Path) ->
         assert kept == [[key], []]
         visitor.page.reload()
         visitor.sees("None yet.")
+
+        takes_away(visitor, key)
 
         other = visit(url)  # another tab
         other.go("jobs")

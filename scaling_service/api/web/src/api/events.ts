@@ -64,7 +64,7 @@ interface Event {
 }
 
 /** The events of a stream (WHATWG HTML, section 9.2), without comments. */
-export async function* eventsOf(body: ReadableStream<Uint8Array>): AsyncGenerator<Event> {
+async function* eventsOf(body: ReadableStream<Uint8Array>): AsyncGenerator<Event> {
   const reader = body.pipeThrough(new TextDecoderStream() as ReadableWritablePair<string, Uint8Array>).getReader();
   let waiting = "";
   try {

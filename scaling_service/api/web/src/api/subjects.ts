@@ -3,7 +3,7 @@
 import type { FileEntry, Page, SubjectDetail, SubjectDocument, SubjectSummary } from "./documents.ts";
 import { getJson, send, sendJson } from "./http.ts";
 
-export const subjectPath = (id: string): string => `/v1/subjects/${encodeURIComponent(id)}`;
+const subjectPath = (id: string): string => `/v1/subjects/${encodeURIComponent(id)}`;
 
 export const getSubject = (id: string, signal?: AbortSignal): Promise<SubjectDetail> =>
   getJson(subjectPath(id), signal);

@@ -66,7 +66,7 @@ async function tableOf(entries: readonly Entry[]): Promise<Table | null> {
 }
 
 /** Rows of comma-separated values (RFC 4180); empty lines are left out. */
-export function parsedCsv(text: string): string[][] {
+function parsedCsv(text: string): string[][] {
   const cells = /("(?:[^"]|"")*"|[^,\r\n]*)(,|\r?\n|$)/gy;
   const rows: string[][] = [];
   let row: string[] = [];

@@ -9,6 +9,8 @@ import { Frames } from "./frames.ts";
 
 /** Chosen: more columns than these are narrower than a finger, and slow to save as SVG. */
 const MOST_COLUMNS = 240;
+/** Markers whose worst moment can be reached by a button. */
+const WORST = 5;
 
 export interface ErrorMap {
   element: HTMLElement;
@@ -29,10 +31,12 @@ export async function errorMap(
   const heat = binned(trial, values, step);
   const framesPerColumn = trial.frames / heat.times.length;
   const worst = worstOf(heat);
+  const [most] = worst;
+  const frameOf = (column: number): number => Math.round((column + 0.5) * framesPerColumn);
   const drawn = figure({
     title: `${method} in ${trial.name}: distance between measured and model marker, mm`,
     name: `error_${trial.name}_${method}_mm`,
-    alt: `${heat.names.length} markers over time; the most is ${number(worst.value)} mm at ${worst.name}, ${number(worst.time, 2)} s.`,
+    alt: `${heat.names.length} markers over time; the most is ${number(most?.value)} mm at ${most?.name ?? "none"}, ${number(most?.time, 2)} s.`,
     height: heatHeight(heat.names.length),
     option: (ink) => heatOption(ink, heat),
     rows: () => rowsOf(heat),
@@ -40,7 +44,7 @@ export async function errorMap(
     drawn: (chart) => {
       chart.on("click", (event) => {
         const [column, row] = event.value as [number, number];
-        go(Math.round((column + 0.5) * framesPerColumn), heat.names[row] ?? "");
+        go(frameOf(column), heat.names[row] ?? "");
       });
     },
   }, signal);
@@ -48,8 +52,10 @@ export async function errorMap(
   vary(cursor, { "--high": `${heatHeight(heat.names.length) - HEAT_ABOVE - HEAT_BELOW}px` });
   const plot = drawn.element.querySelector<HTMLElement>(".plot");
   plot?.after(h("div", { class: "cursors" }, cursor));
+  const moments = worst.map(({ name, column, time, value }) =>
+    h("button", { class: "small", onclick: () => go(frameOf(column), name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
   return {
-    element: drawn.element,
+    element: h("div", null, drawn.element, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments)),
     at: (frame) => {
       const width = (plot?.clientWidth ?? 0) - HEAT_SIDES.left - HEAT_SIDES.right;
       cursor.style.transform = `translateX(${HEAT_SIDES.left + (width * frame) / Math.max(trial.frames - 1, 1)}px)`;
@@ -75,10 +81,23 @@ function binned(trial: TrialDocument, values: Float32Array, step: number): Heat 
   return { names, times, values: found, top: darkest(found), unit: "mm" };
 }
 
-function worstOf({ names, times, values }: Heat): { name: string; time: number; value: number } {
-  let place = 0;
-  for (let k = 0; k < values.length; k += 1) if ((values[k] ?? NaN) > (values[place] || 0)) place = k;
-  return { name: names[place % names.length] ?? "", time: times[Math.floor(place / names.length)] ?? 0, value: values[place] ?? 0 };
+interface Moment {
+  name: string;
+  column: number;
+  time: number;
+  value: number;
+}
+
+/** The worst moment of each of the worst markers, the largest first. */
+function worstOf({ names, times, values }: Heat): Moment[] {
+  const found = names.map((name, k): Moment => {
+    let column = 0;
+    for (let c = 0; c < times.length; c += 1) {
+      if ((values[c * names.length + k] ?? NaN) > (values[column * names.length + k] || 0)) column = c;
+    }
+    return { name, column, time: times[column] ?? 0, value: values[column * names.length + k] ?? NaN };
+  });
+  return found.filter(({ value }) => Number.isFinite(value)).sort((a, b) => b.value - a.value).slice(0, WORST);
 }
 
 function rowsOf({ names, times, values }: Heat): (string | number)[][] {

@@ -39,7 +39,7 @@ export class Ground {
   }
 }
 
-export const colourOf = (plate: number): string => COLOURS[plate % COLOURS.length] ?? "";
+const colourOf = (plate: number): string => COLOURS[plate % COLOURS.length] ?? "";
 
 function outline(corners: number[], colour: string): LineLoop {
   const geometry = new BufferGeometry();

@@ -66,7 +66,7 @@ function tookOf({ started_at, finished_at }: Job): string {
 }
 
 /** Whose data a job rests on, and the methods, as far as its specification tells. */
-export function aboutOf({ request }: Specification): string {
+function aboutOf({ request }: Specification): string {
   const subject = request.subject ?? (Array.isArray(request.subjects) ? `${request.subjects.length} subjects` : "");
   const methods = Array.isArray(request.methods) ? request.methods.join(", ") : (request.method ?? request.start ?? "");
   return [subject, methods].filter((part) => part !== "" && part !== null).join(": ");

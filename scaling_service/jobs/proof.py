@@ -18,6 +18,7 @@ from scaling_service.jobs.proof_markers import propose
 from scaling_service.jobs.proof_proposal import named_in, proposal, roles_of
 from scaling_service.jobs.proof_recordings import Seen, axes_entry, problem_of, session_axes
 from scaling_service.jobs.proof_tables import Ground, recording_proof
+from scaling_service.jobs.proof_warnings import warning_entry
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.subjects import subject_from_document
 from scaling_service.models.body import BodyModel
@@ -211,8 +212,7 @@ def _refusals(folder: Path, proposed: Mapping[str, Any] | None, settings: Settin
     try:
         subject = subject_from_document(check_document(proposed), folder=folder)
         session = load(subject, settings).session
-        for warning in session.warnings:
-            yield ProblemEntry(severity="warning", problem=warning)
+        yield from map(warning_entry, session.warnings)
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         calibrate(session, "MB", settings.calibration, {})  # in closed form: it takes milliseconds

@@ -15,6 +15,7 @@ import pytest
 from scaling_service.formats.trc import write_trc
 from scaling_service.jobs.proof import prove
 from scaling_service.jobs.proof_roles import bone_of
+from scaling_service.jobs.proof_warnings import _OTHER
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.tasks import scale
 from scaling_service.models.trial import Array
@@ -206,3 +207,26 @@ def test_two_standing_recordings_are_not_both_taken(lab: Path) -> None:
     write_trc(lab / "static 2.trc", replace(session.static, markers=session.static.markers + 0.01))
     found = proof(lab)
     assert sorted(f.role or "" for f in found.files if "sta" in f.name) == ["", "trials.static"]
+
+
+def test_every_warning_of_loading_says_what_to_do(lab: Path) -> None:
+    session = known_person().session
+    walk = session.evaluation[0]
+    markers = walk.markers.copy()
+    knees = [walk.index("RLFE"), walk.index("RMFE")]
+    n = walk.n_frames
+    markers[n // 3 : n // 2, knees] = markers[n // 3 : n // 2, knees[::-1]]
+    markers[5, walk.index("LASIS")] += 100.0
+    markers[:, walk.index("RFH")] = np.nan
+    write_recording(lab / "walk.trc", replace(walk, markers=markers))
+    document = {
+        **BARE,
+        "model": "lower_limb_14dof",
+        "trials": {"static": "standing.trc", "calibration": ["hips.trc", "walk.trc"]},
+        "extra_markers": {"NONE": "femur_r"},
+    }
+    found = [p for p in proof(lab, document).problems if p.severity == "warning"]
+    told = " ".join(p.problem for p in found)
+    for word in ("evaluation", "NONE", "RFH", "look exchanged", "than usual"):
+        assert word in told
+    assert all(p.remedy and p.remedy != _OTHER for p in found)

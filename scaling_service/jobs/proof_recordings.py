@@ -14,6 +14,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.formats.c3d import c3d_trial, read_c3d_file
 from scaling_service.formats.c3d_plates import read_c3d_plates
 from scaling_service.formats.recording import read_recording
+from scaling_service.jobs.dynamics_forces import NO_PLATES
 from scaling_service.jobs.loading import agreed_axes
 from scaling_service.models.forces import GroundForces
 from scaling_service.models.trial import Array, Trial
@@ -24,9 +25,6 @@ from scaling_service.schemas.proof import AxesEntry, ProblemEntry
 
 GUESSED = "not known"
 """How the reason begins where an axis was not decided by markers or walking."""
-
-_NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
-"""Fields of the errors which mean that a file holds no forces at all."""
 
 _HEADER_BYTES = 4096
 
@@ -99,7 +97,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
         corners = np.stack([plate.corners for plate in plates.plates]) if plates.plates else None
         return replace(seen, forces=ground_forces(plates), corners=corners)
     except InputError as error:
-        if error.field in _NO_PLATES:
+        if error.field in NO_PLATES:
             return seen
         return replace(seen, problems=(problem_of(error, "warning", file.name),))
 

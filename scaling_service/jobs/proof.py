@@ -223,6 +223,8 @@ def _refusals(folder: Path, proposed: Mapping[str, Any] | None, settings: Settin
 def _role(item: Found, roles: Mapping[str, tuple[str, str]], known: Mapping[str, Any]) -> FileRole:
     role, why = roles.get(item.name, (None, item.why))
     named = item.name in named_in(known).values()
+    if item.kind == "forces" and role is None and item.usable:
+        why = f"{why}, but no recording without plates of its own has a name like it"
     return FileRole(
         name=item.name,
         kind=item.kind,

@@ -21,6 +21,9 @@ MOST_FACES = 20_000
 THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
 """Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
 
+NEAR_AN_END = 0.25
+"""Chosen: share of a segment's length within which a joint belongs to one of its ends."""
+
 Shape = Literal["image", "simple", "none"]
 
 
@@ -70,14 +73,35 @@ def _smooth(bone: Bone) -> trimesh.Trimesh:
 
 
 def _points(model: BodyModel, segment: str) -> Array:
-    """Joints and markers of a segment in its frame; of long ones joints alone, which show its axis."""
-    joints = [np.zeros(3), *_joints(model, segment)]
-    spread = np.unique(np.round(joints, 6), axis=0)
-    if len(spread) == 2:
-        return spread
+    """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
+    joints = np.stack([np.zeros(3), *_joints(model, segment)])
+    ends = long_ends(joints)
+    if ends is not None:
+        return ends
     values = model_values(model)
     markers = [marker_position(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0]
     return np.stack([*joints, *markers])
+
+
+def long_ends(joints: Array) -> Array | None:
+    """Both ends of a segment whose joints all lie near one of two, such as a thigh with its kneecap's.
+
+    Parameters
+    ----------
+    joints : ndarray, shape (n, 3), m
+
+    Returns
+    -------
+    ndarray, shape (2, 3), or None
+        None where joints lie all around, as a pelvis's do, or there is only one place.
+    """
+    apart = np.linalg.norm(joints[:, None] - joints, axis=2)
+    length = float(apart.max())
+    if length < THINNEST_M:
+        return None
+    one, other = np.unravel_index(int(apart.argmax()), apart.shape)
+    nearest = np.minimum(apart[one], apart[other])
+    return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
 
 
 def _joints(model: BodyModel, segment: str) -> Iterator[Array]:

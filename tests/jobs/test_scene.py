@@ -17,7 +17,7 @@ from scaling_service.jobs.loading import Loaded
 from scaling_service.jobs.proof_tables import at_frames
 from scaling_service.jobs.scene_poses import segment_poses
 from scaling_service.jobs.scene_results import AFTER, BEFORE, scene_of_discovery, scene_of_results
-from scaling_service.jobs.scene_shapes import MOST_FACES, glb, simple_shape
+from scaling_service.jobs.scene_shapes import MOST_FACES, glb, long_ends, simple_shape
 from scaling_service.jobs.tasks import Results, run
 from scaling_service.models.builtin import builtin
 from scaling_service.models.neutral import neutral_frames
@@ -195,6 +195,13 @@ def test_a_body_without_any_shape_is_still_a_file(tmp_path: Path) -> None:
     content = trimesh.load(tmp_path / "empty.glb")
     assert isinstance(content, trimesh.Scene)
     assert not content.geometry
+
+
+def test_long_segments_are_rods_and_broad_ones_are_not() -> None:
+    hip, knee, kneecap = [0.0, 0.0, 0.0], [0.0, -0.4, 0.0], [0.05, -0.37, 0.0]
+    assert np.array_equal(long_ends(np.array([hip, kneecap, knee])), [hip, knee])
+    assert long_ends(np.array([hip, [0.0, 0.0, 0.17], [0.1, 0.1, 0.08]])) is None
+    assert long_ends(np.array([hip, hip])) is None
 
 
 def test_a_simple_shape_goes_around_its_points() -> None:

@@ -70,7 +70,7 @@ class Part:
     tag: str
 
 
-@router.get("/", response_class=HTMLResponse)
+@router.api_route("/", methods=["GET", "HEAD"], response_class=HTMLResponse)
 def index(request: Request) -> Response:
     """Show the page, or say that there is none and where the routes are."""
     part = _part("index.html")
@@ -79,7 +79,7 @@ def index(request: Request) -> Response:
     return _answer(request, part, "index.html", "no-cache", {"Content-Security-Policy": POLICY})
 
 
-@router.get("/assets/{name}")
+@router.api_route("/assets/{name}", methods=["GET", "HEAD"])
 def asset(name: str, request: Request) -> Response:
     """Send a script, style, font or picture of the page."""
     part = _part(f"assets/{name}") if _NAME.fullmatch(name) else None

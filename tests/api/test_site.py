@@ -75,6 +75,12 @@ def test_files_are_compressed_kept_and_asked_for_once(served: Served, bundle: Pa
     assert served.call("GET", "/").headers["Cache-Control"] == "no-cache"
 
 
+def test_a_monitor_may_ask_for_the_head_alone(served: Served, bundle: Path) -> None:
+    head, whole = served.call("HEAD", "/"), served.call("GET", "/")
+    assert (head.status_code, head.content) == (200, b"")
+    assert head.headers["ETag"] == whole.headers["ETag"]
+
+
 def test_a_changed_bundle_is_seen(served: Served, bundle: Path) -> None:
     first = served.call("GET", "/")
     (bundle / "index.html").write_text("<p>new</p>", encoding="utf-8")

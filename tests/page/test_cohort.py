@@ -7,9 +7,9 @@ from pathlib import Path
 
 import requests
 
+from scaling_service.client import Client
 from tests.page.conftest import Visit
-
-FILES = ("static.trc", "gait_1.trc")
+from tests.page.walker import fetch
 
 
 def cohort_folder(url: str, folder: Path) -> Path:
@@ -17,10 +17,8 @@ def cohort_folder(url: str, folder: Path) -> Path:
     requests.post(f"{url}/v1/examples?persons=2", timeout=30).raise_for_status()
     for number, example in enumerate(("example", "example_2"), start=1):
         place = folder / f"P{number}"
-        place.mkdir(parents=True)
-        for name in FILES:
-            content = requests.get(f"{url}/v1/subjects/{example}/files/{name}", timeout=30).content
-            (place / name).write_bytes(content)
+        with Client(url) as client:
+            fetch(client, place, example)
         document = {
             "subject": {"id": f"P{number}", "height_m": 1.7, "mass_kg": 60.0},
             "model": "lower_limb_14dof",

@@ -10,6 +10,7 @@ from scaling_service.client import Client
 from tests.cli.serving import COMMAND, ENVIRONMENT, served
 from tests.page.conftest import Visit
 from tests.page.visitor import Visitor
+from tests.page.walker import put_walker
 
 
 def new_key(folder: Path) -> str:
@@ -19,11 +20,12 @@ def new_key(folder: Path) -> str:
     return next(word for word in done.stdout.split() if len(word) > 30)
 
 
-def takes_away(visitor: Visitor, key: str) -> None:
+def takes_away(visitor: Visitor, key: str, folder: Path) -> None:
     """Files and the report are fetched by the browser itself, which sends no key."""
     with Client(visitor.url, key) as client:
-        client._call("POST", "/v1/examples")
-        job = client.wait(client.ask("comparisons", subject="example", methods=["MB"]))
+        job = client.wait(
+            client.ask("comparisons", subject=put_walker(client, "S01", folder), methods=["MB"])
+        )
     visitor.go(f"jobs/{job.id}/files")
     with visitor.page.expect_download() as coming:
         visitor.page.get_by_role("button", name="Everything as one zip").click()
@@ -52,7 +54,7 @@ def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visit, tmp_path: Path) ->
         visitor.page.reload()
         visitor.sees("None yet.")
 
-        takes_away(visitor, key)
+        takes_away(visitor, key, tmp_path / "files")
 
         other = visit(url)  # another tab
         other.go("jobs")

@@ -45,7 +45,7 @@ def tour(visitor: Visitor, npm: Path | None, folder: Path) -> None:
     takes_away(visitor, folder)
     discovers(visitor, look)
     visitor.follow("Jobs")
-    visitor.sees("Search for the missing effect")
+    visitor.page.get_by_role("link", name="Search for the missing effect").wait_for()
     look()
     visitor.met_no_defect()
 
@@ -67,6 +67,8 @@ def imports(visitor: Visitor, look: Look) -> None:
 def compares(visitor: Visitor) -> None:
     visitor.follow("On to the methods")
     visitor.sees("Scale by several methods and compare them")
+    visitor.press("Start: Find the missing effect")  # goes on beside the rest
+    visitor.page.get_by_role("link", name="Search for the missing effect").wait_for()
     visitor.press("Compare")
     visitor.sees("How far to trust")
     assert visitor.page.get_by_text("This person is virtual").count() == 0  # its truth is not in its files
@@ -154,7 +156,6 @@ def run(command: list[str], folder: Path) -> None:
 
 def discovers(visitor: Visitor, look: Look) -> None:
     visitor.follow("example")
-    visitor.press("Start: Find the missing effect")
     visitor.page.get_by_role("link", name="Search for the missing effect").click()
     visitor.sees("2 missing effects were found")
     visitor.sees("Markers: what is left over, and its floor")

@@ -1,6 +1,7 @@
 /** Residual forces against the published limits, and what errors of measurement explain of them. */
 
 import { bullets, callout, folded } from "../ui/blocks.ts";
+import { h } from "../ui/dom.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
 import { figures, number, words } from "../ui/words.ts";
@@ -10,7 +11,8 @@ import { SIX, type DynamicsDocument, type TrialDynamics } from "./dynamicsdocume
 export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
   const curves = await residualCurves(document, job, signal);
   if (signal.aborted) return;
-  place.append(callout(sentence(document.verdict), ""), gates(document), curves, rms(document), uncertainty(document), loads(document));
+  const [first = "", ...rest] = document.verdict.split(/(?<=\.) (?=[A-Z])/);
+  place.append(callout(sentence(first), "", h("p", null, rest.join(" "))), gates(document), curves, rms(document), uncertainty(document), loads(document));
   const warnings = [...document.warnings, ...Object.values(document.trials).flatMap((trial) => trial.warnings)];
   if (warnings.length > 0) place.append(folded("Notes", bullets([...new Set(warnings)])));
 }

@@ -36,6 +36,9 @@ from scaling_service.schemas.proof import (
 )
 from scaling_service.schemas.reading import check_document
 
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of the whole that is done, 0 to 1."""
+
 FOLDER = "proof"
 """Of the tables, below the job's files."""
 
@@ -64,7 +67,7 @@ def prove(
     skip: Sequence[str] = (),
     labels: Mapping[str, str] | None = None,
     settings: Settings = Settings(),
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ProofDocument:
     """Look at all files of a folder, tell what they are for, and what scaling would refuse.
 
@@ -95,7 +98,7 @@ def prove(
         report(f"reading {name}", _READ * k / len(names))
         found.append(look_into(folder / name, settings.up, settings.forward))
     written = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), {})
-    known = {**written, **document}
+    known = {**written, **document, "subject": {**written.get("subject", {}), **document["subject"]}}
     roles = roles_of(found, known)
     sheet = _Sheet(problems=list(_missing(known, names)))
     report("showing the recordings", _READ)

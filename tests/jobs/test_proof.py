@@ -186,11 +186,13 @@ def test_forces_go_to_the_recording_of_their_name(tmp_path: Path) -> None:
 def test_a_subject_file_among_the_files_is_followed(lab: Path) -> None:
     shutil.copy(lab / "S01.yaml", lab / "subject.yaml")
     text = (lab / "subject.yaml").read_text(encoding="utf-8").replace("walk.trc", "deep/walk.trc")
+    text = text.replace("S01", "other")
     (lab / "subject.yaml").write_text(text, encoding="utf-8")
     found = proof(lab)
     assert next(f for f in found.files if f.name == "walk.trc").named
     assert found.proposal is not None
     assert found.proposal["trials"]["evaluation"] == ["walk.trc"]
+    assert found.proposal["subject"] == {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}
 
 
 @pytest.mark.parametrize(

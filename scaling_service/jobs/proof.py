@@ -97,8 +97,7 @@ def prove(
     for k, name in enumerate(names):
         report(f"reading {name}", _READ * k / len(names))
         found.append(look_into(folder / name, settings.up, settings.forward))
-    written = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), {})
-    known = {**written, **document, "subject": {**written.get("subject", {}), **document["subject"]}}
+    known = _known(found, document)
     roles = roles_of(found, known)
     sheet = _Sheet(problems=list(_missing(known, names)))
     report("showing the recordings", _READ)
@@ -128,6 +127,14 @@ def prove(
         proposal=proposed,
         problems=sheet.problems,
     )
+
+
+def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document; while it names no recordings, with what a subject file among the files says."""
+    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
+    if file is None or document.get("trials"):
+        return dict(document)
+    return {**file, **document, "subject": {**file["subject"], **document["subject"]}}
 
 
 def _show(

@@ -195,6 +195,14 @@ def test_a_subject_file_among_the_files_is_followed(lab: Path) -> None:
     assert found.proposal["subject"] == {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}
 
 
+def test_a_whole_document_outweighs_a_subject_file(lab: Path) -> None:
+    shutil.copy(lab / "S01.yaml", lab / "subject.yaml")
+    document = {**BARE, "model": "lower_limb_14dof", "trials": {"static": "standing.trc"}}
+    found = proof(lab, document)
+    assert found.proposal == document
+    assert next(f for f in found.files if f.name == "walk.trc").role is None
+
+
 @pytest.mark.parametrize(
     ("name", "bone"),
     [("Femur_R.stl", "femur_r"), ("leftTibia.ply", "tibia_l"), ("pelvis.obj", "pelvis"), ("femur.stl", None)],

@@ -71,6 +71,7 @@ def compares(visitor: Visitor) -> None:
     visitor.page.get_by_role("link", name="Search for the missing effect").wait_for()
     visitor.press("Compare")
     visitor.sees("How far to trust")
+    assert visitor.page.title() == "Comparison of methods: example · scaling-service"
     assert visitor.page.get_by_text("This person is virtual").count() == 0  # its truth is not in its files
 
 

@@ -24,6 +24,8 @@ import { problemBox } from "./ui/problem.ts";
 import { apply } from "./ui/theme.ts";
 import type { View } from "./views/view.ts";
 
+const NAME = "scaling-service";
+
 apply();
 askWith(askForKeyOnScreen);
 const page = shell();
@@ -63,6 +65,12 @@ async function go(): Promise<void> {
     page.main.append(problemBox(asProblem(error)));
   }
 }
+
+/** The window is called as its view, so that history, bookmarks and screen readers tell them apart. */
+new MutationObserver(() => {
+  const heading = page.main.querySelector("h1")?.textContent ?? "";
+  document.title = heading === "" ? NAME : `${heading} · ${NAME}`;
+}).observe(page.main, { childList: true });
 
 addEventListener("hashchange", () => void go());
 void go();

@@ -72,7 +72,7 @@ export class Body {
     });
     this.place(poses);
     if (gliding !== null) this.glide(gliding);
-    this.markerDots.put(this.markers.flatMap((k) => [...this.placed.subarray(3 * k, 3 * k + 3)]));
+    this.markerDots.put(this.placed); // markers are the first of the points
     this.pairs.forEach(([a, b], k) => this.sticks.put(k, this.placed, 3 * a, this.placed, 3 * b));
     this.sticks.done();
     if (measured === null) return;

@@ -9,7 +9,7 @@ export class Dots {
   private readonly matrix = new Matrix4();
 
   constructor(count: number, radius_m: number, colour: string) {
-    this.mesh = new InstancedMesh(new SphereGeometry(radius_m, 10, 8), new MeshLambertMaterial({ color: 0xffffff }), count);
+    this.mesh = new InstancedMesh(new SphereGeometry(radius_m, 8, 6), new MeshLambertMaterial({ color: 0xffffff }), count);
     this.mesh.frustumCulled = false;
     for (let k = 0; k < count; k += 1) this.paint(k, colour);
     this.hideAll();

@@ -174,14 +174,15 @@ export class Theatre {
   private centreAt(frame: number): Vector3 | null {
     const measured = this.measured.at(frame);
     if (measured === null) return null;
-    const sum = new Vector3();
-    let count = 0;
+    let [x, y, z, count] = [0, 0, 0, 0];
     for (let k = 0; k < measured.length; k += 3) {
       if (Number.isNaN(measured[k])) continue;
-      sum.add(new Vector3().fromArray(measured, k));
+      x += measured[k] ?? 0;
+      y += measured[k + 1] ?? 0;
+      z += measured[k + 2] ?? 0;
       count += 1;
     }
-    return count === 0 ? null : sum.divideScalar(count);
+    return count === 0 ? null : new Vector3(x, y, z).divideScalar(count);
   }
 
   /** How far the furthest marker is from the middle. */

@@ -25,6 +25,7 @@ def test_several_jobs_at_once(visit: Visit, url: str) -> None:
     address = page.url
     visitor.go("jobs?subject=example_2&state=cancelled")
     visitor.sees("Jobs on example_2")
+    page.locator(".jobs li").first.wait_for()
     assert page.locator(".jobs li").count() == 1
     page.goto(address)
     page.locator(".problem .remedy").wait_for()

@@ -39,8 +39,14 @@ export function shell(): Shell {
     ),
     lost,
     main,
+    footer(),
   );
   return { main, at: (part) => links.forEach((one, place) => mark(one, PLACES[place]?.[0] === part)) };
+}
+
+function footer(): HTMLElement {
+  const licences = document.querySelector<HTMLLinkElement>("link[rel=license]")?.href ?? null;
+  return h("footer", null, "Apache-2.0. ", h("a", { href: licences }, "Licences of what this page is made of"));
 }
 
 function mark(element: HTMLElement, present: boolean): void {

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scaling_service.jobs.dynamics_saving import save_dynamics
     from scaling_service.jobs.dynamics_settings import DynamicsSettings
     from scaling_service.jobs.loading import read_model
+    from scaling_service.jobs.proof_saving import prove_folder
     from scaling_service.jobs.saving import save
     from scaling_service.jobs.settings import Settings
     from scaling_service.jobs.subjects import load_subject
@@ -49,6 +50,7 @@ __all__ = [
     "inverse_kinematics",
     "kinematic_error",
     "load_subject",
+    "prove_folder",
     "read_model",
     "read_recording",
     "save",
@@ -75,6 +77,7 @@ _HOMES = {
     "inverse_kinematics": "estimation.inverse_kinematics",
     "kinematic_error": "evaluation.kinematic_error",
     "load_subject": "jobs.subjects",
+    "prove_folder": "jobs.proof_saving",
     "read_model": "jobs.loading",
     "read_recording": "formats.recording",
     "save": "jobs.saving",

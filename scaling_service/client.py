@@ -25,7 +25,9 @@ from pydantic import BaseModel, ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.schemas.jobs import State
+from scaling_service.schemas.markermap import MarkerMapDocument
 from scaling_service.schemas.service import (
+    ExampleList,
     FileEntry,
     FileList,
     JobDocument,
@@ -35,6 +37,7 @@ from scaling_service.schemas.service import (
     SubjectPage,
     SubjectSummary,
 )
+from scaling_service.schemas.vocabulary import Vocabulary
 
 TIMEOUT_S = 60.0
 """Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""
@@ -128,6 +131,24 @@ class Client:
     def delete_subject(self, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
         self._call("DELETE", f"/v1/subjects/{quote(subject, safe='')}")
+
+    # The laboratory
+
+    def put_examples(self, persons: int = 1) -> list[str]:
+        """Put the built-in example among the subjects, and others like it for a cohort; their names."""
+        return _as(ExampleList, self._call("POST", "/v1/examples", params={"persons": persons})).subjects
+
+    def vocabulary(self) -> Vocabulary:
+        """Built-in models with their markers, methods and bones."""
+        return _as(Vocabulary, self._call("GET", "/v1/vocabulary"))
+
+    def marker_map(self) -> dict[str, str]:
+        """Label to model marker, as the laboratory has them."""
+        return _as(MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
+
+    def put_marker_map(self, labels: Mapping[str, str]) -> None:
+        """Keep which label is which marker, in place of what was kept before."""
+        self._call("PUT", "/v1/marker-map", json={"labels": dict(labels)})
 
     # Jobs
 

@@ -93,3 +93,11 @@ def test_files_outside_the_folder_are_refused(tmp_path: Path, monkeypatch: pytes
 
 class _Evil:
     name = "../../etc/passwd"
+
+
+def test_names_and_labels_of_the_laboratory(tmp_path: Path) -> None:
+    with serving(settings_in(tmp_path), TINY) as served, served.client() as client:
+        assert client.vocabulary().models[0].name == "lower_limb_14dof"
+        assert client.marker_map() == {}
+        client.put_marker_map({"KNIE r": "RLFE"})
+        assert client.marker_map() == {"KNIE r": "RLFE"}

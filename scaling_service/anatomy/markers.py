@@ -179,6 +179,21 @@ _LEVELS: tuple[_Level, ...] = (
 """From strict to lenient: what a stricter comparison has matched is settled before the next one looks."""
 
 
+def likeness(label: str, marker: str) -> str | None:
+    """What must be left out of account for a label to be a marker's name; None where that is not enough.
+
+    Examples
+    --------
+    >>> likeness("RASIS", "RASIS"), likeness("S01:RASI", "RASIS"), likeness("RTHI", "RASIS")
+    ('', 'known alias', None)
+    """
+    for level in _LEVELS:
+        key = level.key(marker)
+        if key is not None and key == level.key(label):
+            return level.reason
+    return None
+
+
 def match_labels(
     labels: Iterable[str], wanted: Sequence[str], explicit: Mapping[str, str] | None = None
 ) -> LabelMap:

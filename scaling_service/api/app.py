@@ -9,11 +9,25 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.api import asking, jobs, monitoring, openapi, page, problems, subjects
+from scaling_service.api import (
+    asking,
+    examples,
+    jobs,
+    links,
+    markers,
+    monitoring,
+    openapi,
+    page,
+    problems,
+    site,
+    subjects,
+    words,
+)
 from scaling_service.api.callers import Callers
 from scaling_service.api.monitoring import JobCounts, Recent
 from scaling_service.api.shield import Shield
 from scaling_service.api.watching import Watching
+from scaling_service.runner.example import Examples
 from scaling_service.runner.identity import code_version
 from scaling_service.runner.service import Service
 
@@ -45,19 +59,27 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     )
     app.state.service = service
     app.state.callers = Callers(service, loopback=loopback)
+    app.state.examples = Examples(service)
     app.state.recent = Recent(service)
     app.state.registry = CollectorRegistry()
     app.state.registry.register(JobCounts(service))
     for router in (
         subjects.router,
+        examples.router,
+        words.router,
+        markers.router,
         asking.routes(service.kinds),
         jobs.router,
+        links.router,
         monitoring.router,
         page.router,
+        site.router,
     ):
         app.include_router(router)
     problems.install(app)
-    openapi.install(app, {*subjects.DOCUMENTS, *asking.models(service.kinds)})
+    openapi.install(
+        app, {*subjects.DOCUMENTS, *markers.DOCUMENTS, *links.DOCUMENTS, *asking.models(service.kinds)}
+    )
     app.add_middleware(Shield)
     app.add_middleware(Watching, registry=app.state.registry)
     return app

@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.api.buckets import Buckets
 from scaling_service.api.problems import KeyNeeded, TooManyRequests, WrongHost
+from scaling_service.api.tickets import PARAMETER, Tickets
 from scaling_service.runner.configuration import is_here
 from scaling_service.runner.service import Service
 from scaling_service.store import keys
@@ -40,6 +41,7 @@ class Callers:
         settings = service.settings
         self._requests = Buckets(settings.request_rate, settings.request_burst)
         self._failures = Buckets(1.0, _FAILURES)
+        self.tickets = Tickets()
 
     def owner(self, request: Request) -> str:
         """The owner on whose behalf a request comes; it asks the store, so call it in a thread.
@@ -51,7 +53,10 @@ class Callers:
         self._check_host(request)
         address = request.client.host if request.client else "unix"
         token = _token(request)
-        if token is None:
+        ticket = request.query_params.get(PARAMETER) if request.method == "GET" else None
+        if token is None and ticket is not None:
+            owner, caller = self._of_ticket(ticket, request.scope["path"]), address
+        elif token is None:
             owner, caller = self._without_key(), address
         else:
             owner = self._of_key(token, address)
@@ -89,6 +94,14 @@ class Callers:
             field="Authorization",
             remedy="Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one",
         )
+
+    def _of_ticket(self, ticket: str, path: str) -> str:
+        owner = self.tickets.owner_of(ticket, path)
+        if owner is None:
+            raise KeyNeeded(
+                "this link does not work any more", field=PARAMETER, remedy="Open it again where it came from"
+            )
+        return owner
 
     def _of_key(self, token: str, address: str) -> str:
         wait_s = self._failures.wait_s(address)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from http import HTTPStatus
 from pathlib import PurePosixPath
 from typing import BinaryIO
 from urllib.parse import quote
@@ -14,6 +15,7 @@ from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from scaling_service.api import conditional
+from scaling_service.api.ranges import asked_for
 from scaling_service.store.blobs import Blobs
 from scaling_service.store.rows import FileRow
 
@@ -42,30 +44,40 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 
 
 async def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
-    """A stored file as an answer.
+    """A stored file as an answer, or the stretch of it that is asked for.
 
     Raises
     ------
     ContentMissing
         It is not there, though it should be.
+    RangeUnsatisfiable
+        The stretch begins after its end.
     """
     current = conditional.tag(file.sha256)
     if conditional.is_known(request, current):
         return conditional.unchanged(current)
+    same = request.headers.get("if-range", current) == current
+    stretch = asked_for(request.headers.get("range") if same else None, file.size)
     opened = await run_in_threadpool(blobs.open, file.sha256)
     name = PurePosixPath(file.name).name
     headers = conditional.headers(current) | {
+        "Accept-Ranges": "bytes",
         "Content-Length": str(file.size),
         "Content-Disposition": f"inline; filename*=UTF-8''{quote(name, safe='')}",
         "Content-Security-Policy": _APART,
     }
     media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), _OTHER)
-    return StreamingResponse(_pieces(opened), headers=headers, media_type=media_type)
+    if stretch is None:
+        return StreamingResponse(_pieces(opened, file.size), headers=headers, media_type=media_type)
+    opened.seek(stretch.first)
+    headers |= {"Content-Length": str(stretch.length), "Content-Range": stretch.told}
+    return StreamingResponse(_pieces(opened, stretch.length), HTTPStatus.PARTIAL_CONTENT, headers, media_type)
 
 
-def _pieces(opened: BinaryIO) -> Iterator[bytes]:
+def _pieces(opened: BinaryIO, length: int) -> Iterator[bytes]:
     with opened:
-        while piece := opened.read(_CHUNK_BYTES):
+        while length > 0 and (piece := opened.read(min(_CHUNK_BYTES, length))):
+            length -= len(piece)
             yield piece
 
 

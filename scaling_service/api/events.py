@@ -5,11 +5,23 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any
 
 from scaling_service.schemas.service import JobDocument
 from scaling_service.store.errors import NotFound, StoreUnavailable
 
 MEDIA_TYPE = "text/event-stream"
+
+EVENT: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "id": {"type": "string", "description": "The job's revision."},
+        "event": {"enum": ["job", "gone"]},
+        "data": {"type": "string", "description": "The job as JSON."},
+    },
+    "required": ["event", "data"],
+}
+"""One event, for the document of all routes."""
 
 LOOK_S = 0.25
 """Between two looks at the job. Chosen: faster than a person reads, a short query each."""

@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from scaling_service.api import conditional
 from scaling_service.api.callers import Asked, Desk, Owner
 from scaling_service.api.contents import archive, stored_file
-from scaling_service.api.events import MEDIA_TYPE, follow
+from scaling_service.api.events import EVENT, MEDIA_TYPE, follow
 from scaling_service.api.problems import described
 from scaling_service.api.subjects import Cursor, Size, entries, moment
 from scaling_service.api.threads import writing
@@ -111,7 +111,7 @@ async def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     | {
         200: {
             "description": "Events `job`, each with the job as it then is; the last one when it is over",
-            "content": {MEDIA_TYPE: {"schema": {"type": "string"}}},
+            "content": {MEDIA_TYPE: {"schema": EVENT}},
         },
         204: {"description": "It is over, and its last event was seen"},
     },
@@ -192,9 +192,10 @@ async def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
 @router.get(
     "/{job}/files/{path:path}",
     response_class=Response,
-    responses=described(404)
+    responses=described(404, 416)
     | {
         200: {"description": "The file", "content": {"*/*": {"schema": {"type": "string"}}}},
+        206: {"description": "The stretch", "content": {"*/*": {"schema": {"type": "string"}}}},
         304: {"description": "Unchanged"},
     },
 )
@@ -205,7 +206,7 @@ async def get_file(
     owner: Owner,
     service: Desk,
 ) -> Response:
-    """Download one file that a job made."""
+    """Download one file that a job made, or with `Range: bytes=a-b` a stretch of it."""
     row, _ = await run_in_threadpool(service.file, owner, job, path)
     return await stored_file(request, service.store.blobs, row)
 

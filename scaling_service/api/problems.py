@@ -12,7 +12,9 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
+from scaling_service.api.ranges import RangeUnsatisfiable
 from scaling_service.core.errors import InputError
+from scaling_service.runner.example import ExampleFailed
 from scaling_service.runner.ledger import QueueFull
 from scaling_service.runner.submission import RequestInvalid
 from scaling_service.schemas.service import Problem
@@ -70,6 +72,8 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (WrongMediaType, 415),
     (TooSlow, 408),
     (WrongHost, 421),
+    (RangeUnsatisfiable, 416),
+    (ExampleFailed, 500),
     (InputError, 422),
 )
 """The first that fits counts."""
@@ -106,6 +110,8 @@ def _headers(error: InputError, status: int) -> dict[str, str]:
     if status in RETRY_S:
         wait_s = error.wait_s if isinstance(error, TooManyRequests) else RETRY_S[status]
         headers["Retry-After"] = str(max(1, round(wait_s + 0.5)))
+    if isinstance(error, RangeUnsatisfiable):
+        headers["Content-Range"] = f"bytes */{error.size}"
     if status == HTTPStatus.UNAUTHORIZED:
         headers["WWW-Authenticate"] = "Bearer"
     return headers

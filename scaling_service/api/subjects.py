@@ -127,14 +127,15 @@ async def put_file(subject: Named, name: FileName, request: Request, owner: Owne
 @router.get(
     "/{subject}/files/{name}",
     response_class=Response,
-    responses=described(404)
+    responses=described(404, 416)
     | {
         200: {"description": "The file", "content": {"application/octet-stream": _BYTES}},
+        206: {"description": "The stretch", "content": {"application/octet-stream": _BYTES}},
         304: {"description": "Unchanged"},
     },
 )
 async def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
-    """Download a file of a subject."""
+    """Download a file of a subject, or with `Range: bytes=a-b` a stretch of it."""
     row, _ = await run_in_threadpool(service.subject_file, owner, subject, name)
     return await stored_file(request, service.store.blobs, row)
 

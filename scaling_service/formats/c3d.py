@@ -111,7 +111,16 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
         If ezc3d is not installed.
     """
     file = Path(path)
-    content = read_c3d_file(file)
+    return c3d_trial(read_c3d_file(file), file)
+
+
+def c3d_trial(content: C3dFile, file: Path) -> Trial:
+    """The markers of a file that was parsed; see :func:`read_c3d`.
+
+    Raises
+    ------
+    FileUnreadable, TrialUnusable
+    """
     if not content.labels and content.has_rotations:
         raise TrialUnusable(
             "the file holds segment rotations of a markerless system and no markers",

@@ -23,7 +23,7 @@ LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
 number in N mm is a thousand times larger)."""
 
-_NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
+NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
 """Fields of the errors which mean that a file holds no forces at all."""
 
 
@@ -74,7 +74,7 @@ def read_trial_forces(recording: Path, named: Path | None) -> tuple[Path, Ground
         with _blamed_on(recording):
             return recording, ground_forces(read_c3d_plates(recording))
     except TrialUnusable as error:
-        if error.field in _NO_PLATES:
+        if error.field in NO_PLATES:
             return None
         raise
 

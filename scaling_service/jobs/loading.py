@@ -262,6 +262,19 @@ def _axes(
         up = next(iter(decided.values())).up if decided else settings.up
         with blamed_on(path, [path]):
             decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
+    return agreed_axes(decided, static)
+
+
+def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
+    """One decision from those on each recording: up from the first, forward from how most movements face.
+
+    Parameters
+    ----------
+    decided : mapping
+        File to its own decision, at least one, all with the same up.
+    static : Path, optional
+        The recording of standing, which counts only where there is no other.
+    """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
     most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
     chosen = next(axes for axes in moving if axes.forward == most)

@@ -15,6 +15,9 @@ from scaling_service.jobs.documents import code_version as released_version
 _SUFFIXES = (".py", ".yaml", ".json", ".csv")
 """Files of the package that results can depend on."""
 
+_PAGE = "api/web/"
+"""The web page's sources and bundle: no result depends on them."""
+
 
 def canonical(document: Any) -> str:
     """JSON in the one form that equal documents share: sorted keys, no spaces, no NaN.
@@ -99,7 +102,8 @@ def _files(folder: Traversable, path: str) -> list[tuple[str, Traversable]]:
     for entry in folder.iterdir():
         name = f"{path}{entry.name}"
         if entry.is_dir():
-            found += [] if entry.name.startswith(("__", ".")) else _files(entry, f"{name}/")
+            apart = entry.name.startswith(("__", ".")) or f"{name}/" == _PAGE
+            found += [] if apart else _files(entry, f"{name}/")
         elif name.endswith(_SUFFIXES):
             found.append((name, entry))
     return found

@@ -16,6 +16,7 @@ from scaling_service.runner.comparing import JointAnglesRequest, KinematicErrorR
 from scaling_service.runner.consistent_request import ConsistentRequest
 from scaling_service.runner.discover_request import DiscoverRequest
 from scaling_service.runner.dynamics_request import DynamicsRequest
+from scaling_service.runner.proof_request import ProofRequest
 from scaling_service.runner.requests import JobRequest, LandmarksRequest, ScalingRequest
 from scaling_service.runner.single import LinearRequest, OptimisedRequest
 from scaling_service.schemas.cohort import CohortDocument
@@ -28,6 +29,7 @@ from scaling_service.schemas.consistent import ConsistentDocument
 from scaling_service.schemas.discovery import DiscoveryDocument
 from scaling_service.schemas.dynamics import DynamicsDocument
 from scaling_service.schemas.landmarks import LandmarksDocument
+from scaling_service.schemas.proof import ProofDocument
 from scaling_service.schemas.results import ComparisonDocument, ScalingDocument
 
 Work = Callable[[Any, Path, Path, Progress], Any]
@@ -106,6 +108,7 @@ class Kind:
 
 
 KINDS: Mapping[str, Kind] = {
+    "proof": Kind(ProofRequest, Late("proof"), "proofs", ProofDocument),
     "linear-scaling": Kind(LinearRequest, Late("single"), "scalings/linear", ScalingDocument),
     "optimised-scaling": Kind(OptimisedRequest, Late("single"), "scalings/optimised", ScalingDocument),
     "landmarks": Kind(LandmarksRequest, Late("landmarks"), "scalings/mesh-landmarks", LandmarksDocument),

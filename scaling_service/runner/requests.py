@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
@@ -53,6 +53,9 @@ class JobRequest(BaseModel):
     """A request for a job. Unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    reads_every_file: ClassVar[bool] = False
+    """Whether it reads all uploaded files of its subjects, and not only those that it needs."""
 
     @property
     @abstractmethod

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scaling_service.runner.identity import canonical
 from scaling_service.runner.kinds import KINDS, Kind
 from scaling_service.runner.ledger import Ledger
 from scaling_service.runner.names import known_name, plain_name
@@ -20,11 +21,11 @@ from scaling_service.runner.requests import JobRequest
 from scaling_service.runner.settings import ServiceSettings
 from scaling_service.runner.submission import canonical_subject, check_request, check_subject, new_job
 from scaling_service.schemas.jobs import State
-from scaling_service.store import deletion, jobs, listing, subjects, uploads
+from scaling_service.store import deletion, jobs, listing, marker_maps, subjects, uploads
 from scaling_service.store.blobs import Incoming
 from scaling_service.store.errors import NotFound
 from scaling_service.store.paging import Page
-from scaling_service.store.rows import FileRow, JobRow, SubjectRow
+from scaling_service.store.rows import FileRow, JobRow, MarkerMapRow, SubjectRow
 from scaling_service.store.store import Store
 
 
@@ -157,6 +158,16 @@ class Service:
         """Remove a file of a subject; jobs that were asked for before keep theirs."""
         self.subject_file(owner, subject, name)
         uploads.detach(self.store.database, self.store.blobs, owner, subject, [name])
+
+    # The laboratory
+
+    def marker_map(self, owner: str) -> MarkerMapRow | None:
+        """Which label is which marker in an owner's laboratory; None where that was never said."""
+        return marker_maps.get(self.store.database, owner)
+
+    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow:
+        """Keep which label is which marker, in place of what was said before."""
+        return marker_maps.put(self.store.database, owner, canonical(dict(labels)))
 
     # Jobs
 

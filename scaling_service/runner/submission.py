@@ -71,7 +71,7 @@ def canonical_subject(content: Mapping[str, Any]) -> str:
 
 
 def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobRequest:
-    """A request of a kind.
+    """A request of a kind. A number in quotes, or a truth value for a number, is an error.
 
     Raises
     ------
@@ -81,7 +81,8 @@ def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobReq
     if isinstance(request, kind.request):
         return request
     try:
-        return kind.request.model_validate(request)
+        # As JSON, in which a strict check still takes lists for tuples, and objects for settings.
+        return kind.request.model_validate_json(json.dumps(request), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise RequestInvalid(
@@ -109,7 +110,11 @@ def new_job(
     inputs = tuple(
         FileRow(f"{subject}/{file.name}", file.sha256, file.size)
         for subject, named in request.needed(documents).items()
-        for file in _found(connection, owner, subject, named)
+        for file in (
+            uploads.files_in(connection, owner, subject)
+            if request.reads_every_file
+            else _found(connection, owner, subject, named)
+        )
     )
     hashes = {file.name: file.sha256 for file in inputs}
     try:

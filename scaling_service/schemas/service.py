@@ -66,6 +66,30 @@ class SubjectPage(_Travels):
     next: str | None = Field(description="Give it as `cursor` for those that follow; null at the end.")
 
 
+class ExampleList(_Travels):
+    """Examples among the caller's subjects."""
+
+    subjects: list[str] = Field(description="Their names.")
+
+
+class LinkRequest(_Travels):
+    """What a link is wanted for."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    path: str = Field(
+        max_length=2000,
+        description="Of a file of a job or a subject, or of a job's `files.zip`, as in its links.",
+    )
+
+
+class Link(_Travels):
+    """A link that works without a key, for a short time."""
+
+    path: str
+    until: datetime = Field(description="It must be opened before.")
+
+
 class Progress(_Travels):
     """How far a job is."""
 

@@ -12,8 +12,8 @@ The parts, each one idea: ``tables`` (what is kept), ``database`` (a connection 
 what its errors mean), ``sqlite_file`` (opened anew where its disk was), ``migrate`` (bringing tables up to
 date), ``clock`` (one clock for all machines),
 ``blobs`` (content on disk), ``references`` (content that rows refer to, and the rest removed), ``keys``,
-``subjects``, ``jobs``, ``parts``, ``queueing``, ``listing`` (the rows of each), ``deletion`` (leaving no
-trace), ``store`` (all of it together).
+``subjects``, ``marker_maps``, ``jobs``, ``parts``, ``queueing``, ``listing`` (the rows of each),
+``deletion`` (leaving no trace), ``store`` (all of it together).
 
 Rules that keep it whole, whoever is killed when:
 

@@ -32,6 +32,14 @@ class SubjectRow:
 
 
 @dataclass(frozen=True, slots=True)
+class MarkerMapRow:
+    """An owner's map of labels, as JSON."""
+
+    document: str
+    updated_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class FileRow:
     """A named content: size in bytes, digest in hexadecimal."""
 

@@ -46,6 +46,15 @@ subjects = Table(
     Index(None, "updated_us"),
 )
 
+marker_maps = Table(
+    "marker_maps",
+    metadata,
+    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), primary_key=True),
+    Column("document", Text, nullable=False),
+    Column("updated_us", BigInteger, nullable=False),
+)
+"""Which label is which marker in an owner's laboratory; one map each."""
+
 blobs = Table(
     "blobs",
     metadata,

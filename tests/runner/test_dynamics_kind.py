@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -50,14 +52,20 @@ def test_numbers_are_those_of_the_command_line(service: Service, tmp_path: Path)
     lab = tmp_path / "lab"
     lab.mkdir()
     file = force_laboratory(lab)
-    names = ("sway.trc", "swing.trc", "sway_grf.mot", "swing_grf.mot")
-    put(service, document(), lab, *names)
+    put(service, document(), lab, "sway.trc", "swing.trc", "sway_grf.mot", "swing_grf.mot")
     job = service.ask("lab", "dynamics", {"subject": "S01", "start": "none", "samples": 4})[0].id
     with running(service):
         over_service = done(service, job)
     results = dynamics(file, DynamicsSettings(start="none", samples=4))
     there = save_dynamics(results, tmp_path / "out").model_dump(mode="json")
     assert untimed(over_service) == untimed(there)
-    assert {row.name for row in service.files("lab", job)} == {
+    names = {row.name for row in service.files("lab", job)}
+    assert {name for name in names if not name.startswith("scene/")} == {
         path.name for path in (tmp_path / "out").iterdir()
     }
+    _, file = service.file("lab", job, "scene/residuals.json")
+    for name, trial in json.loads(file.read_text(encoding="utf-8"))["trials"].items():
+        _, file = service.file("lab", job, trial["residual"]["file"])
+        values = np.fromfile(file, "<f4").reshape(trial["residual"]["shape"]).astype(float)
+        told = list(over_service["trials"][name]["residual_rms"].values())
+        assert np.sqrt(np.nanmean(values**2, axis=0)) == pytest.approx(told, rel=1e-3, abs=1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -189,3 +190,31 @@ def test_halves_of_characters_are_refused_and_odd_ones_kept(settings: ServiceSet
     with pytest.raises(InputError):
         service.ask("lab", "scaling", {"subject": "S01", "settings": {"up": "\ud800"}})
     service.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "field"),
+    [
+        ("scaling", {"settings": {"seed": False}}, "settings.seed"),
+        ("dynamics", {"cutoff_hz": True}, "cutoff_hz"),
+        ("dynamics", {"cutoff_hz": "6"}, "cutoff_hz"),
+        ("dynamics", {"identify": 1}, "identify"),
+        ("proof", {"labels": {"x": 1}}, "labels.x"),
+    ],
+)
+def test_nothing_is_converted_silently(service: Service, kind: str, more: dict[str, Any], field: str) -> None:
+    service.put_subject("lab", document())
+    with pytest.raises(RequestInvalid) as caught:
+        service.ask("lab", kind, {"subject": "S01", **more})
+    assert caught.value.field == field
+
+
+def test_a_proof_reads_every_file_that_is_there(service: Service) -> None:
+    service.put_subject("lab", {"subject": {"id": "S01"}})
+    upload(service, "standing.trc", "notes.txt")
+    first = service.ask("lab", "proof", {"subject": "S01"})[0]
+    told = json.loads(service.specification("lab", first.id))
+    assert set(told["inputs"]) == {"S01/standing.trc", "S01/notes.txt"}
+    assert told["request"]["labels"] == {}
+    upload(service, "walk.trc")
+    assert service.ask("lab", "proof", {"subject": "S01"})[0].id != first.id

@@ -7,12 +7,13 @@ from typing import Any
 
 from scaling_service.jobs.discover import discover
 from scaling_service.jobs.discover_saving import save_discovery
+from scaling_service.jobs.scene_results import scene_of_discovery
 from scaling_service.jobs.tasks import Progress
 from scaling_service.runner.discover_request import DiscoverRequest
 from scaling_service.runner.names import DOCUMENT
 
-_COMPUTING = 0.9
-"""Chosen: about the share of the search; the rest is writing."""
+_COMPUTING, _WRITING = 0.9, 0.07
+"""Chosen: about the shares of the search and of writing; the rest is what is played back."""
 
 
 def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
@@ -33,6 +34,8 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
     document = save_discovery(
         results,
         outputs,
-        progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
+        progress=lambda what, share: progress(what, _COMPUTING + _WRITING * share),
     )
+    progress("writing what is played back", _COMPUTING + _WRITING)
+    scene_of_discovery(results, outputs)
     return document.model_dump(mode="json")

@@ -7,6 +7,7 @@ from typing import Any
 
 from scaling_service.jobs.dynamics import dynamics
 from scaling_service.jobs.dynamics_saving import save_dynamics
+from scaling_service.jobs.scene_residuals import write_residuals
 from scaling_service.jobs.tasks import Progress
 from scaling_service.runner.dynamics_request import DynamicsRequest
 from scaling_service.runner.names import DOCUMENT
@@ -23,4 +24,6 @@ def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progre
     results = dynamics(
         inputs / request.subject / DOCUMENT, request.chosen, request.settings, progress=progress
     )
-    return save_dynamics(results, outputs).model_dump(mode="json")
+    document = save_dynamics(results, outputs)
+    write_residuals(results, outputs)
+    return document.model_dump(mode="json")

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.jobs.saving import save
+from scaling_service.jobs.scene_results import scene_of_results
 from scaling_service.jobs.tasks import Progress, Results, compare
 from scaling_service.runner.names import DOCUMENT
 from scaling_service.runner.requests import OfRecordings, ScalingRequest
 from scaling_service.schemas.results import ComparisonDocument
 
-_COMPUTING = 0.6
-"""Chosen: about the share of computing; the rest is writing, of which models in OpenSim's form take most."""
+_COMPUTING, _WRITING = 0.6, 0.35
+"""Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
+is what is played back."""
 
 
 def work(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
@@ -54,6 +56,8 @@ def scaled(
         results,
         outputs,
         comparison=comparison,
-        progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
+        progress=lambda what, share: progress(what, _COMPUTING + _WRITING * share),
     )
+    progress("writing what is played back", _COMPUTING + _WRITING)
+    scene_of_results(results, outputs)
     return results, document

@@ -1,0 +1,130 @@
+/** A figure: its title, its drawing, and its being saved as SVG, PNG and, where it has rows, CSV. */
+
+import { fill, h } from "../ui/dom.ts";
+import { csv, save, saveText } from "../ui/save.ts";
+import { onTheme, theme } from "../ui/theme.ts";
+import type { Chart, Option } from "./engine.ts";
+import { inkOf, type Ink } from "./ink.ts";
+
+export type Row = (string | number | null | undefined)[];
+
+export interface FigureOptions {
+  title: string;
+  /** Of the files that it is saved as. */
+  name: string;
+  /** What it shows, for those who do not see it. */
+  alt: string;
+  height: number;
+  option: (ink: Ink) => Option;
+  rows?: () => Row[];
+  note?: string;
+  drawn?: (chart: Chart) => void;
+}
+
+export interface Drawn {
+  element: HTMLElement;
+  /** Draw again what has changed. */
+  redraw: () => void;
+}
+
+/** Figures are drawn when they come near to what is seen, and let go with the signal. */
+export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
+  const plot = h("div", { class: "plot", role: "img", "aria-label": options.alt });
+  plot.style.height = `${options.height}px`;
+  let chart: Chart | null = null;
+
+  const redraw = (): void => chart?.setOption(options.option(inkOf(theme())), { notMerge: true });
+  const draw = async (): Promise<void> => {
+    const { onCanvas } = await import("./engine.ts");
+    if (signal.aborted || chart !== null) return;
+    chart = onCanvas(plot, options.option(inkOf(theme())));
+    options.drawn?.(chart);
+    onTheme(redraw, signal);
+    const resizing = new ResizeObserver(() => chart?.resize());
+    resizing.observe(plot);
+    signal.addEventListener("abort", () => {
+      resizing.disconnect();
+      chart?.dispose();
+    });
+  };
+  whenNear(plot, () => void draw(), signal);
+  const element = h(
+    "figure",
+    null,
+    h("div", { class: "bar" }, h("figcaption", null, options.title), h("span", { class: "tools" }, ...tools(options, () => plot.clientWidth))),
+    plot,
+    options.note !== undefined && h("p", { class: "note" }, options.note),
+  );
+  return { element, redraw };
+}
+
+function whenNear(element: Element, work: () => void, signal: AbortSignal): void {
+  const watching = new IntersectionObserver(
+    (seen) => {
+      if (!seen.some((one) => one.isIntersecting)) return;
+      watching.disconnect();
+      work();
+    },
+    { rootMargin: "300px" },
+  );
+  watching.observe(element);
+  signal.addEventListener("abort", () => watching.disconnect());
+}
+
+function tools(options: FigureOptions, width: () => number): HTMLElement[] {
+  const { rows } = options;
+  const button = (format: string, work: () => void): HTMLElement =>
+    h("button", { class: "small", "aria-label": `Save as ${format}: ${options.title}`, onclick: work }, format);
+  const found = [
+    button("SVG", () => void asSvgText(options, width()).then((text) => saveText(`${options.name}.svg`, text, "image/svg+xml"))),
+    button("PNG", () => void asPng(options, width()).then((content) => save(`${options.name}.png`, content))),
+  ];
+  if (rows !== undefined) found.push(button("CSV", () => saveText(`${options.name}.csv`, csv(rows()))));
+  return found;
+}
+
+/** Saved figures are light, whatever the page is: they go into papers. */
+async function asSvgText(options: FigureOptions, width: number): Promise<string> {
+  const { asSvg } = await import("./engine.ts");
+  const ink = inkOf("light");
+  return asSvg({ ...options.option(ink), backgroundColor: ink.paper }, width, options.height);
+}
+
+const PNG_SCALE = 3;
+
+async function asPng(options: FigureOptions, width: number): Promise<Blob> {
+  const place = h("div", { class: "sr" });
+  place.style.width = `${width}px`;
+  place.style.height = `${options.height}px`;
+  document.body.append(place);
+  try {
+    const { onCanvas } = await import("./engine.ts");
+    const ink = inkOf("light");
+    const chart = onCanvas(place, options.option(ink));
+    const address = chart.getDataURL({ type: "png", pixelRatio: PNG_SCALE, backgroundColor: ink.paper });
+    chart.dispose();
+    return blobOf(address);
+  } finally {
+    place.remove();
+  }
+}
+
+function blobOf(address: string): Blob {
+  const bytes = Uint8Array.from(atob(address.slice(address.indexOf(",") + 1)), (one) => one.charCodeAt(0));
+  return new Blob([bytes], { type: "image/png" });
+}
+
+/** Lines of what a pointer is at; names only ever go in as text. */
+export function tip(title: string, lines: readonly { colour: string; text: string }[]): HTMLElement {
+  const content = h("div", { class: "tip" });
+  fill(
+    content,
+    h("b", null, title),
+    ...lines.map(({ colour, text }) => {
+      const chip = h("span", { class: "chip" });
+      chip.style.background = colour;
+      return h("div", null, chip, text);
+    }),
+  );
+  return content;
+}

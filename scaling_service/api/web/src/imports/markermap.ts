@@ -1,0 +1,157 @@
+/** Which label is which marker of the model: proposed, corrected by a click, saved for the laboratory. */
+
+import { getJson, sendJson } from "../api/http.ts";
+import { select } from "../ui/choice.ts";
+import { fill, h } from "../ui/dom.ts";
+import { guarded } from "../ui/problem.ts";
+import { cell, table, type Cell, type Tone } from "../ui/table.ts";
+import { number, percent } from "../ui/words.ts";
+import type { Draft } from "./draft.ts";
+import type { MarkerProof, ProofDocument } from "./proof.ts";
+
+export interface LaboratoryMap {
+  labels: Record<string, string>;
+  updated_at: string | null;
+}
+
+export const laboratoryMap = (): Promise<LaboratoryMap> => getJson("/v1/marker-map");
+
+const SURE = 0.85;
+const LIKELY = 0.5;
+
+export class MarkerMap {
+  readonly element = h("section");
+  /** Called with the label to show in space. */
+  show: (label: string) => void = () => undefined;
+  private waiting: string | null = null;
+  private readonly told = h("p", { role: "status", class: "told" });
+  private readonly failed = h("div");
+  private readonly labels: string[];
+
+  constructor(
+    private readonly proof: ProofDocument,
+    private readonly draft: Draft,
+    private readonly laboratory: LaboratoryMap,
+  ) {
+    this.labels = [...new Set(proof.recordings.flatMap(({ labels }) => labels.map(({ label }) => label)))].sort();
+    this.draw();
+  }
+
+  /** A marker was clicked in space: it is taken for the one that waits, or its row is shown. */
+  clicked(label: string | null): void {
+    if (label === null) return;
+    if (this.waiting !== null) {
+      this.draft.marker(this.waiting, label);
+      const taken = this.waiting;
+      this.waiting = null;
+      this.draw();
+      this.told.textContent = `${label} is taken for ${taken}.`;
+      return;
+    }
+    const found = this.proof.markers.find(({ marker }) => this.labelOf(marker) === label);
+    this.told.textContent = found === undefined ? `${label} is no marker of the model.` : `${label} is ${found.marker}.`;
+    this.element.querySelector(`[data-label="${CSS.escape(label)}"]`)?.scrollIntoView({ block: "nearest" });
+  }
+
+  private labelOf(marker: string): string | null {
+    return this.draft.document.markers?.[marker] ?? this.proof.markers.find((one) => one.marker === marker)?.label ?? null;
+  }
+
+  private draw(): void {
+    const missing = this.proof.markers.filter(({ marker }) => this.labelOf(marker) === null).length;
+    fill(
+      this.element,
+      h("h2", null, "Markers"),
+      h("p", { class: "quiet" }, missing === 0
+        ? "Every marker of the model has a label. To correct one, choose another label, or press Pick and click it in space."
+        : `${missing} of ${this.proof.markers.length} markers of the model have no label. Choose one, or press Pick and click it in space; markers that are not needed may stay empty.`),
+      this.told,
+      table({
+        caption: "Model markers and labels",
+        name: "marker_map",
+        columns: [{ title: "marker" }, { title: "label", words: true }, { title: "sure" }, { title: "why", words: true },
+          { title: "segment", words: true }, { title: "recordings" }],
+        rows: this.proof.markers.map((marker) => this.row(marker)),
+        filter: true,
+      }),
+      this.proof.extra_markers.length > 0 && this.extras(),
+      this.failed,
+      h("div", { class: "actions" }, h("button", { onclick: () => void guarded(this.failed, () => this.save()) }, "Save these labels for the laboratory")),
+    );
+  }
+
+  private row(found: MarkerProof): Cell[] {
+    const { marker, segment, confidence, why, recordings } = found;
+    const label = this.labelOf(marker);
+    const corrected = label !== found.label;
+    const sure = corrected ? 1 : label === null ? null : confidence;
+    const tone: Tone = sure === null ? "unknown" : sure >= SURE ? "good" : sure >= LIKELY ? "fair" : "poor";
+    return [
+      { text: marker, node: h("span", label === null ? null : { "data-label": label }, marker) },
+      { text: label ?? "", node: h("span", { class: "labelled" }, this.chooser(found, label), this.picker(marker)) },
+      cell(percent(sure), sure, tone),
+      cell(corrected ? "chosen here" : why),
+      cell(segment),
+      cell(`${recordings.length} of ${this.proof.recordings.length}`, recordings.length),
+    ];
+  }
+
+  private chooser({ marker, others }: MarkerProof, label: string | null): HTMLElement {
+    const likely = others.map((one) => one.label);
+    const rest = this.labels.filter((one) => !likely.includes(one));
+    const options = [{ value: "", text: "none" }, ...others.map((one) => ({ value: one.label, text: `${one.label} (${percent(one.confidence)})` })),
+      ...rest.map((value) => ({ value, text: value }))];
+    const field = select(`Label of ${marker}`, options, label ?? "", (value) => {
+      this.draft.marker(marker, value === "" ? null : value);
+      if (value !== "") this.show(value);
+      this.draw();
+    });
+    field.querySelector("label")?.classList.add("sr");
+    return field;
+  }
+
+  private picker(marker: string): HTMLElement {
+    const waiting = this.waiting === marker;
+    return h("button", { class: "small", "aria-pressed": String(waiting), "aria-label": `Pick ${marker} in space`, onclick: () => {
+      this.waiting = waiting ? null : marker;
+      this.draw();
+      this.told.textContent = this.waiting === null ? "" : `Click the marker that is ${marker}.`;
+    } }, "Pick");
+  }
+
+  /** Labels that are no markers of the model may be used on the segment that they move with. */
+  private extras(): HTMLElement {
+    const segments = [...new Set(this.proof.markers.map(({ segment }) => segment))];
+    const rows = this.proof.extra_markers.map(({ label, segment, spread_mm }): Cell[] => {
+      const options = [{ value: "", text: "not used" }, ...segments.map((value) => ({ value, text: value }))];
+      const field = select(`Segment of ${label}`, options, this.draft.document.extra_markers?.[label] ?? "", (value) =>
+        this.draft.extra(label, value === "" ? null : value));
+      field.querySelector("label")?.classList.add("sr");
+      return [cell(label), cell(segment ?? "–"), cell(number(spread_mm), spread_mm), { text: "", node: field }];
+    });
+    const found = this.proof.extra_markers.filter(({ segment }) => segment !== null);
+    const all = h("button", { onclick: () => {
+      for (const { label, segment } of found) this.draft.extra(label, segment);
+      this.draw();
+    } }, `Use the ${found.length} that move with a segment`);
+    return h("div", null, found.length > 0 && h("div", { class: "actions" }, all), table({
+      caption: "Further labels",
+      name: "further_labels",
+      columns: [{ title: "label" }, { title: "moves with", words: true }, { title: "to within, mm" }, { title: "use on", words: true }],
+      rows,
+      filter: true,
+      note: "Further tracking markers are placed on their segment from the static trial.",
+    }));
+  }
+
+  /** Labels without the name of the subject before them, for the next subjects of this laboratory. */
+  private async save(): Promise<void> {
+    const found = this.proof.markers.flatMap(({ marker }) => {
+      const label = this.labelOf(marker);
+      return label === null ? [] : [[label.replace(/^[^:]*:/, ""), marker]];
+    });
+    const labels = { ...this.laboratory.labels, ...(Object.fromEntries(found) as Record<string, string>) };
+    await sendJson("/v1/marker-map", { labels }, "PUT");
+    this.told.textContent = `${found.length} labels are saved for the laboratory.`;
+  }
+}

@@ -1,0 +1,53 @@
+/** One recording in space as it was read: markers, plates, forces, and where the person walks. */
+
+import { Player } from "../space/player.ts";
+import { arrow, triad } from "../space/signs.ts";
+import { Theatre } from "../space/theatre.ts";
+import { h } from "../ui/dom.ts";
+import { problemBox } from "../ui/problem.ts";
+import { gapTimeline } from "./gaps.ts";
+import type { RecordingProof } from "./proof.ts";
+
+export class Preview {
+  readonly element = h("div");
+  private theatre: Theatre | null = null;
+  private readonly player: Player;
+
+  /** @param picked called with the label that was clicked. */
+  constructor(
+    private readonly recording: RecordingProof,
+    private readonly path: (file: string) => string,
+    private readonly picked: (label: string | null) => void,
+    private readonly signal: AbortSignal,
+  ) {
+    const { frames, rate_hz, start_s } = recording;
+    this.player = new Player(frames, rate_hz, start_s, (frame) => this.theatre?.showNow(frame), () => this.theatre?.stage, signal);
+  }
+
+  async begin(): Promise<void> {
+    const { recording } = this;
+    const { markers, labels, plates, force, centre_of_pressure } = recording;
+    const play = { labels: labels.map(({ label }) => label), measured: markers, plates, force, centre_of_pressure, bodies: [] };
+    try {
+      this.theatre = new Theatre(play, this.path, `Markers of ${recording.name}`, this.signal);
+    } catch {
+      this.element.append(problemBox({ problem: "This browser cannot draw in space (WebGL is missing)", remedy: "Use another browser; the tables are all there" }, "warning"));
+    }
+    const { theatre } = this;
+    if (theatre !== null) {
+      theatre.picked = this.picked;
+      this.element.append(theatre.stage.element, this.player.element);
+      await theatre.begin([], 0);
+      theatre.mark(triad(recording.axes.R_new_old), ...(recording.direction === null ? [] : [arrow(recording.direction)]));
+    }
+    this.element.append(gapTimeline(recording, (frame, label) => {
+      this.player.step(frame - this.player.frame);
+      this.mark(label);
+      this.picked(label);
+    }));
+  }
+
+  mark(label: string): void {
+    this.theatre?.pick(label);
+  }
+}

@@ -1,0 +1,160 @@
+/** Joint angles of all methods: over the gait cycle with their spread and where they differ, or over time. */
+
+import { figure } from "../charts/figure.ts";
+import { linesOption, type Curve } from "../charts/lines.ts";
+import { link } from "../routes.ts";
+import type { Cycle, GaitDocument, SceneDocument, TrialDocument } from "../scene/documents.ts";
+import { Frames } from "../scene/frames.ts";
+import { pathIn, sceneOf } from "../scene/scene.ts";
+import { box, group, select } from "../ui/choice.ts";
+import { fill, h } from "../ui/dom.ts";
+import { styles } from "../ui/palette.ts";
+import { guarded } from "../ui/problem.ts";
+import { cell, chipOf, table } from "../ui/table.ts";
+import { chance, words } from "../ui/words.ts";
+import type { Finished } from "./result.ts";
+
+const CYCLE = "gait cycle";
+const HEIGHT = 230;
+
+export async function angles({ job, place: at, signal }: Finished, place: HTMLElement): Promise<void> {
+  const scene = await sceneOf(job.id);
+  if (signal.aborted) return;
+  const methods = scene.bodies.map(({ name }) => name);
+  const shown = new Set(methods);
+  const hasCycles = scene.gait !== null && Object.keys(scene.gait.angles).length > 0;
+  const chosen = at.query.get("over") ?? (hasCycles ? CYCLE : (scene.trials.at(-1)?.name ?? ""));
+  const options = [...(hasCycles ? [{ value: CYCLE, text: "per cent of the gait cycle" }] : []),
+    ...scene.trials.map(({ name }) => ({ value: name, text: `time, ${name}` }))];
+  const drawings = h("div");
+  const failed = h("div");
+  const known = styles(methods);
+  let drawn = new AbortController();
+  const draw = (): void =>
+    void guarded(failed, async () => {
+      drawn.abort();
+      drawn = new AbortController();
+      const present = AbortSignal.any([signal, drawn.signal]);
+      const wanted = methods.filter((name) => shown.has(name));
+      fill(drawings, chosen === CYCLE && scene.gait !== null ? cycles(scene.gait, wanted, present) : await overTime(scene, chosen, wanted, job.id, present));
+    });
+  place.append(
+    h("div", { class: "bar" },
+      select("Over", options, chosen, (over) => void (location.hash = link(at.parts, { over }))),
+      group("Methods", ...methods.map((name) => box(h("span", null, chipOf(known.get(name)?.colour ?? ""), ` ${name}`), true, (wanted) => {
+        if (wanted) shown.add(name);
+        else shown.delete(name);
+        draw();
+      })))),
+    scene.gait !== null && scene.gait.reason !== "" ? h("p", { class: "quiet" }, `No gait cycles: ${scene.gait.reason}.`) : "",
+    failed,
+    drawings,
+  );
+  draw();
+}
+
+function cycles(gait: GaitDocument, methods: readonly string[], signal: AbortSignal): HTMLElement {
+  const known = styles(methods);
+  const x = Array.from({ length: 101 }, (_, k) => k);
+  const all = Object.entries(gait.angles);
+  const figures = all.map(([name, cycle]) => {
+    const curves = methods.flatMap((method): Curve[] => {
+      const style = known.get(method);
+      const y = cycle.mean_deg[method];
+      return y === undefined || style === undefined ? [] : [{ name: method, style, y, half: cycle.sd_deg[method] }];
+    });
+    return figure({
+      title: `${words(name)} (${tested(cycle)})`,
+      name: `cycle_${name}_deg`,
+      alt: `${words(name)} over the gait cycle, mean and standard deviation of ${cycle.cycles} cycles by ${methods.join(", ")}. ${whereInWords(cycle)}`,
+      height: HEIGHT,
+      option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
+        xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
+      rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
+        ...x.map((percent) => [percent, ...curves.flatMap((one) => [one.y[percent], one.half?.[percent]])])],
+    }, signal).element;
+  });
+  return h(
+    "div",
+    null,
+    h("p", { class: "quiet" }, `Mean ± SD over the cycles of ${gait.trials.join(", ")}${gait.held_out ? ", which were not fitted" : ""}. ` +
+      "Grey: where the methods differ by an analysis of variance along the curve (permutation of statistical parametric maps, 5 %)."),
+    h("div", { class: "grid" }, ...figures),
+    pairTable(gait),
+  );
+}
+
+const tested = (cycle: Cycle): string => (cycle.can_decide ? `p ${chance(cycle.p)}` : "too few cycles to test");
+
+function whereInWords({ differ_percent }: Cycle): string {
+  if (differ_percent.length === 0) return "The methods do not differ significantly anywhere.";
+  return `The methods differ ${differ_percent.map(([from, to]) => `from ${from} to ${to} %`).join(", ")}.`;
+}
+
+function pairTable(gait: GaitDocument): HTMLElement {
+  const rows = Object.entries(gait.angles).flatMap(([name, cycle]) =>
+    Object.entries(cycle.pairs).map(([method, test]) => [
+      cell(words(name)),
+      cell(`${method} and ${gait.reference}`),
+      test.can_decide ? cell(chance(test.p), test.p) : cell("too few cycles", null),
+      cell(test.differ_percent.map(([from, to]) => `${from} to ${to} %`).join(", ") || "–"),
+    ]),
+  );
+  return table({
+    caption: `Each method against ${gait.reference}`,
+    name: "angle_pairs",
+    columns: [{ title: "angle" }, { title: "methods", words: true }, { title: "p" }, { title: "differ", words: true }],
+    rows,
+    filter: true,
+  });
+}
+
+async function overTime(
+  scene: SceneDocument,
+  name: string,
+  methods: readonly string[],
+  job: string,
+  signal: AbortSignal,
+): Promise<HTMLElement> {
+  const trial = scene.trials.find((one) => one.name === name);
+  if (trial === undefined) return h("p", null, `There is no recording ${name}.`);
+  const found = await Promise.all(methods.filter((method) => method in trial.motions).map((method) => valuesOf(trial, method, job, signal)));
+  const coordinates = [...new Set(found.flatMap(({ coordinates: all }) => all.map((one) => one.name)))];
+  return h("div", { class: "grid" }, ...coordinates.map((coordinate) => timeFigure(trial, coordinate, found, signal)));
+}
+
+interface Values {
+  method: string;
+  coordinates: { name: string; unit: string }[];
+  values: Float32Array;
+  step: number;
+}
+
+async function valuesOf(trial: TrialDocument, method: string, job: string, signal: AbortSignal): Promise<Values> {
+  const motion = trial.motions[method];
+  if (motion === undefined) return { method, coordinates: [], values: new Float32Array(), step: 1 };
+  const whole = await new Frames(motion.angles, pathIn(job), signal, () => undefined).whole();
+  return { method, coordinates: motion.coordinates, ...whole };
+}
+
+function timeFigure(trial: TrialDocument, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
+  const known = styles(found.map(({ method }) => method));
+  const unit = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate)?.unit ?? "";
+  const step = found[0]?.step ?? 1;
+  const curves = found.flatMap(({ method, coordinates, values }): Curve[] => {
+    const column = coordinates.findIndex(({ name }) => name === coordinate);
+    const style = known.get(method);
+    if (column < 0 || style === undefined) return [];
+    const y = Float32Array.from({ length: values.length / coordinates.length }, (_, row) => values[row * coordinates.length + column] ?? NaN);
+    return [{ name: method, style, y }];
+  });
+  const x = Float64Array.from({ length: curves[0]?.y.length ?? 0 }, (_, k) => trial.start_s + (k * step) / trial.rate_hz);
+  return figure({
+    title: words(coordinate),
+    name: `${trial.name}_${coordinate}_${unit}`,
+    alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.`,
+    height: HEIGHT,
+    option: (ink) => linesOption(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
+    rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],
+  }, signal).element;
+}

@@ -1,0 +1,27 @@
+/** Methods compared: the verdict, the models in space, sizes, errors, angles, forces. */
+
+import { getResult } from "../api/jobs.ts";
+import type { ComparisonDocument } from "./documents.ts";
+import { errors } from "./errors.ts";
+import { sizes } from "./sizes.ts";
+import { parts, type ResultView } from "./result.ts";
+import { takeAway } from "./takeaway.ts";
+import { verdict } from "./verdict.ts";
+
+export const comparison: ResultView = async (found) => {
+  const document = await getResult<ComparisonDocument>(found.job.id, found.signal);
+  await parts("Parts of the comparison", found, [
+    { name: "verdict", title: "Verdict", show: (place) => verdict(document, found, place) },
+    { name: "space", title: "In space", show: async (place) => (await import("./space.ts")).space(found, place, preferred(document)) },
+    { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
+    { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
+    { name: "angles", title: "Angles", show: async (place) => (await import("./angles.ts")).angles(found, place) },
+    { name: "forces", title: "Forces", show: async (place) => (await import("./forces.ts")).forces(found, place) },
+    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
+  ]);
+};
+
+/** Seen at first: what the verdict says, and what it started from. */
+function preferred({ verdict: told, methods }: ComparisonDocument): string[] {
+  return [...(told === null ? [] : [told.method]), ...("MB_am" in methods ? ["MB_am"] : [])];
+}

@@ -1,0 +1,60 @@
+/** The search for a missing effect as a story: where, what, with and without it, on unseen data. */
+
+import { getResult } from "../api/jobs.ts";
+import { bullets, callout, folded } from "../ui/blocks.ts";
+import { h } from "../ui/dom.ts";
+import { few, figures } from "../ui/words.ts";
+import type { DiscoveryDocument } from "./discoverydocument.ts";
+import { parts, type Finished, type ResultView } from "./result.ts";
+import { takeAway } from "./takeaway.ts";
+import { unseen } from "./unseen.ts";
+import { what } from "./what.ts";
+import { where } from "./where.ts";
+
+export const discovery: ResultView = async (found) => {
+  const document = await getResult<DiscoveryDocument>(found.job.id, found.signal);
+  found.main.append(...verdict(document));
+  await parts("Steps of the story", found, [
+    { name: "where", title: "1. Where", show: (place) => where(document, found.signal, place) },
+    { name: "what", title: "2. What", show: (place) => what(document, found.signal, place) },
+    { name: "space", title: "3. With and without", show: (place) => withAndWithout(found, place) },
+    { name: "unseen", title: "4. On unseen data", show: (place) => unseen(document, found.signal, place) },
+    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
+  ]);
+};
+
+async function withAndWithout(found: Finished, place: HTMLElement): Promise<void> {
+  place.append(h("p", null, "The model as given, and with what was named, in the same recording. The map shows what is left over; choose the other model under “Error of” to compare."));
+  await (await import("./space.ts")).space(found, place, ["with what was named", "as given"]);
+}
+
+const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
+
+function verdict(document: DiscoveryDocument): HTMLElement[] {
+  const { effects, unexplained, notes } = document;
+  const left = few(unexplained.flatMap((one) => one.where));
+  return [
+    h("p", { class: "quiet" }, subtitle(document)),
+    callout(
+      headline(document),
+      TONES[document.verdict],
+      effects.length > 0 && h("ol", null, ...effects.map(({ name }) => h("li", null, name))),
+      left !== "" && h("p", null, `Still above the floor, and like no effect that is known: ${left}.`),
+    ),
+    notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
+  ];
+}
+
+function headline(document: DiscoveryDocument): string {
+  if (document.verdict === "nothing") return "Nothing stands above the noise: the model explains these recordings";
+  if (document.verdict === "unexplained") return "Something stands above the noise, and nothing in the catalogue explains it";
+  const count = document.effects.length;
+  const level = document.gap.held_out.whitened;
+  const closed = level === null ? "" : `; the gap on ${document.held_out_trials.length > 0 ? "held-out recordings" : "the recordings (none was held out)"} falls from ${figures(level.before)} to ${figures(level.after)} times the floor`;
+  return `${count === 1 ? "One missing effect was" : `${count} missing effects were`} found${closed}`;
+}
+
+function subtitle({ start, fitted_trials, held_out_trials }: DiscoveryDocument): string {
+  const held = held_out_trials.length === 0 ? "" : `; held out: ${held_out_trials.join(", ")}`;
+  return `Model ${start === "none" ? "as given" : `scaled by ${start}`}. Fitted: ${fitted_trials.join(", ")}${held}`;
+}

@@ -1,0 +1,65 @@
+/** The gap before and after, between what noise leaves and what a black box reaches: fitted, and unseen. */
+
+import { barsHeight, barsOption, type Bar } from "../charts/bars.ts";
+import { figure } from "../charts/figure.ts";
+import { h } from "../ui/dom.ts";
+import { AFTER, BEFORE, CEILING, FLOOR } from "../ui/palette.ts";
+import { cell, table, type Cell } from "../ui/table.ts";
+import { figures } from "../ui/words.ts";
+import type { DiscoveryDocument, Gap, LevelOf } from "./discoverydocument.ts";
+
+const QUANTITIES = [
+  ["whitened", "all residuals over their floors", "times"],
+  ["markers_mm", "markers", "mm"],
+  ["force_N", "ground force", "N"],
+  ["moment_Nm", "moment", "N m"],
+] as const;
+
+export function unseen({ gap, held_out_trials }: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
+  const judged = held_out_trials.length > 0 ? `recordings that were not fitted (${held_out_trials.join(", ")})` : "blocks of time that were not fitted";
+  place.append(h("p", null, `What counts is the gap on ${judged}: before, after what was named was added, what noise alone would leave (floor), and what a black-box correction with as many numbers reaches (ceiling).`));
+  const drawings = QUANTITIES.flatMap(([key, title, unit]) => {
+    const level = gap.held_out[key];
+    return level === null ? [] : [drawn(title, unit, level, signal)];
+  });
+  place.append(h("div", { class: "grid" }, ...drawings), levels(gap), places(gap));
+}
+
+function drawn(title: string, unit: string, level: LevelOf, signal: AbortSignal): HTMLElement {
+  const bars: Bar[] = [
+    { name: "before", value: level.before, colour: BEFORE },
+    { name: "after", value: level.after, colour: AFTER },
+    { name: "floor", value: level.floor, colour: FLOOR },
+    { name: "ceiling", value: level.ceiling, colour: CEILING },
+  ];
+  return figure({
+    title: `Held out: ${title}, ${unit}`,
+    name: `gap_${title.replaceAll(" ", "_")}`,
+    alt: bars.map(({ name, value }) => `${name} ${figures(value)}`).join(", "),
+    height: barsHeight(bars.length),
+    option: (ink) => barsOption(ink, { bars, axis: `RMS, ${unit}`, unit, left: 64 }),
+    rows: () => [["level", `rms_${unit}`], ...bars.map(({ name, value }) => [name, value])],
+  }, signal).element;
+}
+
+function cells(level: LevelOf): Cell[] {
+  const between = level.low === null || level.high === null ? "–" : `${figures(level.low)} to ${figures(level.high)}`;
+  return [cell(figures(level.before), level.before), cell(figures(level.after), level.after), cell(between),
+    cell(figures(level.floor), level.floor), cell(figures(level.ceiling), level.ceiling)];
+}
+
+const COLUMNS = ["before", "after", "95 % of after", "floor", "ceiling"].map((title) => ({ title }));
+
+function levels(gap: { fit: Gap; held_out: Gap }): HTMLElement {
+  const rows = (["held_out", "fit"] as const).flatMap((role) =>
+    QUANTITIES.flatMap(([key, title, unit]) => {
+      const level = gap[role][key];
+      return level === null ? [] : [[cell(`${role === "fit" ? "fitted" : "held out"}: ${title}, ${unit}`), ...cells(level)]];
+    }));
+  return table({ caption: "The gap", name: "gap", columns: [{ title: "of" }, ...COLUMNS], rows });
+}
+
+function places(gap: { held_out: Gap }): HTMLElement {
+  const rows = Object.entries(gap.held_out.places).map(([name, level]) => [cell(name), cell(level.unit), ...cells(level)]);
+  return table({ caption: "At each place, held out", name: "gap_places", columns: [{ title: "place" }, { title: "unit" }, ...COLUMNS], rows, filter: true });
+}

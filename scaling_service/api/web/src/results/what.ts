@@ -1,0 +1,91 @@
+/** Which effects explain it, how large they are, what cannot be told from them, and what else was tried. */
+
+import { barsHeight, barsOption } from "../charts/bars.ts";
+import { figure } from "../charts/figure.ts";
+import { bullets } from "../ui/blocks.ts";
+import { h } from "../ui/dom.ts";
+import { AFTER, TRIED } from "../ui/palette.ts";
+import { sentence } from "../ui/problem.ts";
+import { cell, table } from "../ui/table.ts";
+import { chance, figures, percent } from "../ui/words.ts";
+import { placed, type DiscoveryDocument, type Effect, type Quantity } from "./discoverydocument.ts";
+
+const MOST_TRIED = 10;
+const NORMAL_95 = 1.96;
+
+export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
+  if (document.effects.length === 0) place.append(h("p", null, `No effect was named: ${document.reason}.`));
+  if (document.effects.length + document.tried.length > 0) place.append(candidates(document, signal));
+  document.effects.forEach((effect, k) => place.append(...chapter(effect, k + 1)));
+  if (document.unexplained.length > 0) place.append(unexplained(document));
+  place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
+}
+
+function chapter(effect: Effect, count: number): HTMLElement[] {
+  const twins = effect.confusable_with;
+  return [
+    h("h2", null, `${count}. ${placed(effect)}`),
+    h("p", null, `${sentence(effect.name)} ${evidence(effect)}`),
+    numbers(effect),
+    twins.length > 0
+      ? h("div", null, h("p", null, "These recordings do not tell it from its twins:"), bullets(twins.map(placed)),
+          effect.would_separate !== null && h("p", null, `This would tell them apart: ${effect.would_separate}.`))
+      : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
+  ];
+}
+
+function evidence({ evidence: { gain_held_out, p_held_out, p_family_wise, by_blocks } }: Effect): string {
+  const unseen = by_blocks ? "blocks of time that did not fit it" : "recordings that did not fit it";
+  return `It takes ${percent(gain_held_out)} off the squared disagreement of ${unseen} (by chance: ${chance(p_held_out)}). ` +
+    `The chance of naming anything in the whole catalogue where nothing is: ${chance(p_family_wise)}.`;
+}
+
+function numbers({ parameters, smallest_nameable }: Effect): HTMLElement {
+  return table({
+    caption: "Its numbers",
+    name: "effect",
+    columns: ["number", "value", "95 % interval", "named from"].map((title) => ({ title })),
+    rows: Object.entries(parameters).map(([name, quantity]) => [
+      cell(name),
+      cell(valueOf(quantity)),
+      cell(interval(quantity)),
+      cell(figures(smallest_nameable[name]), smallest_nameable[name] ?? null),
+    ]),
+    note: "The unit is in the name. True minus modelled, or measured over true for a factor. Named from: the size that is named nine times in ten.",
+  });
+}
+
+const valueOf = ({ value }: Quantity): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
+
+function interval({ value, sd }: Quantity): string {
+  if (sd === null || Array.isArray(value)) return "–";
+  return `${figures(value - NORMAL_95 * sd)} to ${figures(value + NORMAL_95 * sd)}`;
+}
+
+function candidates({ effects, tried }: DiscoveryDocument, signal: AbortSignal): HTMLElement {
+  const named = effects.map((effect) => ({ name: placed(effect), value: 100 * (effect.evidence.gain_held_out ?? 0), colour: AFTER }));
+  const others = tried.map((one) => ({ name: placed(one), value: 100 * (one.gain ?? 0), colour: TRIED }));
+  const most = (all: typeof named): typeof named => [...all].sort((a, b) => b.value - a.value);
+  const bars = [...most(named), ...most(others).slice(0, MOST_TRIED)];
+  return figure({
+    title: "Candidates: named (blue), and the best of those that were not",
+    name: "candidates",
+    alt: `Bars of ${bars.length} candidates; named: ${named.map(({ name, value }) => `${name} ${figures(value)} %`).join(", ") || "none"}.`,
+    height: barsHeight(bars.length),
+    option: (ink) => barsOption(ink, { bars, axis: "share taken off what did not fit it, %", unit: "%", left: namesWidth() }),
+    rows: () => [["candidate", "gain_percent", "named"], ...[...named, ...others].map((one, k) => [one.name, one.value, k < named.length ? 1 : 0])],
+    note: "Each is judged when it was tried: later ones on what earlier ones left.",
+  }, signal).element;
+}
+
+/** Names of effects are long; on a narrow page they are cut, and the table of the CSV has them whole. */
+const namesWidth = (): number => Math.min(330, 0.4 * innerWidth);
+
+function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
+  return table({
+    caption: "Above the floor, and like no effect that is known",
+    name: "unexplained",
+    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "floor" }],
+    rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
+  });
+}

@@ -1,0 +1,58 @@
+/** Where model and recordings disagree, against what noise alone would leave. */
+
+import { barsHeight, barsOption } from "../charts/bars.ts";
+import { figure } from "../charts/figure.ts";
+import { h } from "../ui/dom.ts";
+import { BEFORE } from "../ui/palette.ts";
+import { cell, table } from "../ui/table.ts";
+import { chance, figures, percent } from "../ui/words.ts";
+import type { DiscoveryDocument, Disagreement } from "./discoverydocument.ts";
+
+const OBSERVABLES = [
+  ["marker", "Markers", "mm"],
+  ["force", "Ground force", "N"],
+  ["moment", "Moment", "N m"],
+] as const;
+
+export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
+  place.append(h("p", null,
+    "The model follows every recording as closely as it can. What is left over is compared with the floor: what the noise of the recording itself would leave. Places whose bar ends at the mark are explained."));
+  for (const [observable, title, unit] of OBSERVABLES) {
+    const chosen = disagreements.filter((one) => one.observable === observable);
+    if (chosen.length > 0) place.append(ranked(chosen, title, unit, signal));
+  }
+  place.append(all(disagreements));
+}
+
+function ranked(places: readonly Disagreement[], title: string, unit: string, signal: AbortSignal): HTMLElement {
+  const order = [...places].sort((a, b) => b.rms - a.rms);
+  const bars = order.map(({ where: name, rms, floor }) => ({ name, value: rms, mark: floor, colour: BEFORE }));
+  return figure({
+    title: `${title}: what is left over, and its floor (marks)`,
+    name: `disagreements_${unit.replace(" ", "")}`,
+    alt: `Bars of ${bars.length} places, the largest first: ${order.slice(0, 3).map((one) => `${one.where} ${figures(one.rms)}`).join(", ")} ${unit}.`,
+    height: barsHeight(bars.length),
+    option: (ink) => barsOption(ink, { bars, axis: `RMS of what is left over, ${unit}`, unit, marks: "floor" }),
+    rows: () => [["place", `rms_${unit}`, `floor_${unit}`], ...order.map((one) => [one.where, one.rms, one.floor])],
+  }, signal).element;
+}
+
+function all(places: readonly Disagreement[]): HTMLElement {
+  return table({
+    caption: "Where, when, and along with what",
+    name: "disagreements",
+    columns: [{ title: "place" }, { title: "left over" }, { title: "floor" }, { title: "share" }, { title: "by chance" },
+      { title: "most", words: true }, { title: "follows", words: true }],
+    rows: places.map((one) => [
+      cell(one.where),
+      cell(`${figures(one.rms)} ${one.unit}`, one.rms),
+      cell(`${figures(one.floor)} ${one.unit}`, one.floor),
+      cell(percent(one.share), one.share),
+      cell(chance(one.p), one.p),
+      cell(one.when || "–"),
+      cell(one.along || "–"),
+    ]),
+    filter: true,
+    note: "Share: of all that stands above the floors. By chance: p over all places looked at.",
+  });
+}

@@ -1,0 +1,154 @@
+/** Playing one recording back: the stage, the controls, and the map of the error below. */
+
+import { note } from "../routes.ts";
+import { Player } from "../space/player.ts";
+import { Theatre } from "../space/theatre.ts";
+import { box, group, select } from "../ui/choice.ts";
+import { fill, h } from "../ui/dom.ts";
+import { styles } from "../ui/palette.ts";
+import { guarded, problemBox } from "../ui/problem.ts";
+import { save } from "../ui/save.ts";
+import { chipOf } from "../ui/table.ts";
+import { number } from "../ui/words.ts";
+import type { SceneDocument, TrialDocument } from "./documents.ts";
+import { Frames } from "./frames.ts";
+import { errorMap, type ErrorMap } from "./heatmap.ts";
+
+export interface PlaybackOptions {
+  scene: SceneDocument;
+  trial: TrialDocument;
+  path: (file: string) => string;
+  /** Bodies that are shown at first; the first of them has the map of its error. */
+  shown: readonly string[];
+  frame: number;
+  signal: AbortSignal;
+}
+
+export class Playback {
+  readonly element = h("div", { class: "playback" });
+  private readonly player: Player;
+  private readonly told = h("p", { class: "told", role: "status" });
+  private readonly map = h("div");
+  private readonly failed = h("div");
+  private theatre: Theatre | null = null;
+  private cursor: ErrorMap | null = null;
+  private errors: Frames | null = null;
+  private method: string;
+  private marker: string | null = null;
+
+  constructor(private readonly options: PlaybackOptions) {
+    const { trial, shown, signal } = options;
+    this.method = shown[0] ?? Object.keys(trial.motions)[0] ?? "";
+    this.player = new Player(trial.frames, trial.rate_hz, trial.start_s, (frame) => this.show(frame), () => this.theatre?.stage, signal);
+    this.element.append(this.failed);
+  }
+
+  async begin(): Promise<void> {
+    const { trial, scene, path, shown, frame, signal } = this.options;
+    const colours = styles(scene.bodies.map(({ name }) => name));
+    const bodies = scene.bodies.flatMap((told) => {
+      const motion = trial.motions[told.name];
+      return motion === undefined ? [] : [{ told, poses: motion.poses, placed: motion.placed, colour: colours.get(told.name)?.colour ?? "" }];
+    });
+    try {
+      this.theatre = new Theatre({ ...trial, bodies }, path, `Models of ${bodies.map(({ told }) => told.name).join(", ")} in ${trial.name}`, signal);
+    } catch {
+      this.element.append(problemBox({ problem: "This browser cannot draw in space (WebGL is missing)", remedy: "Use another browser; the numbers below are all there" }, "warning"));
+    }
+    const { theatre } = this;
+    if (theatre !== null) {
+      theatre.picked = (label) => this.choose(label);
+      const controls = h("div", { class: "controls" });
+      this.element.append(controls, theatre.stage.element, this.player.element, this.told);
+      this.element.addEventListener("keydown", (event) => this.key(event));
+      await theatre.begin(shown.filter((name) => name in trial.motions), frame);
+      fill(controls, ...this.choices(theatre, bodies.map(({ told }) => told.name)));
+    }
+    this.player.go(frame);
+    this.element.append(this.mapChoice(), this.map);
+    await this.draw();
+  }
+
+  private show(frame: number): void {
+    this.theatre?.showNow(frame);
+    this.cursor?.at(frame);
+    this.tell(frame);
+    clearTimeout(this.noting);
+    this.noting = window.setTimeout(() => note({ trial: this.options.trial.name, frame: String(frame) }), 400);
+  }
+
+  private noting = 0;
+
+  private choose(marker: string | null): void {
+    this.marker = marker;
+    this.theatre?.pick(marker);
+    this.tell(this.player.frame);
+  }
+
+  /** What is known of the chosen marker at a frame. */
+  private tell(frame: number): void {
+    if (this.marker === null) {
+      this.told.textContent = "";
+      return;
+    }
+    const place = this.options.trial.labels.indexOf(this.marker);
+    const error = this.errors?.at(frame)?.[place];
+    this.told.textContent = `${this.marker}: ${error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`}`;
+  }
+
+  private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {
+    const known = styles(names);
+    const models = names.map((name) =>
+      box(h("span", null, chipOf(known.get(name)?.colour ?? ""), ` ${name}`), this.options.shown.includes(name), (shown) =>
+        void guarded(this.failed, () => theatre.showBody(name, shown))));
+    return [
+      group("Models", ...models),
+      group("Show",
+        box("bones", true, (shown) => theatre.showBones(shown)),
+        box("model markers", true, (shown) => theatre.showMarkers(shown)),
+        box("measured markers", true, (shown) => theatre.showMeasured(shown)),
+        box("follow", theatre.following, (following) => {
+          theatre.following = following;
+        })),
+      h("button", { class: "small", "aria-label": "Save the view as PNG", onclick: () => void this.snapshot(theatre) }, "PNG"),
+    ];
+  }
+
+  private async snapshot(theatre: Theatre): Promise<void> {
+    const picture = await theatre.stage.picture();
+    if (picture !== null) save(`${this.options.trial.name}_${this.player.frame}.png`, picture);
+  }
+
+  private mapChoice(): HTMLElement {
+    const names = Object.keys(this.options.trial.motions).map((value) => ({ value, text: value }));
+    return h("div", { class: "bar" }, select("Error of", names, this.method, (value) => {
+      this.method = value;
+      void this.draw();
+    }));
+  }
+
+  private async draw(): Promise<void> {
+    const { trial, path, signal } = this.options;
+    await guarded(this.failed, async () => {
+      const map = await errorMap(trial, this.method, path, signal, (frame, marker) => {
+        this.choose(marker);
+        this.player.step(frame - this.player.frame);
+      });
+      this.cursor = map;
+      const motion = trial.motions[this.method];
+      this.errors = motion === undefined ? null : new Frames(motion.errors, path, signal, () => this.tell(this.player.frame));
+      fill(this.map, map.element);
+      map.at(this.player.frame);
+    });
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.target !== this.theatre?.stage.canvas) return;
+    const steps: Record<string, number> = { ",": -1, ".": 1, PageUp: -10, PageDown: 10 };
+    const step = steps[event.key];
+    if (event.key === " ") this.player.toggle();
+    else if (step !== undefined) this.player.step(step);
+    else return;
+    event.preventDefault();
+  }
+}

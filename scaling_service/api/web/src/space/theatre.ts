@@ -1,0 +1,228 @@
+/** One recording in space: measured markers, the bodies that are shown, plates and forces, at one frame. */
+
+import { Raycaster, Vector2, Vector3, type Object3D } from "three";
+import { inkOf } from "../charts/ink.ts";
+import type { BodyDocument, Plate, Stored } from "../scene/documents.ts";
+import { Frames } from "../scene/frames.ts";
+import { onTheme, theme } from "../ui/theme.ts";
+import { Body } from "./body.ts";
+import { Dots } from "./dots.ts";
+import { Ground } from "./ground.ts";
+import { Stage } from "./stage.ts";
+
+const PICKED = "#e69f00";
+/** Who goes further than this is followed at first, lest they walk off the stage. */
+const GOES_M = 1;
+
+export interface Play {
+  labels: readonly string[];
+  measured: Stored;
+  plates: readonly Plate[];
+  force: Stored | null;
+  centre_of_pressure: Stored | null;
+  /** Bodies with their poses, in the order of their drawing. */
+  bodies: readonly { told: BodyDocument; poses: Stored; placed: Stored | null; colour: string }[];
+}
+
+interface Actor {
+  body: Body;
+  poses: Frames;
+  gliding: Frames | null;
+  shown: boolean;
+  dressed: boolean;
+}
+
+export class Theatre {
+  readonly stage: Stage;
+  /** Called with the label of a marker that was clicked, or null beside them. */
+  picked: (label: string | null) => void = () => undefined;
+  following = false;
+  private readonly dots: Dots;
+  private readonly measured: Frames;
+  private readonly ground: Ground;
+  private readonly forces: { push: Frames; at: Frames } | null;
+  private readonly actors = new Map<string, Actor>();
+  private frame = 0;
+  private centre: Vector3 | null = null;
+  private chosen: string | null = null;
+  private bones = true;
+  private markers = true;
+
+  constructor(
+    private readonly play: Play,
+    private readonly path: (file: string) => string,
+    label: string,
+    private readonly signal: AbortSignal,
+  ) {
+    this.stage = new Stage(label, signal);
+    const frames = (stored: Stored): Frames => new Frames(stored, path, signal, () => this.show(this.frame));
+    this.measured = frames(play.measured);
+    this.dots = new Dots(play.labels.length, 0.011, inkOf(theme()).measured);
+    this.ground = new Ground(play.plates);
+    const { force, centre_of_pressure } = play;
+    this.forces = force === null || centre_of_pressure === null ? null : { push: frames(force), at: frames(centre_of_pressure) };
+    for (const { told, poses, placed, colour } of play.bodies) {
+      const body = new Body(told, colour, play.labels);
+      this.actors.set(told.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
+    }
+    this.stage.scene.add(this.dots.mesh, this.ground.group);
+    onTheme(() => this.repaint(), signal);
+    this.stage.detailed = (coarse) => this.detail(coarse);
+    this.pickOnClick();
+  }
+
+  private coarse = false;
+
+  private detail(coarse: boolean): void {
+    this.coarse = coarse;
+    for (const { body } of this.actors.values()) body.detail(coarse);
+  }
+
+  /** Fetch what the first picture needs, and show it. */
+  async begin(shown: readonly string[], frame: number): Promise<void> {
+    const forces = this.forces === null ? [] : [this.forces.push.begin(), this.forces.at.begin()];
+    await Promise.all([this.measured.begin(), ...forces, ...shown.map((name) => this.showBody(name, true))]);
+    this.frame = frame;
+    const centre = this.centreAt(frame);
+    const last = this.centreAt(this.measured.count - 1);
+    this.following = centre !== null && last !== null && centre.distanceTo(last) > GOES_M;
+    if (centre !== null) this.stage.look(centre, Math.max(1.2, 3.7 * this.reachAt(frame, centre)));
+    this.show(frame);
+  }
+
+  /** Show or hide one body; what it needs is fetched when it is first shown. */
+  async showBody(name: string, shown: boolean): Promise<void> {
+    const actor = this.actors.get(name);
+    if (actor === undefined) return;
+    actor.shown = shown;
+    if (!shown) this.stage.scene.remove(actor.body.group);
+    if (shown) {
+      await Promise.all([actor.poses.begin(), actor.gliding?.begin()]);
+      this.stage.scene.add(actor.body.group);
+      if (!actor.dressed && actor.body.told.bones !== null) await this.dress(actor, actor.body.told.bones);
+    }
+    this.show(this.frame);
+  }
+
+  /** Put signs on the floor below the middle of the markers. */
+  mark(...signs: Object3D[]): void {
+    const centre = this.centreAt(this.frame) ?? new Vector3();
+    for (const sign of signs) {
+      sign.position.set(centre.x, 0.01, centre.z);
+      this.stage.scene.add(sign);
+    }
+    this.stage.draw();
+  }
+
+  showBones(shown: boolean): void {
+    this.bones = shown;
+    for (const { body } of this.actors.values()) body.showBones(shown);
+    this.stage.draw();
+  }
+
+  showMarkers(shown: boolean): void {
+    this.markers = shown;
+    for (const { body } of this.actors.values()) body.showMarkers(shown);
+    this.stage.draw();
+  }
+
+  showMeasured(shown: boolean): void {
+    this.dots.mesh.visible = shown;
+    this.stage.draw();
+  }
+
+  /** Move everything to a frame. */
+  show(frame: number): void {
+    this.put(frame);
+    this.stage.draw();
+  }
+
+  /** Move everything to a frame and draw it within this very picture. */
+  showNow(frame: number): void {
+    this.put(frame);
+    this.stage.drawNow();
+  }
+
+  /** Mark a marker. */
+  pick(label: string | null): void {
+    this.chosen = label;
+    this.repaint();
+  }
+
+  private put(frame: number): void {
+    this.frame = frame;
+    const measured = this.measured.at(frame);
+    if (measured !== null) this.dots.put(measured);
+    for (const { body, poses, gliding, shown } of this.actors.values()) {
+      const pose = shown ? poses.at(frame) : null;
+      if (pose !== null) body.put(pose, measured, gliding?.at(frame) ?? null);
+    }
+    const push = this.forces?.push.at(frame) ?? null;
+    const at = this.forces?.at.at(frame) ?? null;
+    if (push !== null && at !== null) this.ground.put(push, at);
+    if (this.following) this.goAlong(frame);
+    else this.centre = null;
+  }
+
+  private goAlong(frame: number): void {
+    const centre = this.centreAt(frame);
+    if (centre !== null && this.centre !== null) this.stage.follow(centre.clone().sub(this.centre).setY(0));
+    if (centre !== null) this.centre = centre;
+  }
+
+  /** The middle of the measured markers. */
+  private centreAt(frame: number): Vector3 | null {
+    const measured = this.measured.at(frame);
+    if (measured === null) return null;
+    let [x, y, z, count] = [0, 0, 0, 0];
+    for (let k = 0; k < measured.length; k += 3) {
+      if (Number.isNaN(measured[k])) continue;
+      x += measured[k] ?? 0;
+      y += measured[k + 1] ?? 0;
+      z += measured[k + 2] ?? 0;
+      count += 1;
+    }
+    return count === 0 ? null : new Vector3(x, y, z).divideScalar(count);
+  }
+
+  /** How far the furthest marker is from the middle. */
+  private reachAt(frame: number, centre: Vector3): number {
+    const measured = this.measured.at(frame) ?? new Float32Array();
+    let far = 0;
+    for (let k = 0; k < measured.length; k += 3) {
+      const distance = new Vector3().fromArray(measured, k).distanceTo(centre);
+      if (distance > far) far = distance;
+    }
+    return far;
+  }
+
+  private async dress(actor: Actor, file: string): Promise<void> {
+    actor.dressed = true;
+    const { send } = await import("../api/http.ts");
+    await actor.body.dress(await (await send(this.path(file), { signal: this.signal })).arrayBuffer());
+    actor.body.detail(this.coarse);
+    actor.body.showBones(this.bones);
+    actor.body.showMarkers(this.markers);
+  }
+
+  private repaint(): void {
+    const usual = inkOf(theme()).measured;
+    this.play.labels.forEach((label, k) => this.dots.paint(k, label === this.chosen ? PICKED : usual));
+    this.stage.draw();
+  }
+
+  private pickOnClick(): void {
+    const { canvas, camera } = this.stage;
+    const ray = new Raycaster();
+    let down: [number, number] = [0, 0];
+    canvas.addEventListener("pointerdown", ({ clientX, clientY }) => void (down = [clientX, clientY]));
+    canvas.addEventListener("click", ({ clientX, clientY, offsetX, offsetY }) => {
+      if (Math.hypot(clientX - down[0], clientY - down[1]) > 4) return; // it was turned
+      ray.setFromCamera(new Vector2((2 * offsetX) / canvas.clientWidth - 1, 1 - (2 * offsetY) / canvas.clientHeight), camera);
+      const place = ray.intersectObject(this.dots.mesh)[0]?.instanceId;
+      const label = place === undefined ? null : (this.play.labels[place] ?? null);
+      this.pick(label);
+      this.picked(label);
+    });
+  }
+}

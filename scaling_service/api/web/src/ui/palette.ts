@@ -1,0 +1,52 @@
+/** One colour and one kind of line for each method, as in the HTML reports.
+ *
+ * Colours: Okabe & Ito 2008, "Color Universal Design". Lines differ in their dashes, too, so that no reader
+ * depends on colours.
+ */
+
+export interface Style {
+  colour: string;
+  dash: "solid" | "dashed" | "dotted" | number[];
+}
+
+const KNOWN: Record<string, Style> = {
+  MB: { colour: "#E69F00", dash: "dotted" },
+  MB_lam: { colour: "#CC79A7", dash: "dashed" },
+  MB_am: { colour: "#0072B2", dash: "solid" },
+  EB: { colour: "#009E73", dash: [8, 3, 2, 3] },
+  EB_am: { colour: "#D55E00", dash: "solid" },
+  "as given": { colour: "#E69F00", dash: "dashed" },
+  "with what was named": { colour: "#0072B2", dash: "solid" },
+};
+
+const OTHERS: Style[] = [
+  { colour: "#56B4E9", dash: "dashed" },
+  { colour: "#999999", dash: "dotted" },
+  { colour: "#F0E442", dash: [8, 3, 2, 3] },
+];
+
+/** The style of each name; those that are not known take what colours are left, in turn. */
+export function styles(names: readonly string[]): Map<string, Style> {
+  const others = names.filter((name) => !(name in KNOWN));
+  return new Map(
+    names.map((name) => [name, KNOWN[name] ?? (OTHERS[others.indexOf(name) % OTHERS.length] as Style)]),
+  );
+}
+
+export const styleOf = (name: string, among: readonly string[] = [name]): Style =>
+  styles(among).get(name) ?? (OTHERS[0] as Style);
+
+/** From nothing to much: lightness changes all the way, so that it reads in grey, too. */
+export const HEAT_LIGHT = ["#ffffff", "#fde3a7", "#e08214", "#7f2704"];
+export const HEAT_DARK = ["#101418", "#4a2c12", "#c06a10", "#fde3a7"];
+
+/** Of the story of a search: before, after, what noise leaves, what a black box reaches. */
+export const BEFORE = "#E69F00";
+export const AFTER = "#0072B2";
+export const FLOOR = "#9aa5b1";
+export const CEILING = "#009E73";
+export const TRIED = "#CC79A7";
+
+export const MEASURED_LIGHT = "#1f2933";
+export const MEASURED_DARK = "#f5f7fa";
+export const BONE = "#d9c9a8";

@@ -1,0 +1,31 @@
+/** Light or dark: as the system has it, unless chosen here. */
+
+export type Theme = "light" | "dark";
+
+const PLACE = "scaling-service theme";
+const system = matchMedia("(prefers-color-scheme: dark)");
+const listeners = new Set<(theme: Theme) => void>();
+
+export function theme(): Theme {
+  const chosen = localStorage.getItem(PLACE);
+  if (chosen === "light" || chosen === "dark") return chosen;
+  return system.matches ? "dark" : "light";
+}
+
+export function choose(chosen: Theme): void {
+  localStorage.setItem(PLACE, chosen);
+  apply();
+}
+
+/** Call a listener when the theme changes, until the signal aborts. */
+export function onTheme(listener: (theme: Theme) => void, signal: AbortSignal): void {
+  listeners.add(listener);
+  signal.addEventListener("abort", () => listeners.delete(listener));
+}
+
+export function apply(): void {
+  document.documentElement.dataset.theme = theme();
+  for (const listener of listeners) listener(theme());
+}
+
+system.addEventListener("change", apply);

@@ -1,0 +1,82 @@
+/** Numbers, times and names as people read them. */
+
+const DASH = "–";
+
+/** A number as shown, a dash where there is none. */
+export function number(value: number | null | undefined, digits = 1): string {
+  return value === null || value === undefined || !Number.isFinite(value) ? DASH : value.toFixed(digits);
+}
+
+/** A difference as shown, with its sign. */
+export function signed(value: number | null | undefined, digits = 1): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return DASH;
+  return `${value >= 0 ? "+" : "−"}${Math.abs(value).toFixed(digits)}`;
+}
+
+/** A number to some figures. */
+export function figures(value: number | null | undefined, count = 3): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return DASH;
+  return value === 0 ? "0" : String(Number(value.toPrecision(count)));
+}
+
+/** A p-value as shown. */
+export function chance(p: number | null | undefined): string {
+  if (p === null || p === undefined) return DASH;
+  if (p < 1e-3) return "< 0.001";
+  return p >= 0.01 ? p.toFixed(2) : p.toFixed(3);
+}
+
+export const percent = (share: number | null | undefined): string =>
+  share === null || share === undefined ? DASH : `${Math.round(100 * share)} %`;
+
+/** A coordinate's or joint's name for people: `hip_flexion_r` is "hip flexion, right". */
+export function words(name: string): string {
+  const match = /^(.+)_([rl])$/.exec(name);
+  if (match === null) return name.replaceAll("_", " ");
+  return `${match[1]?.replaceAll("_", " ")}, ${match[2] === "r" ? "right" : "left"}`;
+}
+
+export function plural(count: number, one: string, many = `${one}s`): string {
+  return `${count} ${count === 1 ? one : many}`;
+}
+
+/** Bytes as people read them. */
+export function size(bytes: number): string {
+  if (bytes < 1000) return `${bytes} B`;
+  return bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+}
+
+const clock = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
+
+export const moment = (iso: string): string => clock.format(new Date(iso));
+
+/** Seconds as people read them. */
+export function duration(seconds: number): string {
+  if (seconds < 60) return `${seconds.toFixed(seconds < 10 ? 1 : 0)} s`;
+  return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+}
+
+/** Some names, and how many more there are. */
+export function few(names: readonly string[], most = 6): string {
+  const more = names.length - most;
+  return names.slice(0, most).join(", ") + (more > 0 ? ` and ${more} more` : "");
+}
+
+const KINDS: Record<string, string> = {
+  scaling: "Comparison of methods",
+  "linear-scaling": "Linear scaling",
+  "optimised-scaling": "Optimised scaling",
+  landmarks: "Landmarks on bones",
+  "kinematic-error": "Kinematic error",
+  "segment-lengths": "Segment lengths",
+  "joint-angles": "Joint angles",
+  dynamics: "Residual forces",
+  consistent: "Motion that forces agree with",
+  discovery: "Search for the missing effect",
+  batch: "Cohort",
+  "batch-member": "Member of a cohort",
+  proof: "Proof of the files",
+  scene: "Scene",
+};
+
+export const kindInWords = (kind: string): string => KINDS[kind] ?? kind.replaceAll("-", " ");

@@ -1,0 +1,52 @@
+/** A job that is under way: what it does, how far it is, and how to stop it. */
+
+import type { Job } from "../api/documents.ts";
+import { isOver } from "../api/documents.ts";
+import { end } from "../api/jobs.ts";
+import { h } from "./dom.ts";
+import { kindInWords } from "./words.ts";
+
+export interface Working {
+  element: HTMLElement;
+  show: (job: Job) => void;
+}
+
+/** Shows a job until it is over, then goes away. */
+export function working(title?: string): Working {
+  const name = h("p");
+  const bar = h("progress", { max: 1, "aria-label": "How far the job is" });
+  const told = h("p", { class: "quiet", role: "status" });
+  let latest: Job | null = null;
+  const cancel: HTMLButtonElement = h("button", { class: "small", onclick: () => {
+    cancel.disabled = true;
+    if (latest !== null) void end(latest.id);
+  } }, "Cancel");
+  const element = h("div", { class: "working" }, h("div", { class: "bar" }, name, h("span", { class: "push" }), cancel), bar, told);
+  return {
+    element,
+    show(job) {
+      latest = job;
+      element.hidden = isOver(job);
+      name.textContent = title ?? kindInWords(job.kind);
+      told.textContent = stateInWords(job);
+      if (job.state === "running") bar.value = job.progress.share;
+      else bar.removeAttribute("value");
+    },
+  };
+}
+
+export function stateInWords(job: Job): string {
+  const { what, share } = job.progress;
+  switch (job.state) {
+    case "waiting":
+      return `waits for the jobs that it is made of, ${Math.round(100 * share)} %`;
+    case "queued":
+      return "waits for its turn";
+    case "running":
+      return `${Math.round(100 * share)} %${what === "" ? "" : `, ${what}`}${job.attempt > 1 ? ` (begun ${job.attempt} times)` : ""}`;
+    case "cancelling":
+      return "is being cancelled";
+    default:
+      return job.state;
+  }
+}

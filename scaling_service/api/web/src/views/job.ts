@@ -1,0 +1,75 @@
+/** One job: its progress while it runs, then what it found. */
+
+import type { Job, Origin } from "../api/documents.ts";
+import { end, finished, getJob, getOrigin } from "../api/jobs.ts";
+import { link, toSubject } from "../routes.ts";
+import type { ResultView } from "../results/result.ts";
+import { confirmed } from "../ui/dialog.ts";
+import { h } from "../ui/dom.ts";
+import { guarded, problemBox } from "../ui/problem.ts";
+import { kindInWords, moment } from "../ui/words.ts";
+import { working } from "../ui/working.ts";
+import type { View } from "./view.ts";
+
+export const job: View = async ({ main, place, signal }) => {
+  const id = place.parts[1] ?? "";
+  const [first, origin] = await Promise.all([getJob(id, signal), getOrigin(id)]);
+  const progress = working();
+  const failed = h("div");
+  main.append(head(first, origin, failed), failed, progress.element);
+  await guarded(failed, async () => {
+    const done = await finished(first, progress.show, signal);
+    if (signal.aborted) return;
+    const view = await viewOf(done.kind);
+    await view({ job: done, origin, main, place, signal });
+  });
+  if (first.failure !== null && failed.childElementCount === 0) failed.append(problemBox(first.failure));
+};
+
+function head(job: Job, { specification }: Origin, failed: HTMLElement): HTMLElement {
+  const { subject } = specification.request;
+  const remove = async (): Promise<void> => {
+    if (!(await confirmed("Delete this job and all that it made, for good?", "Delete"))) return;
+    await end(job.id);
+    location.hash = link(["jobs"]);
+  };
+  return h(
+    "div",
+    null,
+    h(
+      "p",
+      { class: "crumbs" },
+      h("a", { href: link(["jobs"]) }, "Jobs"),
+      typeof subject === "string" && " / ",
+      typeof subject === "string" && h("a", { href: toSubject(subject, "run") }, subject),
+    ),
+    h(
+      "div",
+      { class: "bar" },
+      h("h1", null, kindInWords(job.kind), typeof subject === "string" && `: ${subject}`),
+      h("span", { class: "push" }),
+      h("span", { class: "quiet" }, moment(job.created_at)),
+      h("button", { class: "small", onclick: () => void guarded(failed, remove) }, "Delete"),
+    ),
+  );
+}
+
+/** How the result of a kind of job is shown; each is loaded when it is first needed. */
+async function viewOf(kind: string): Promise<ResultView> {
+  switch (kind) {
+    case "scaling":
+      return (await import("../results/comparison.ts")).comparison;
+    case "discovery":
+      return (await import("../results/discovery.ts")).discovery;
+    case "dynamics":
+      return (await import("../results/dynamics.ts")).dynamics;
+    case "consistent":
+      return (await import("../results/consistent.ts")).consistent;
+    case "batch":
+      return (await import("../results/cohort.ts")).cohort;
+    case "proof":
+      return (await import("../results/proof.ts")).proof;
+    default:
+      return (await import("../results/plain.ts")).plain;
+  }
+}

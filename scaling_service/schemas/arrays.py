@@ -1,0 +1,36 @@
+"""Tables of numbers that travel as binary files beside a document."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Overview(BaseModel):
+    """A table's first level: few frames for a first look."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    file: str = Field(description="Path among the job's files.")
+    shape: list[int]
+    step: int = Field(description="Frames of the table to one of this.")
+
+
+class ArrayEntry(BaseModel):
+    """A table of little-endian float32 in C order, frames first; NaN is unknown."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    file: str = Field(description="Path among the job's files; frame i begins at byte i times a row's.")
+    shape: list[int]
+    unit: str
+    overview: Overview | None = Field(default=None, description="There where the table has many frames.")
+
+
+class PlateEntry(BaseModel):
+    """A force plate in a recording."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    corners_m: list[list[float]] | None = Field(description="Four corners; null where the file has none.")
+    peak_N: float | None = Field(description="Largest force on it; null where none is known.")

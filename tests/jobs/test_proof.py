@@ -1,0 +1,242 @@
+"""A look at files before anything is computed, on recordings whose truth is known."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scaling_service.formats.trc import write_trc
+from scaling_service.jobs.proof import prove
+from scaling_service.jobs.proof_roles import bone_of
+from scaling_service.jobs.proof_warnings import _OTHER
+from scaling_service.jobs.settings import Settings
+from scaling_service.jobs.tasks import scale
+from scaling_service.models.trial import Array
+from scaling_service.schemas.arrays import ArrayEntry
+from scaling_service.schemas.proof import ProofDocument
+from tests.jobs.force_laboratory import force_laboratory
+from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
+
+BARE = {"subject": {"id": "S01"}}
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+def proof(folder: Path, document: Mapping[str, Any] = BARE, **options: Any) -> ProofDocument:
+    return prove(folder, document, folder.parent / "out", skip=("S01.yaml",), **options)
+
+
+def table(folder: Path, entry: ArrayEntry) -> Array:
+    content = np.fromfile(folder.parent / "out" / entry.file, dtype="<f4").reshape(entry.shape)
+    return content.astype(float)
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """Recordings of a known person, in a laboratory with z up who faces -y."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    laboratory(folder)
+    return folder
+
+
+def test_files_get_their_places_and_the_proposal_can_be_scaled(lab: Path) -> None:
+    found = proof(lab)
+    assert {f.name: f.role for f in found.files} == {
+        "hips.trc": "trials.calibration",
+        "standing.trc": "trials.static",
+        "walk.trc": "trials.evaluation",
+    }
+    assert found.problems == []
+    file = lab / "proposed.json"
+    file.write_text(json.dumps(found.proposal), encoding="utf-8")
+    assert scale(file, "MB").scalings["MB"].errors["walk"].mean < 0.02
+
+
+def test_axes_and_positions_are_those_of_the_truth(lab: Path) -> None:
+    found = proof(lab)
+    assert found.axes is not None
+    assert (found.axes.up, found.axes.forward, found.axes.sure) == ("+z", "-y", True)
+    assert np.array_equal(found.axes.R_new_old, R_OURS_LAB)
+    walk = next(r for r in found.recordings if r.name == "walk")
+    truth = known_person().session.evaluation[0]
+    assert walk.markers.shape == [truth.n_frames, len(truth.labels), 3]
+    assert np.allclose(table(lab, walk.markers), truth.markers, atol=1e-6)  # float32 of some metres
+    assert (walk.unit, walk.format, walk.rate_hz) == ("mm", "TRC", truth.rate_hz)
+
+
+def test_gaps_are_told_as_intervals(lab: Path) -> None:
+    truth = known_person().session.evaluation[0]
+    holed = truth.markers.copy()
+    column = truth.index("RLFE")
+    holed[3:8, column] = holed[20, column] = holed[-4:, column] = np.nan
+    write_recording(lab / "walk.trc", replace(truth, markers=holed))
+    walk = next(r for r in proof(lab).recordings if r.name == "walk")
+    knee = next(e for e in walk.labels if e.label == "S01:RKNE")
+    n = truth.n_frames
+    assert knee.gaps == [(3, 7), (20, 20), (n - 4, n - 1)]
+    assert knee.longest_gap_s == pytest.approx(5 / truth.rate_hz)
+    assert knee.seen == pytest.approx(1 - 10 / n, abs=1e-4)
+    assert np.array_equal(np.isnan(table(lab, walk.markers)[:, column, 0]), np.isnan(holed[:, column, 0]))
+
+
+def test_labels_are_proposed_with_their_reasons(lab: Path) -> None:
+    by_marker = {m.marker: m for m in proof(lab).markers}
+    assert (by_marker["RLFE"].label, by_marker["RLFE"].why) == ("S01:RKNE", "known alias")
+    assert (by_marker["RMFE"].confidence, by_marker["RMFE"].source) == (1.0, "name")
+    assert by_marker["RLFE"].confidence < by_marker["RMFE"].confidence
+
+
+def renamed(lab: Path, label: str) -> None:
+    """The outer right knee marker under a label that says nothing."""
+    for name in ("standing", "hips", "walk"):
+        text = (lab / f"{name}.trc").read_text(encoding="utf-8")
+        (lab / f"{name}.trc").write_text(text.replace("S01:RKNE", label), encoding="utf-8")
+
+
+@pytest.mark.parametrize("label", ["M7", HOSTILE])
+def test_an_unknown_label_is_found_by_its_place(lab: Path, label: str) -> None:
+    renamed(lab, label)
+    found = proof(lab)
+    knee = next(m for m in found.markers if m.marker == "RLFE")
+    assert (knee.label, knee.source) == (label, "place")
+    assert 0.0 < knee.confidence <= 0.6
+    assert found.proposal is not None
+    assert "markers" not in found.proposal  # a guess is for people to look at
+    assert any(p.severity == "error" and "RLFE" in p.problem for p in found.problems)
+
+
+def test_the_laboratorys_map_is_followed(lab: Path) -> None:
+    renamed(lab, "M7")
+    found = proof(lab, labels={"M7": "RLFE", "never seen": "LLFE"})
+    knee = next(m for m in found.markers if m.marker == "RLFE")
+    assert (knee.label, knee.source) == ("M7", "laboratory")
+    assert found.proposal is not None
+    assert found.proposal["markers"] == {"RLFE": "M7"}
+    assert found.problems == []
+
+
+def test_the_document_outweighs_the_laboratorys_map(lab: Path) -> None:
+    renamed(lab, "M7")
+    document = {**BARE, "markers": {"RLFE": "M7"}}
+    found = proof(lab, document, labels={"M7": "LLFE"})
+    assert next(m for m in found.markers if m.marker == "RLFE").source == "document"
+    assert next(m for m in found.markers if m.marker == "LLFE").label == "LLFE"
+
+
+def test_what_cannot_be_read_hides_nothing_of_the_rest(lab: Path) -> None:
+    (lab / "broken.c3d").write_bytes(b"\x02\x50" + b"\xff" * 4096)
+    (lab / "empty.trc").touch()
+    (lab / "femur_r.stl").write_bytes(b"no surface")
+    (lab / "notes.txt").write_text("later", encoding="utf-8")
+    found = proof(lab)
+    problems = {f.name: f.problem for f in found.files if f.problem is not None}
+    assert set(problems) == {"broken.c3d", "empty.trc", "femur_r.stl"}
+    assert all(p.remedy and p.file == name for name, p in problems.items())
+    assert [r.name for r in found.recordings] == ["hips", "standing", "walk"]
+    assert found.proposal is not None
+    assert "bones" not in found.proposal
+    assert next(f for f in found.files if f.name == "notes.txt").kind == "other"
+
+
+def test_a_document_that_names_an_absent_file_is_told(lab: Path) -> None:
+    document = {**BARE, "model": "lower_limb_14dof", "trials": {"static": "other.trc"}}
+    found = proof(lab, document)
+    assert found.problems[0].field == "trials.static"
+    assert found.problems[0].file == "other.trc"
+
+
+def test_without_a_recording_there_is_nothing_to_propose(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    found = proof(tmp_path / "empty")
+    assert (found.proposal, found.axes, found.recordings) == (None, None, [])
+    assert found.problems[0].severity == "error"
+
+
+def test_axes_can_be_given(lab: Path) -> None:
+    found = proof(lab, settings=Settings(up="+z", forward="+x"))
+    assert found.axes is not None
+    assert (found.axes.forward, found.axes.given) == ("+x", True)
+
+
+def test_forces_go_to_the_recording_of_their_name(tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    force_laboratory(folder)
+    found = proof(folder)
+    assert found.proposal is not None
+    assert set(found.proposal["forces"]) <= {r.file for r in found.recordings}
+    item = next(r for r in found.recordings if r.force is not None)
+    assert item.force is not None
+    force = table(folder, item.force)
+    weight = np.nansum(force[:, :, 1], axis=1).mean()
+    assert force.shape == (item.frames, len(item.plates), 3)
+    assert 300.0 < weight < 1500.0  # N, of a grown person who sways
+    assert [p.peak_N for p in item.plates] == pytest.approx(
+        np.linalg.norm(force, axis=2).max(axis=0), abs=0.5
+    )
+
+
+def test_a_subject_file_among_the_files_is_followed(lab: Path) -> None:
+    shutil.copy(lab / "S01.yaml", lab / "subject.yaml")
+    text = (lab / "subject.yaml").read_text(encoding="utf-8").replace("walk.trc", "deep/walk.trc")
+    text = text.replace("S01", "other")
+    (lab / "subject.yaml").write_text(text, encoding="utf-8")
+    found = proof(lab)
+    assert next(f for f in found.files if f.name == "walk.trc").named
+    assert found.proposal is not None
+    assert found.proposal["trials"]["evaluation"] == ["walk.trc"]
+    assert found.proposal["subject"] == {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}
+
+
+def test_a_whole_document_outweighs_a_subject_file(lab: Path) -> None:
+    shutil.copy(lab / "S01.yaml", lab / "subject.yaml")
+    document = {**BARE, "model": "lower_limb_14dof", "trials": {"static": "standing.trc"}}
+    found = proof(lab, document)
+    assert found.proposal == document
+    assert next(f for f in found.files if f.name == "walk.trc").role is None
+
+
+@pytest.mark.parametrize(
+    ("name", "bone"),
+    [("Femur_R.stl", "femur_r"), ("leftTibia.ply", "tibia_l"), ("pelvis.obj", "pelvis"), ("femur.stl", None)],
+)
+def test_bones_are_known_by_their_names(name: str, bone: str | None) -> None:
+    assert bone_of(name) == bone
+
+
+def test_two_standing_recordings_are_not_both_taken(lab: Path) -> None:
+    session = known_person().session
+    assert session.static is not None
+    write_trc(lab / "static 2.trc", replace(session.static, markers=session.static.markers + 0.01))
+    found = proof(lab)
+    assert sorted(f.role or "" for f in found.files if "sta" in f.name) == ["", "trials.static"]
+
+
+def test_every_warning_of_loading_says_what_to_do(lab: Path) -> None:
+    session = known_person().session
+    walk = session.evaluation[0]
+    markers = walk.markers.copy()
+    knees = [walk.index("RLFE"), walk.index("RMFE")]
+    n = walk.n_frames
+    markers[n // 3 : n // 2, knees] = markers[n // 3 : n // 2, knees[::-1]]
+    markers[5, walk.index("LASIS")] += 100.0
+    markers[:, walk.index("RFH")] = np.nan
+    write_recording(lab / "walk.trc", replace(walk, markers=markers))
+    document = {
+        **BARE,
+        "model": "lower_limb_14dof",
+        "trials": {"static": "standing.trc", "calibration": ["hips.trc", "walk.trc"]},
+        "extra_markers": {"NONE": "femur_r"},
+    }
+    found = [p for p in proof(lab, document).problems if p.severity == "warning"]
+    told = " ".join(p.problem for p in found)
+    for word in ("evaluation", "NONE", "RFH", "look exchanged", "than usual"):
+        assert word in told
+    assert all(p.remedy and p.remedy != _OTHER for p in found)

@@ -1,0 +1,54 @@
+"""A look at the files of persons who were really recorded."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.jobs.proof import prove
+from scaling_service.schemas.proof import ProofDocument
+
+
+def proof(data: Path, name: str, scratch: Path) -> ProofDocument:
+    """All files of a dataset, uploaded without folders."""
+    folder = scratch / "in"
+    folder.mkdir()
+    for file in (data / name).rglob("*"):
+        if file.is_file():
+            shutil.copy(file, folder / file.name)
+    return prove(folder, {"subject": {"id": name}}, scratch)
+
+
+def test_a_walker_with_bones(shared_data: Path, tmp_path: Path) -> None:
+    found = proof(shared_data, "jia_mri", tmp_path)
+    assert [p for p in found.problems if p.severity == "error"] == []
+    assert found.proposal is not None
+    assert found.proposal["trials"] == {
+        "static": "Static.c3d",
+        "calibration": ["Walking02.c3d", "Walking04.c3d"],
+        "evaluation": ["Walking01.c3d"],
+    }
+    assert set(found.proposal["bones"]) == {"units", "pelvis", "femur_r", "tibia_r"}
+    assert all(m.label is not None for m in found.markers)
+    walking = next(r for r in found.recordings if r.name == "Walking01")
+    assert [len(p.corners_m or []) for p in walking.plates] == [4, 4]
+    sizes = [np.ptp(p.corners_m or [], axis=0) for p in walking.plates]
+    assert np.allclose([s[[0, 2]] for s in sizes], [0.6, 0.4], atol=0.005)  # of two such plates, lying flat
+    sides = {e.label: e.segment for e in found.extra_markers}
+    assert (sides["RTHI"], sides["LSHN"]) == ("femur_r", "tibia_l")
+
+
+def test_a_squatter_with_a_model_of_the_whole_body(shared_data: Path, tmp_path: Path) -> None:
+    found = proof(shared_data, "opencap_squat", tmp_path)
+    assert found.proposal is not None
+    assert found.proposal["model"] == "unscaled_generic.osim"
+    assert found.proposal["forces"] == {
+        "squats1.trc": "squats1_grf.mot",
+        "walking1.trc": "walking1_grf.mot",
+    }
+    assert found.proposal["trials"]["calibration"] == ["squats1.trc"]
+    walk = next(r for r in found.recordings if r.name == "walking1")
+    assert walk.direction is not None
+    assert walk.direction[0] > 0.99

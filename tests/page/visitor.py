@@ -1,0 +1,92 @@
+"""Somebody who uses the page in a browser, and tells of every defect."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+CHROMIUM = Path("/usr/bin/chromium")
+ARGUMENTS = [
+    "--no-sandbox",
+    "--enable-unsafe-swiftshader",  # WebGL without a graphics card
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LONG_MS = 60_000
+
+_WATCH = """
+window.violations = [];
+document.addEventListener('securitypolicyviolation', (event) =>
+  window.violations.push(`${event.violatedDirective} ${event.blockedURI}`));
+"""
+
+
+class Visitor:
+    """A page of the browser at a service.
+
+    Parameters
+    ----------
+    page : playwright.sync_api.Page
+    url : str
+        Of the service.
+    """
+
+    def __init__(self, page: Any, url: str) -> None:
+        self.page, self.url = page, url
+        self.defects: list[str] = []
+        self.foreign: list[str] = []
+        page.set_default_timeout(20_000)
+        page.add_init_script(_WATCH)
+        page.on("pageerror", lambda error: self.defects.append(str(error)))
+        page.on("console", self._heard)
+        page.on("request", self._asked)
+
+    def _heard(self, message: Any) -> None:
+        # An answer that is no success is told by the page itself.
+        if message.type == "error" and not message.text.startswith("Failed to load resource"):
+            self.defects.append(message.text)
+
+    def _asked(self, request: Any) -> None:
+        if not request.url.startswith((self.url, "blob:", "data:")):
+            self.foreign.append(request.url)
+
+    def go(self, place: str = "") -> None:
+        """Open a place, such as ``jobs``."""
+        self.page.goto(f"{self.url}/#/{place}")
+
+    def press(self, name: str) -> None:
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def follow(self, name: str) -> None:
+        self.page.get_by_role("link", name=name, exact=True).first.click()
+
+    def sees(self, text: str, timeout_ms: int = LONG_MS) -> None:
+        self.page.get_by_text(text).first.wait_for(timeout=timeout_ms)
+
+    def downloads(self, name: str) -> Path:
+        """The file that comes when a button is pressed."""
+        with self.page.expect_download(timeout=LONG_MS) as coming:
+            self.press(name)
+        return Path(coming.value.path())
+
+    def drops(self, *files: Path) -> None:
+        """Give files to the first place that takes some."""
+        self.page.locator("input[type=file]").first.set_input_files([str(file) for file in files])
+
+    def barriers(self, axe: str) -> list[str]:
+        """What axe finds serious or critical in what is shown."""
+        self.page.evaluate(axe)
+        found = self.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
+        return [
+            f"{one['id']}: {json.dumps([node['html'][:200] for node in one['nodes'][:3]])}"
+            for one in found["violations"]
+            if one["impact"] in ("serious", "critical")
+        ]
+
+    def met_no_defect(self) -> None:
+        violations = self.page.evaluate("() => window.violations ?? []")
+        assert (self.defects, violations, self.foreign) == ([], [], [])

@@ -1,0 +1,44 @@
+"""A small subject: the example's person, standing and walking, which is scaled in a moment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.client import Client
+from scaling_service.formats.trc import read_trc, write_trc
+from scaling_service.models.trial import Trial
+
+FILES = ("static.trc", "gait_1.trc")
+
+
+def fetch(client: Client, folder: Path, example: str = "example") -> None:
+    """The recordings of an example, as files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in FILES:
+        content = client._call("GET", f"/v1/subjects/{example}/files/{name}").content
+        (folder / name).write_bytes(content)
+
+
+def put_walker(client: Client, subject: str, folder: Path, label: str | None = None) -> str:
+    """Give the service such a subject, with one label more on the thigh where it is named."""
+    client._call("POST", "/v1/examples")
+    fetch(client, folder)
+    person = client.subject("example").document["subject"] | {"id": subject}
+    trials = {"static": "static.trc", "evaluation": ["gait_1.trc"]}
+    document = {"subject": person, "model": "lower_limb_14dof", "trials": trials}
+    client.put_subject(document if label is None else document | {"extra_markers": {label: "femur_r"}})
+    for name in FILES:
+        if label is not None:
+            add_label(folder / name, label)
+        client.upload(subject, folder / name)
+    return subject
+
+
+def add_label(file: Path, label: str) -> None:
+    """One label more, 2 cm beside the right knee's."""
+    trial = read_trc(file)
+    beside = trial.markers[:, [trial.labels.index("V:RKNE")]] + 0.02
+    markers = np.concatenate([trial.markers, beside], axis=1)
+    write_trc(file, Trial(trial.name, trial.times, (*trial.labels, label), markers, trial.rate_hz))

@@ -76,8 +76,15 @@ def no_worse(best: Array, other: Array, penalty: float) -> float:
     best, other : ndarray, shape (n_stretches,)
         Gains of the two.
     penalty : float
-        What the best spends more on chance than the other.
+        What the best spends more on chance than the other; not finite where that cannot be told.
+
+    Returns
+    -------
+    float
+        One where stretches are too few to tell.
     """
+    if len(best) < _FEWEST or not np.isfinite(penalty):
+        return 1.0
     lead = best - other - penalty / len(best)
     spread = float(lead.std(ddof=1))
     if spread == 0.0:

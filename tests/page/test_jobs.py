@@ -5,6 +5,7 @@ from __future__ import annotations
 import requests
 
 from tests.page.conftest import Visit
+from tests.page.visitor import LONG_MS
 
 
 def test_several_jobs_at_once(visit: Visit, url: str) -> None:
@@ -18,8 +19,8 @@ def test_several_jobs_at_once(visit: Visit, url: str) -> None:
     forces = page.get_by_role("listitem").filter(has_text="Residual forces")
     search.get_by_text("running").or_(search.get_by_text("%")).first.wait_for()
     search.get_by_role("button", name="Cancel").click()
-    search.locator(".state.cancelled").wait_for(timeout=60_000)
-    forces.locator(".state.failed").wait_for(timeout=60_000)
+    search.locator(".state.cancelled").wait_for(timeout=LONG_MS)
+    forces.locator(".state.failed").wait_for(timeout=LONG_MS)
     forces.get_by_role("link").click()
     page.locator(".problem .remedy").wait_for()
     address = page.url

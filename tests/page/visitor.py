@@ -16,7 +16,7 @@ ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-LONG_MS = 60_000
+LONG_MS = 120_000
 
 _WATCH = """
 window.violations = [];

@@ -129,8 +129,8 @@ async def put_file(subject: Named, name: FileName, request: Request, owner: Owne
     response_class=Response,
     responses=described(404, 416)
     | {
-        200: {"description": "The file", "content": {"application/octet-stream": _BYTES}},
-        206: {"description": "The stretch", "content": {"application/octet-stream": _BYTES}},
+        200: {"description": "The file", "content": {"*/*": _BYTES}},
+        206: {"description": "The stretch", "content": {"*/*": _BYTES}},
         304: {"description": "Unchanged"},
     },
 )

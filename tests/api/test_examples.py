@@ -2,33 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
-import pytest
-
-from scaling_service.runner import example
 from scaling_service.schemas.jobs import State
 from tests.api.served import Served
 from tests.runner.services import running
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Examples of two small files, for what does not depend on their content."""
-
-    def write(folder: Path, name: str, seed: int) -> None:
-        document = {
-            "subject": {"id": name},
-            "model": "lower_limb_14dof",
-            "trials": {"static": "static.trc"},
-            "image_markers": "image_markers.csv",
-        }
-        (folder / "subject.json").write_text(json.dumps(document), encoding="utf-8")
-        for file in ("static.trc", "image_markers.csv"):
-            (folder / file).write_text(f"{file} {seed}", encoding="utf-8")
-
-    monkeypatch.setattr(example, "_run", write)
 
 
 def test_one_request_puts_a_person_that_everything_can_be_asked_of(served: Served) -> None:
@@ -56,7 +32,7 @@ def test_a_subject_of_that_name_is_not_touched(served: Served) -> None:
     assert served.call("GET", "/v1/subjects/example").json()["document"] == mine
 
 
-def test_what_broke_off_is_completed(served: Served, quick: None) -> None:
+def test_what_broke_off_is_completed(served: Served, quick_examples: None) -> None:
     served.call("POST", "/v1/examples")
     whole = served.call("GET", "/v1/subjects/example/files").json()
     served.call("DELETE", "/v1/subjects/example/files/static.trc")
@@ -64,7 +40,7 @@ def test_what_broke_off_is_completed(served: Served, quick: None) -> None:
     assert served.call("GET", "/v1/subjects/example/files").json() == whole
 
 
-def test_each_owner_has_examples_of_their_own(served: Served, quick: None) -> None:
+def test_each_owner_has_examples_of_their_own(served: Served, quick_examples: None) -> None:
     ours, theirs = served.key("ours"), served.key("theirs")
     names = served.call("POST", "/v1/examples?persons=3", ours).json()["subjects"]
     assert names == ["example", "example_2", "example_3"]

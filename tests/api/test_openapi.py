@@ -58,7 +58,9 @@ def test_the_page_shows_every_route_with_a_command_that_can_be_pasted(served: Se
             json.loads(words[words.index("--json") + 1])
 
 
-def test_no_request_of_any_form_breaks_the_service(served: Served, tmp_path: Path) -> None:
+def test_no_request_of_any_form_breaks_the_service(
+    served: Served, tmp_path: Path, quick_examples: None
+) -> None:
     # Left out: that all data of the schemas' form are accepted; files must be there, and numbers make sense.
     # And that what was deleted is gone: DELETE cancels a job that is not over, and says so by 202.
     program = Path(sys.executable).with_name("schemathesis")
@@ -67,8 +69,6 @@ def test_no_request_of_any_form_breaks_the_service(served: Served, tmp_path: Pat
         "positive_data_acceptance,use_after_free",
         "--max-time",
         "20",
-        "--request-timeout",
-        "60",  # five examples take ten seconds
         "--seed",
         "1",
         "--no-color",

@@ -30,7 +30,11 @@ _Kind = Annotated[
 ]
 _Subject = Annotated[
     str | None,
-    Query(pattern=r"^[\w .\-]*$", max_length=100, description="Only jobs that rest on this subject's data."),
+    Query(
+        pattern=r"^[\p{L}\p{N}_ .\-]*$",
+        max_length=100,
+        description="Only jobs that rest on this subject's data.",
+    ),
 ]
 _Seen = Annotated[
     str | None, Header(alias="Last-Event-ID", max_length=30, description="The last event that came.")

@@ -28,9 +28,14 @@ from scaling_service.store.rows import FileRow, SubjectRow
 
 router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
-Named = Annotated[str, Path(pattern=r"^\w[\w .\-]*$", max_length=100, description="The subject's id.")]
+Named = Annotated[
+    str, Path(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100, description="The subject's id.")
+]
 FileName = Annotated[
-    str, Path(pattern=r"^\w[\w .()+=@,\-]{0,199}$", description="A plain name without folders.")
+    str,
+    Path(
+        pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .()+=@,\-]{0,199}$", description="A plain name without folders."
+    ),
 ]
 Cursor = Annotated[
     str | None,

@@ -42,7 +42,7 @@ def _no_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[str,
     return groups
 
 
-_Label = Annotated[str, StringConstraints(pattern=r"^\w[\w .\-]*$", max_length=100)]
+_Label = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
 
 
 class MemberRequest(ScalingRequest):

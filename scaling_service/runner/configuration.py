@@ -17,9 +17,9 @@ from sqlalchemy.exc import ArgumentError
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.runner.settings import PREFIX, ServiceSettings
 
-_ELSEWHERE = {f"{PREFIX}DATA", f"{PREFIX}WITHOUT_PAGE"}
-"""Variables with the prefix that are for something else: where tests find recordings, how a package is
-built."""
+_ELSEWHERE = {f"{PREFIX}DATA", f"{PREFIX}DATASETS_URL", f"{PREFIX}WITHOUT_PAGE"}
+"""Variables with the prefix that are for something else: where tests find recordings, where public ones are
+downloaded, how a package is built."""
 
 _ENCRYPTED = ("require", "verify-ca", "verify-full")
 """Of ``sslmode`` in a PostgreSQL URL (PostgreSQL manual, section 34.19)."""

@@ -15,7 +15,7 @@ MASS_RANGE_KG = (1.0, 400.0)
 """Chosen: from an infant to beyond what a force plate is built for; grams fall outside."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Identifier = Annotated[str, StringConstraints(pattern=r"^\w[\w .\-]*$", max_length=100)]
+Identifier = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
 
 
 class _Strict(BaseModel):

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -74,7 +75,7 @@ async def put_subject(request: Request, owner: Owner, service: Desk) -> Response
     detail = await run_in_threadpool(_detail, service, owner, row.id)
     status = HTTPStatus.CREATED if new else HTTPStatus.OK
     return JSONResponse(
-        detail.model_dump(mode="json"), status, headers={"Location": f"/v1/subjects/{row.id}"}
+        detail.model_dump(mode="json"), status, headers={"Location": f"/v1/subjects/{quote(row.id)}"}
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
@@ -24,6 +25,15 @@ def test_a_subject_is_new_then_replaced_then_gone(served: Served) -> None:
     assert (again.status_code, again.json()["document"]["model"]) == (200, "squat_4dof")
     assert served.call("DELETE", "/v1/subjects/S01").status_code == 204
     assert served.call("GET", "/v1/subjects/S01").status_code == 404
+
+
+@pytest.mark.parametrize("name", ["Zoë Ü", "Šárka 3", "被験者"])
+def test_names_are_in_any_alphabet(served: Served, name: str) -> None:
+    place = f"/v1/subjects/{quote(name)}"
+    made = served.call("POST", "/v1/subjects", json=person(name))
+    assert (made.status_code, made.headers["Location"]) == (201, place)
+    assert served.call("PUT", f"{place}/files/{quote(name)}.trc", data=b"x").status_code in (200, 201)
+    assert served.call("GET", place).json()["document"]["subject"]["id"] == name
 
 
 def test_the_message_is_that_of_the_command_line(served: Served) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,17 +11,15 @@ import numpy as np
 from scaling_service.anatomy.lengths import segment_lengths
 from scaling_service.calibration.consistent import Followed
 from scaling_service.calibration.consistent_recording import SPATIAL, ConsistentRecording
-from scaling_service.core.errors import DependencyMissing
-from scaling_service.formats.osim import write_osim
 from scaling_service.jobs.consistent import ConsistentResults, factors_of
-from scaling_service.jobs.documents import code_version
+from scaling_service.jobs.documents import code_version, repair_notes
 from scaling_service.jobs.hashes import input_hashes
+from scaling_service.jobs.massive_model_files import write_massive_model
 from scaling_service.jobs.motions import write_motion
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import all_or_nothing, write_json
 from scaling_service.kernels.laws import Array
 from scaling_service.models.body import BodyModel
-from scaling_service.models.document import to_document
 from scaling_service.models.massive import total_mass
 from scaling_service.models.results import Motion
 from scaling_service.reports.consistent.page import ConsistentData, TrialCurves, consistent_page
@@ -35,7 +32,6 @@ from scaling_service.schemas.consistent import (
     MarkerErrors,
     WrenchErrors,
 )
-from scaling_service.schemas.results import RepairNote
 
 FILE_NAME = "consistent.json"
 
@@ -59,7 +55,7 @@ def save_consistent(
         for recording, followed in zip(results.recordings, results.result.consistent, strict=True):
             motion = _motion(recording, followed, results.result.model)
             write_motion(scratch / f"{recording.name}_ik.mot", motion, results.result.model)
-        notes = _write_model(scratch, results)
+        notes = write_massive_model(scratch, results.result.model, results.prepared, factors_of(results))
         files = sorted(path.name for path in scratch.iterdir())
         document = consistent_document(results, files, notes)
         write_json(scratch / FILE_NAME, document)
@@ -81,12 +77,7 @@ def consistent_document(
         input_hashes=input_hashes(prepared.subject, results.subject_file),
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        repairs={
-            t.name: [
-                RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in t.repairs
-            ]
-            for t in prepared.loaded.session.dynamic
-        },
+        repairs={trial.name: repair_notes(trial.repairs) for trial in prepared.loaded.session.dynamic},
         start=prepared.start,
         inertia=prepared.inertia,
         mass_kg=round(total_mass(prepared.model), 3),
@@ -179,25 +170,3 @@ def _curves(results: ConsistentResults) -> dict[str, TrialCurves]:
             recording.components,
         )
     return found
-
-
-def _write_model(folder: Path, results: ConsistentResults) -> tuple[str, ...]:
-    """The model found; returns what is to be told."""
-    model, prepared = results.result.model, results.prepared
-    content = json.dumps(to_document(model), indent=1, allow_nan=False)
-    (folder / "model.json").write_text(content + "\n", encoding="utf-8")
-    subject, scaling = prepared.subject, prepared.calibration
-    is_file = subject.model.lower().endswith(".osim")
-    try:
-        write_osim(
-            folder / "model.osim",
-            model,
-            source=Path(subject.model) if is_file else None,
-            factors=factors_of(results),
-            axis_tilts={} if scaling is None else scaling.axis_tilts,
-            marker_set=subject.marker_set,
-            inertia_from_model=True,
-        )
-    except DependencyMissing as error:
-        return (f"model.osim was not written: {error}",)
-    return ()

@@ -12,9 +12,8 @@ from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.jobs.discover import DiscoverResults
 from scaling_service.jobs.discover_sizes import finite, quantities, rounded
 from scaling_service.jobs.discover_words import sentence
-from scaling_service.jobs.documents import code_version
+from scaling_service.jobs.documents import code_version, repair_notes
 from scaling_service.jobs.hashes import input_hashes
-from scaling_service.models.trial import Repair
 from scaling_service.schemas.discovery import (
     BothGaps,
     DisagreementDocument,
@@ -83,12 +82,8 @@ def _repairs(results: DiscoverResults) -> dict[str, list[RepairNote]]:
     found: dict[str, list[RepairNote]] = {}
     for trial in session.dynamic:
         of_forces = sources[trial.name].repairs if trial.name in sources else ()
-        found[trial.name] = [_note(repair) for repair in (*trial.repairs, *of_forces)]
+        found[trial.name] = repair_notes((*trial.repairs, *of_forces))
     return found
-
-
-def _note(repair: Repair) -> RepairNote:
-    return RepairNote(what=repair.what, where=repair.where, detail=repair.detail, frames=repair.frames)
 
 
 def placed(candidate: Candidate) -> PlacedEffect:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -12,7 +12,7 @@ from scaling_service.evaluation.kinematic_error import KinematicError
 from scaling_service.jobs.hashes import input_hashes
 from scaling_service.jobs.tasks import Results, Scaling
 from scaling_service.models.results import EstimatedParameter
-from scaling_service.models.trial import Trial
+from scaling_service.models.trial import Repair
 from scaling_service.schemas.results import (
     ComparisonDocument,
     FittedParameter,
@@ -73,7 +73,7 @@ def provenance(results: Results) -> Provenance:
         input_hashes=input_hashes(session.subject, results.subject_file),
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in results.loaded.markers_used.items()},
-        repairs={trial.name: _repairs(trial) for trial in trials},
+        repairs={trial.name: repair_notes(trial.repairs) for trial in trials},
     )
 
 
@@ -138,8 +138,9 @@ def _parameter(parameter: EstimatedParameter) -> FittedParameter:
     )
 
 
-def _repairs(trial: Trial) -> list[RepairNote]:
-    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in trial.repairs]
+def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
+    """What was changed in a recording, as results tell it."""
+    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]
 
 
 def _fields(document: Provenance | MethodResult) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from scaling_service.calibration.inertial_result import InertialIdentification
 from scaling_service.evaluation.uncertainty import WrenchUncertainty
-from scaling_service.jobs.documents import code_version
+from scaling_service.jobs.documents import code_version, repair_notes
 from scaling_service.jobs.dynamics import DynamicsResults
 from scaling_service.jobs.dynamics_trial import TrialDynamics
 from scaling_service.jobs.hashes import input_hashes
@@ -31,7 +31,6 @@ from scaling_service.schemas.dynamics import (
     Wrench,
     WrenchFitDocument,
 )
-from scaling_service.schemas.results import RepairNote
 
 _DIGITS = 6
 """Significant figures; forces are not known to more than three."""
@@ -52,7 +51,7 @@ def dynamics_document(
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
         repairs={
-            trial.name: _repairs(
+            trial.name: repair_notes(
                 [
                     *trial.repairs,
                     *(prepared.forces[trial.name].repairs if trial.name in results.trials else ()),
@@ -185,10 +184,6 @@ def _identification(found: InertialIdentification, results: DynamicsResults) -> 
 def _of_forces(results: DynamicsResults, name: str) -> tuple[Repair, ...]:
     found = results.trials.get(name)
     return () if found is None else found.forces.repairs
-
-
-def _repairs(repairs: Sequence[Repair]) -> list[RepairNote]:
-    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]
 
 
 def _rounded(value: float) -> float:

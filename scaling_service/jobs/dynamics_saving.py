@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.errors import DependencyMissing
 from scaling_service.evaluation.residuals import COMPONENTS
-from scaling_service.formats.osim import write_osim
 from scaling_service.formats.sto import Table, write_sto
 from scaling_service.jobs.dynamics import DynamicsResults
 from scaling_service.jobs.dynamics_documents import dynamics_document
 from scaling_service.jobs.dynamics_trial import TrialDynamics
+from scaling_service.jobs.massive_model_files import write_massive_model
 from scaling_service.jobs.reporting import REPORT
 from scaling_service.jobs.saving import all_or_nothing, write_json
 from scaling_service.models.body import BodyModel
-from scaling_service.models.document import to_document
 from scaling_service.reports.dynamics.data import DynamicsData, ResidualCurves
 from scaling_service.reports.dynamics.page import dynamics_page
 from scaling_service.schemas.dynamics import DynamicsDocument
@@ -51,7 +48,11 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     with all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
             write_sto(scratch / f"{name}_id.sto", forces_table(name, found, results.prepared.model))
-        notes = _write_model(scratch, results) if results.inertial is not None else ()
+        notes: tuple[str, ...] = ()
+        if results.inertial is not None:
+            scaling = results.prepared.calibration
+            factors = {} if scaling is None else scaling.scale_factors
+            notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
         files = sorted(path.name for path in scratch.iterdir())
         document = dynamics_document(results, files, notes)
         write_json(scratch / FILE_NAME, document)
@@ -60,29 +61,6 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
                 dynamics_page(report_data(results, document)).html(), encoding="utf-8"
             )
     return document
-
-
-def _write_model(folder: Path, results: DynamicsResults) -> tuple[str, ...]:
-    """The model with its identified inertia; returns what is to be told."""
-    assert results.inertial is not None  # asked before
-    model, prepared = results.inertial.model, results.prepared
-    content = json.dumps(to_document(model), indent=1, allow_nan=False)
-    (folder / "model.json").write_text(content + "\n", encoding="utf-8")
-    subject, scaling = prepared.subject, prepared.calibration
-    is_file = subject.model.lower().endswith(".osim")
-    try:
-        write_osim(
-            folder / "model.osim",
-            model,
-            source=Path(subject.model) if is_file else None,
-            factors={} if scaling is None else scaling.scale_factors,
-            axis_tilts={} if scaling is None else scaling.axis_tilts,
-            marker_set=subject.marker_set,
-            inertia_from_model=True,
-        )
-    except DependencyMissing as error:
-        return (f"model.osim was not written: {error}",)
-    return ()
 
 
 def report_data(results: DynamicsResults, document: DynamicsDocument) -> DynamicsData:

@@ -52,8 +52,8 @@ def of_recordings(found: Sequence[Found]) -> Roles:
 def _role(name: str, seen: Seen) -> tuple[str, str]:
     stem = name.rpartition(".")[0]
     for role, pattern in (("static", _STANDING), ("evaluation", _EVALUATED), ("calibration", _MOVING)):
-        if pattern.search(stem):
-            return role, f"its name says {pattern.search(stem)[0]}"  # type: ignore[index]
+        if found := pattern.search(stem):
+            return role, f"its name says {found[0]}"
     spread = np.nanstd(seen.trial.markers, axis=0) if seen.trial.n_frames > 1 else np.zeros((1, 3))
     swaying = float(np.nanmedian(np.linalg.norm(spread, axis=-1)))
     if swaying < STILL_M:

@@ -30,7 +30,7 @@ class PageNotBuilt(RuntimeError):
 class CustomBuildHook(BuildHookInterface[Any]):  # type: ignore[misc]
     """Called by hatchling before it packs a wheel, an editable install or a source distribution."""
 
-    def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002 (as hatch calls it)
         """Bundle the page unless it is there."""
         root = Path(self.root)
         web = root / "scaling_service" / "api" / "web"

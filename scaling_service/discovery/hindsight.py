@@ -14,7 +14,7 @@ from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
-from scaling_service.discovery.refining import ROUGHLY, refined
+from scaling_service.discovery.refining import ROUGHLY, SETTLED, misfit, refined
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.tallies import floors_of
 from scaling_service.discovery.watched import Role
@@ -52,7 +52,7 @@ def looked_back(
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    now = refined(now, recordings, [], stretch_s)
+    now = _settled(now, recordings, stretch_s)
     by_name = {e.candidate.key: e for e in now.effects}
     found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
     return [
@@ -66,6 +66,12 @@ def _plausible(effect: Sized, now: Account) -> bool:
     if isinstance(free, FreeMotion):
         return bool(course_rms(now.watched, freedom_name(effect.candidate)) < MOST[free.kind])
     return plausible(effect.candidate, effect.size)
+
+
+def _settled(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
+    """Everything estimated to its last digit, if that helps: skin near resonance may come to no rest."""
+    settled = refined(now, recordings, [], stretch_s)
+    return settled if misfit(settled) <= misfit(now) * (1.0 + SETTLED) else now
 
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:

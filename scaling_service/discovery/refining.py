@@ -52,13 +52,13 @@ def refined(
     if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
         unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
         now = account(start.model, recordings, start.free, (*start.effects, *unsized), start)
-    reached = _whole(now)
+    reached = misfit(now)
     for _round in range(_ROUNDS):
         before = reached
         now = _stepped(now, recordings, stretch_s, of_forces=False)
         now = _aligned(now, recordings, stretch_s)
         now = _stepped(now, recordings, stretch_s, of_forces=True)
-        reached = _whole(now)
+        reached = misfit(now)
         if before - reached < settled * before:
             break
     return now
@@ -69,7 +69,8 @@ def _misfit(now: Account, deciding: Account, *, of_forces: bool) -> float:
     return squares(now, of_forces=of_forces, alone=frozenset(e.candidate.trial for e in deciding.effects))
 
 
-def _whole(now: Account) -> float:
+def misfit(now: Account) -> float:
+    """Whitened squares of markers and forces in the trials that decide."""
     return _misfit(now, now, of_forces=False) + _misfit(now, now, of_forces=True)
 
 

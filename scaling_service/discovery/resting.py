@@ -57,16 +57,20 @@ def rested(trial: Trial, item: Watched, effects: Sequence[Sized], follow: Follow
     moved = _swung(trial, item, effects)[:, on]
     floor = float(np.median(item.floor))
     tried: list[tuple[Array, Array]] = []
+    best, least = item, np.inf
     for _ in range(_ROUNDS):
         markers = trial.markers.copy()
         markers[:, on] -= moved
         item = follow(replace(trial, markers=markers), item)
         left = _swung(trial, item, effects)[:, on] - moved
-        if float(np.sqrt(np.mean(left**2))) < _SETTLED * floor:
+        rms = float(np.sqrt(np.mean(left**2)))
+        if rms < least:
+            best, least = item, rms
+        if rms < _SETTLED * floor:
             break
         tried.append((moved, left))
         moved = _mixed(tried[-_DEPTH:])
-    return item
+    return best
 
 
 def _mixed(tried: Sequence[tuple[Array, Array]]) -> Array:

@@ -70,21 +70,26 @@ def _strange(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
             item.name: [cut(course[m], rows) for rows in stretches_of(item, stretch_s)]
             for item, course in zip(shown, courses, strict=True)
         }
-        fitting = [part for item in shown if item.role == "fit" for part in by_trial[item.name]]
-        for trial, parts in ((None, fitting), *by_trial.items()):
-            if parts:
+        fitting = [by_trial[item.name] for item in shown if item.role == "fit"]
+        for trial, parts in ((None, fitting), *((name, [own]) for name, own in by_trial.items())):
+            if any(parts):
                 candidate = Candidate(KIND, (marker,), (), trial=trial, change=Masked(marker))
                 found.append((candidate, _fitted(parts)))
     return found
 
 
-def _fitted(parts: Sequence[Course]) -> Fitted:
+def _fitted(trials: Sequence[Sequence[Course]]) -> Fitted:
+    """Stretches of some trials, from their start on or from the moment at which a marker came off."""
+    parts = [part for trial in trials for part in trial]
     own = np.array([_taken(p.slope, p.curvature) for p in parts])
     square = np.array([p.square.sum() for p in parts])
     freedom = np.array([p.freedom.sum() for p in parts])
     count = np.array([3.0 * len(p.square) for p in parts])
     chance = (square - own) / np.maximum(freedom - count, 1.0) * count
-    p = above(np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300)))
+    ratio = np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300))
+    into = np.concatenate([np.arange(len(trial)) for trial in trials])
+    moments = range(max(int(into.max()) - 1, 1))
+    p = min(1.0, len(moments) * min(above(ratio[into >= moment]) for moment in moments))
     return Fitted(np.zeros(0), np.zeros((0, 0)), float(own.sum()), float(chance.sum()), p, 1.0)
 
 

@@ -19,6 +19,7 @@ from scaling_service.discovery.rivals import revisited
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.discovery.sufficient import without_the_insufficient
 from scaling_service.discovery.telling import told
 from scaling_service.discovery.tuning import tuned
 from scaling_service.models.body import BodyModel
@@ -94,11 +95,14 @@ def discover(
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
+    named, now, said = without_the_insufficient(
+        named, now, before, recordings, scene_of(before), settings.stretch_s
+    )
     kept = [e for e in now.effects if not isinstance(e.candidate.change, Masked)]
     if len(kept) < len(now.effects):
         now = account(model, recordings, now.free, kept, now)
     report("measuring the gap", 0.9)
-    findings = told(named, options, before, now, recordings, settings, notes)
+    findings = told(named, options, before, now, recordings, settings, (*notes, *said))
     report("done", 1.0)
     return Discovery(findings, before, now)
 

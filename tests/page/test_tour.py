@@ -118,6 +118,7 @@ def reads(visitor: Visitor, look: Look) -> None:
     rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
     assert rows[0] == ["segment", "MB", "MB_lam", "MB_am", "EB", "EB_am"]
     assert 380 < float(rows[2][1]) < 460  # a thigh, mm
+    assert " ± " in visitor.page.locator("table").filter(has_text="hip, right, x").inner_text()
     look()
     visitor.follow("Errors")
     visitor.sees("Kinematic error, mm (mean ± SD over frames)")

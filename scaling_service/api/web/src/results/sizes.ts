@@ -58,13 +58,14 @@ function lengths(methods: MethodResult[], reference: Record<string, number>, nam
   });
 }
 
-/** A length grows with the factor of its segment, and is as uncertain. */
-function lengthInterval(method: MethodResult, segment: string): number | null {
-  const carrier = segment === "inter_hip" ? "pelvis" : segment.replace("shank", "tibia");
-  const factor = method.parameters.find(({ name }) => name === `scale.${carrier}`);
-  const length = method.segment_lengths_mm[segment];
-  if (factor?.sd === null || factor?.sd === undefined || length === undefined) return null;
-  return (NORMAL_95 * factor.sd * length) / factor.value;
+const lengthInterval = (method: MethodResult, segment: string): number | null =>
+  scaledInterval(method, segment === "inter_hip" ? "pelvis" : segment.replace("shank", "tibia"), method.segment_lengths_mm[segment]);
+
+/** Half the interval of what grows with the factor of its segment, and is as uncertain; null where no factor was fitted. */
+function scaledInterval(method: MethodResult, segment: string, size: number | undefined): number | null {
+  const factor = method.parameters.find(({ name }) => name === `scale.${segment}`);
+  if (factor?.sd === null || factor?.sd === undefined || size === undefined) return null;
+  return (NORMAL_95 * factor.sd * Math.abs(size)) / factor.value;
 }
 
 function axes(methods: MethodResult[], reference: MethodResult | null, name: string): HTMLElement {
@@ -92,7 +93,11 @@ function centres(methods: MethodResult[], reference: MethodResult | null, name: 
     ["x", "y", "z"].map((axis, k) => [
       cell(`${words(joint)}, ${axis}`),
       cell(methods[0]?.joint_centres_mm[joint]?.frame ?? ""),
-      ...methods.map((method) => compared(method.joint_centres_mm[joint]?.xyz[k], null, reference?.joint_centres_mm[joint]?.xyz[k])),
+      ...methods.map((method) => {
+        const centre = method.joint_centres_mm[joint];
+        const half = centre === undefined ? null : scaledInterval(method, centre.frame, centre.xyz[k]);
+        return compared(centre?.xyz[k], half, reference?.joint_centres_mm[joint]?.xyz[k]);
+      }),
     ]),
   );
   return table({
@@ -101,7 +106,7 @@ function centres(methods: MethodResult[], reference: MethodResult | null, name: 
     columns: [{ title: "centre" }, { title: "frame" }, ...methodColumns(methods.map((method) => method.method))],
     rows,
     filter: true,
-    note: `x forward, y up, z to the right. Differences from ${name} where it has centres.`,
+    note: `x forward, y up, z to the right. ± half the 95 % interval where the segment's scale factor was fitted. Differences from ${name} where it has centres.`,
   });
 }
 

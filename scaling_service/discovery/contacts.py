@@ -73,16 +73,18 @@ class Touch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Spell:
-    """The frames of one trial in which something may touch."""
+    """The frames of one trial in which something may touch; ``all_along`` if no frame is quieter."""
 
     item: Weighed
     rows: NDArray[np.intp]
+    all_along: bool = False
 
 
 def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
     """The best segment of every trial in which the force stands out, and of all of them if all do alike."""
     level = _level(weighed)
-    spells = [spell for item in weighed if (spell := _spell(item, level)) is not None]
+    looked_at = [_spell(item, level) or _whole_trial(item) for item in weighed]
+    spells = [spell for spell in looked_at if spell is not None]
     found = [_best([spell], spell.item.name, stretch_s) for spell in spells]
     if len(spells) == len(weighed) > 1 and _alike(spells):
         found.append(_best(spells, None, stretch_s))
@@ -126,6 +128,15 @@ def _spell(item: Weighed, level: float) -> _Spell | None:
     return _Spell(item, rows) if len(rows) >= _FEWEST else None
 
 
+def _whole_trial(item: Weighed) -> _Spell | None:
+    """All frames, where the force disagrees even in the quietest."""
+    rows = np.flatnonzero(item.usable)
+    strength = np.square(item.gap[rows, :3] / item.floor[:3]).mean(axis=1)
+    if len(rows) < _FEWEST or np.quantile(strength, _QUIET) < _STRONG:
+        return None
+    return _Spell(item, rows, all_along=True)
+
+
 def _reachable(item: Weighed) -> list[str]:
     """Segments that carry markers."""
     shown = {item.model.marker(m).segment for m in item.item.markers}
@@ -140,7 +151,7 @@ def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touc
     fits = {name: _point(spells, name) for name in names}
     beside = [n for n in names if n.startswith(_FEET) and all(_beside_plates(s, n) for s in spells)]
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
-    if not likely:
+    if not likely and not any(s.all_along for s in spells):
         lasting = all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells)
         likely = [n for n in names if n.startswith(_HANDS)] if lasting else names
     if not likely:

@@ -106,19 +106,24 @@ def write_contacts(folder: Path, account: Account) -> tuple[str, ...]:
     """Write what a contact that no plate measured must have been, ``TRIAL_contact.sto``.
 
     Force on the body (N) and its moment about the origin of the ground (N m), zero outside the contact.
+    Frames in which it cannot be known, such as the first and last tenths of a second, are left out.
     """
-    touched = _touched(account.effects)
+    written = []
     for item in account.weighed:
-        if item.name in touched and item.touched is not None:
+        if item.touched is not None and _touched(item.name, account.effects):
             table = Table(
                 f"{item.name}_contact",
                 ("time", *(f"contact_{component}" for component in COMPONENTS)),
-                np.column_stack([item.times, item.touched]),
+                np.column_stack([item.times, item.touched])[item.usable],
                 in_degrees=False,
             )
             write_sto(folder / f"{item.name}_contact.sto", table)
-    return tuple(f"{name}_contact.sto holds the force that was inferred" for name in sorted(touched))
+            written.append(f"{item.name}_contact.sto holds the force that was inferred")
+    return tuple(written)
 
 
-def _touched(effects: Sequence[Sized]) -> set[str]:
-    return {str(e.candidate.trial) for e in effects if isinstance(e.candidate.change, Contact)}
+def _touched(trial: str, effects: Sequence[Sized]) -> bool:
+    """Whether something that no plate measures touches the body in this trial."""
+    return any(
+        isinstance(e.candidate.change, Contact) and e.candidate.trial in (None, trial) for e in effects
+    )

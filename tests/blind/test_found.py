@@ -7,8 +7,11 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 
+from scaling_service.formats.sto import Table, read_sto, write_sto
 from tests.blind.cases import PAIRS, Case
 from tests.blind.making import make
 from tests.blind.run import run_one
@@ -67,3 +70,28 @@ def test_what_the_catalogue_does_not_have_is_told_as_unexplained(case: Case, tmp
     assert found.stranger_seen, found.first_name
     assert found.result is not None
     assert found.result["verdict"] == "unexplained"
+
+
+def test_a_foot_whose_plate_is_nowhere_in_the_recordings_is_named(tmp_path: Path) -> None:
+    """No moment of any recording tells what the forces are like where nothing is missing."""
+    case = Case("null", ("white",), "none", "varied", True, 0)
+    subject = make(case, tmp_path / "subjects", tmp_path / "labels")
+    document = yaml.safe_load(subject.read_text(encoding="utf-8"))
+    files = ["squat_1.trc", "shift_1.trc", "bounce_2.trc"]
+    document["trials"] |= {"calibration": files[:-1], "evaluation": files[-1:]}
+    document["forces"] = {file: document["forces"][file] for file in files}
+    subject.write_text(yaml.safe_dump(document), encoding="utf-8")
+    whole = {file: read_sto(subject.parent / name) for file, name in document["forces"].items()}
+    for file, name in document["forces"].items():
+        kept = [k for k, column in enumerate(whole[file].columns) if "_2_" not in column]
+        columns = tuple(whole[file].columns[k] for k in kept)
+        write_sto(subject.parent / name, Table(name, columns, whole[file].data[:, kept], in_degrees=False))
+    said = run_one([sys.executable, "-m", "scaling_service", "discover"], subject, tmp_path / "out", "none")
+    assert said.startswith("done"), (tmp_path / "out" / "failed.txt").read_text(encoding="utf-8")
+    result = json.loads((tmp_path / "out" / "discovery.json").read_text(encoding="utf-8"))
+    assert [(e["kind"], e["where"]) for e in result["effects"]] == [("external_contact", ["calcn_l"])]
+    found = read_sto(tmp_path / "out" / "bounce_2_contact.sto").data
+    true = whole["bounce_2.trc"]
+    vertical = np.interp(found[:, 0], true.data[:, 0], true.data[:, true.columns.index("ground_force_2_vy")])
+    weight = 9.81 * document["subject"]["mass_kg"]
+    assert np.sqrt(np.mean((found[:, 2] - vertical) ** 2)) < 0.05 * weight

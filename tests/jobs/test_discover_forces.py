@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,14 @@ def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -
     outside = (table.times < 0.4) | (table.times > 1.6)
     assert table.columns[1:] == tuple(f"contact_{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz"))
     assert not table.data[outside, 1:].any()
-    touched = found.weighed[0].touched
-    assert touched is not None
-    np.testing.assert_allclose(table.data[:, 1:], touched, rtol=1e-9, atol=1e-9)
+    item = found.weighed[0]
+    assert item.touched is not None
+    np.testing.assert_allclose(table.times, item.times[item.usable])
+    np.testing.assert_allclose(table.data[:, 1:], item.touched[item.usable], rtol=1e-9, atol=1e-9)
+
+
+def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_path: Path) -> None:
+    everywhere = replace(TOUCH, candidate=replace(TOUCH.candidate, trial=None))
+    found = account(prepared.model, prepared.recordings, (), [everywhere])
+    write_contacts(tmp_path, found)
+    assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.weighed}

@@ -19,8 +19,8 @@ export function fileTable(proof: ProofDocument, draft: Draft, bones: readonly st
   const recordings = proof.files.filter(({ kind }) => kind === "recording").map(({ name }) => name);
   const rows = proof.files.map((file): Cell[] => [
     cell(file.name),
-    cell(KINDS[file.kind]),
     { text: draft.roleOf(file.name), node: chooser(file, draft, optionsOf(file.kind, recordings, bones)) },
+    cell(KINDS[file.kind]),
     file.problem === null
       ? cell(file.why)
       : { text: file.problem.problem, tone: "poor", node: h("span", null, `${sentence(file.problem.problem)} ${file.problem.remedy ?? ""}`) },
@@ -33,7 +33,7 @@ export function fileTable(proof: ProofDocument, draft: Draft, bones: readonly st
     table({
       caption: "What each file is for",
       name: "files",
-      columns: [{ title: "file" }, { title: "is", words: true }, { title: "used as", words: true }, { title: "why", words: true }, { title: "" }],
+      columns: [{ title: "file" }, { title: "used as", words: true }, { title: "is", words: true }, { title: "why", words: true }, { title: "" }],
       rows,
       note: "Calibration: the optimisation takes its frames from here. Evaluation: never used to fit, so its error is honest.",
     }),

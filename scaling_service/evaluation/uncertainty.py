@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import InputError
+from scaling_service.core.serial import Serial
 from scaling_service.evaluation.uncertainty_monte_carlo import (
     Level,
     MotionDatabase,
@@ -33,7 +34,6 @@ from scaling_service.evaluation.uncertainty_monte_carlo import (
 from scaling_service.evaluation.uncertainty_plates import PlateNoise, plate_dispersion
 from scaling_service.evaluation.uncertainty_reference import NoiseOn, Reference
 from scaling_service.evaluation.uncertainty_reference import Recording as Recording
-from scaling_service.evaluation.uncertainty_tasks import InThisThread
 from scaling_service.evaluation.uncertainty_verdict import Verdict, judge
 from scaling_service.kernels.laws import Array
 
@@ -169,7 +169,7 @@ def propagate(
         The markers are followed without any error, so that there is nothing to scale a perturbation by.
     """
     reference = Reference.of(recording, settings.noise_on)
-    run = executor or InThisThread()
+    run = executor or Serial()
     database = draw_database(
         reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor, as_completed
 from typing import ParamSpec, TypeVar
 
 import numpy as np
@@ -15,19 +15,6 @@ T = TypeVar("T")
 
 CHUNK = 125
 """Samples per task (chosen: some seconds of work each, so that two workers end together)."""
-
-
-class InThisThread(Executor):
-    """Does every task at once, where it is submitted."""
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run the task; its error is kept in the future, but for one that stops the program."""
-        future: Future[T] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 (an executor hands every error to whoever asks for the result)
-            future.set_exception(error)
-        return future
 
 
 def in_chunks(

@@ -6,12 +6,13 @@ import multiprocessing
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.synchronize import Event
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
+from scaling_service.core.serial import Serial
 from scaling_service.core.threads import use_one_thread
 
 if TYPE_CHECKING:
@@ -39,19 +40,6 @@ def tell(name: str, what: str, share: float) -> None:
     listener = _LISTENER.get()
     if listener is not None:
         listener(name, what, share)
-
-
-class Serial(Executor):
-    """Does every task at once, in the thread that submits it."""
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run the task; its error is kept in the future, but for one that stops the program."""
-        future: Future[T] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 (an executor hands every error to whoever asks for the result)
-            future.set_exception(error)
-        return future
 
 
 @contextmanager

@@ -16,6 +16,7 @@ import pytest
 
 from scaling_service.anatomy.lengths import segment_lengths
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.serial import Serial
 from scaling_service.evaluation.subject_summary import TRUTH, MethodSummary, SubjectSummary
 from scaling_service.jobs.cohort_documents import statistics_document
 from scaling_service.jobs.cohort_run import (
@@ -28,7 +29,7 @@ from scaling_service.jobs.cohort_run import (
 )
 from scaling_service.jobs.cohort_summary import summarise
 from scaling_service.jobs.cohort_tables import table
-from scaling_service.jobs.executors import Serial, tell, workers
+from scaling_service.jobs.executors import tell, workers
 from scaling_service.jobs.loading import Loaded
 from scaling_service.jobs.tasks import run
 from scaling_service.models.subject import Subject

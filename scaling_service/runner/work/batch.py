@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter
 
+from scaling_service.core.serial import Serial
 from scaling_service.jobs.batch import DOCUMENT as DOCUMENT_OF_COHORT
 from scaling_service.jobs.batch import batch
 from scaling_service.jobs.cohort_members import COLUMN
 from scaling_service.jobs.cohort_run import Item, Outcome
-from scaling_service.jobs.executors import Serial
 from scaling_service.jobs.subject_item import RECORD, Record
 from scaling_service.jobs.tasks import Progress
 from scaling_service.runner.cohort_request import BatchRequest, MemberResult

@@ -24,7 +24,8 @@ WANDER_M = {"foot": 0.06, "other": 0.02}
 """m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
 a hand's grip stays within some 2 cm (both chosen)."""
 
-_FEET = ("calcn", "toes", "foot", "talus")
+FEET = ("calcn", "toes", "foot", "talus")
+"""What names of segments of a foot begin with."""
 _HANDS = ("hand", "radius", "forearm")
 """What may hold on to something throughout; anything else touched all the time is a fault of a plate."""
 
@@ -149,7 +150,7 @@ def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touc
         return None
     gap = sum(float(np.square(s.item.gap[s.rows] / s.item.floor).sum()) for s in spells)
     fits = {name: _point(spells, name) for name in names}
-    beside = [n for n in names if n.startswith(_FEET) and all(_beside_plates(s, n) for s in spells)]
+    beside = [n for n in names if n.startswith(FEET) and all(_beside_plates(s, n) for s in spells)]
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
     if not likely and not any(s.all_along for s in spells):
         lasting = all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells)
@@ -250,7 +251,7 @@ def _extent(item: Weighed, segment: str) -> tuple[Array, Array]:
 
 
 def _wander(segment: str) -> float:
-    return WANDER_M["foot" if segment.startswith(_FEET) else "other"]
+    return WANDER_M["foot" if segment.startswith(FEET) else "other"]
 
 
 def _solved(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:

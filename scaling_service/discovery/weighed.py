@@ -142,10 +142,11 @@ class Weighed:
     @cached_property
     def about(self) -> Array:
         """The point that moments are taken about: the trunk's origin, (n, 3), m."""
-        return self._needed[1]
+        return self.needed[1]
 
     @cached_property
-    def _needed(self) -> tuple[Array, Array]:
+    def needed(self) -> tuple[Array, Array]:
+        """What the motion needs, (n, 6), moment about the ground origin, and the trunk's origin, (n, 3)."""
         mechanism, p = mechanism_of(self.model), parameter_values(self.model)
         need, root = wrench.root_wrench(mechanism, self.rated.rates, p, gravity=self.gravity)
         return np.ascontiguousarray(need.T), np.ascontiguousarray(root.T)
@@ -153,7 +154,7 @@ class Weighed:
     @cached_property
     def gap(self) -> Array:
         """Measured minus needed, smoothed, (n, 6), moment about :attr:`about`."""
-        left = self.measured - self._needed[0]
+        left = self.measured - self.needed[0]
         for load, size in self.swinging:
             left = left - size * load.column(self)
         smooth = self.smoothed(np.nan_to_num(left))
@@ -256,6 +257,6 @@ def _from_markers(weighed: Weighed) -> Array:
         noisy[:, free] += np.einsum("nqr,nr->nq", follow, stream.normal(size=white.shape[::2]))
         rated = rated_motion(model, weighed.times, noisy, cutoff_hz=band_hz(item.trial.rate_hz))
         need, _ = wrench.root_wrench(mechanism, rated.rates, p, gravity=weighed.gravity)
-        change = weighed.moved(weighed.smoothed(np.nan_to_num(need.T - weighed._needed[0])))[weighed.usable]
+        change = weighed.moved(weighed.smoothed(np.nan_to_num(need.T - weighed.needed[0])))[weighed.usable]
         total += np.square(change).mean(axis=0) if len(change) else 0.0
     return np.sqrt(total / _DRAWS)

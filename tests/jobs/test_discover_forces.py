@@ -10,8 +10,11 @@ import pytest
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Column, Contact
-from scaling_service.discovery.fitting import Account, account
+from scaling_service.discovery.catalogue import candidates
+from scaling_service.discovery.fitting import Account, account, scene_of
 from scaling_service.discovery.loads import PlateGain
+from scaling_service.discovery.performing import performed_on_plates
+from scaling_service.discovery.separating import would_separate
 from scaling_service.formats.forces import forces_of_table, read_forces
 from scaling_service.formats.sto import read_sto
 from scaling_service.jobs.discover_forces import usable_frames
@@ -138,3 +141,30 @@ def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_pat
     found = account(prepared.model, prepared.recordings, (), [everywhere])
     write_contacts(tmp_path, found)
     assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.weighed}
+
+
+def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepared) -> None:
+    """The plates give what the movement needs, and standing still that is the weight."""
+    known = account(prepared.model, prepared.recordings).weighed[0]
+    standing, squat = (performed_on_plates(known, movement) for movement in ("quiet standing", "a squat"))
+    assert standing is not None
+    assert squat is not None
+    for made in (standing, squat):
+        np.testing.assert_allclose(made.gap[made.usable], 0.0, atol=1e-6)
+    assert standing.measured[:, 1].mean() == pytest.approx(known.mass * 9.81, rel=0.01)
+    assert set(standing.footing.ground.plates) <= set(known.footing.ground.plates)
+    heights = squat.item.task.measured[:, :, 1]
+    assert np.ptp(heights.max(axis=1)) > 0.1  # m: the head comes down
+    assert np.ptp(heights.min(axis=1)) < 0.05  # and the feet stay
+
+
+def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared) -> None:
+    """Standing, a tilted vertical pulls as a plate's bias does; two plates' biases always look alike."""
+    now = account(prepared.model, prepared.recordings)
+    every = list(candidates(scene_of(now)))
+    tilt = next(c for c in every if c.kind == "gravity_tilt")
+    biases = [c for c in every if c.kind == "plate_bias" and c.trial is None and len(c.columns) == 6]
+    leaning = Sized(tilt, np.array([0.01, 0.0]))
+    assert would_separate(leaning, biases[:1], now) not in ("", "quiet standing")
+    assert would_separate(Sized(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""
+    assert would_separate(leaning, (), now) == ""

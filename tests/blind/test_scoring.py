@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scaling_service.formats.sto import Table, write_sto
 from tests.blind.run import run_one
 from tests.blind.score import main
 from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable
-from tests.blind.scoring.outcomes import Outcome
+from tests.blind.scoring.outcomes import Outcome, outcomes
 from tests.blind.scoring.tables import confusion, detection, must_reach, upper_bound
 
 OFFSET = {
@@ -168,6 +169,28 @@ def test_the_command_reads_folders_and_says_how_many(
     assert said.startswith("3 of 4 cases were run.")
     assert "67 %" in said
     assert "| marker_offset |" in page.read_text()
+
+
+def test_the_force_of_a_foot_without_plate_is_compared_in_the_worst_trial(tmp_path: Path) -> None:
+    true, folder = tmp_path / "labels" / "a", tmp_path / "results" / "a"
+    for made in (true, folder):
+        made.mkdir(parents=True)
+    truth = {"group": "real", "kinds": ["plate_withheld"], "forces": True, "hidden": [], "body_mass_kg": 50.0}
+    true.with_suffix(".json").write_text(json.dumps(truth))
+    (folder / "discovery.json").write_text("{}")
+    clock = np.linspace(0.0, 1.0, 11)
+    for name, wrong in (("one", 5.0), ("two", 49.05)):
+        forces = np.column_stack([clock, np.full(11, 200.0)])
+        write_sto(true / f"{name}.sto", Table(name, ("time", "fy"), forces, in_degrees=False))
+        inferred = forces[2:-2] + np.array([0.0, wrong])
+        table = Table(name, ("time", "contact_fy"), inferred, in_degrees=False)
+        write_sto(folder / f"{name}_contact.sto", table)
+    (found,) = outcomes(tmp_path, tmp_path / "results")
+    assert found.withheld == pytest.approx(0.1)
+    assert ["the withheld foot's vertical force, RMSE", "<= 5 % BW", "10.0 % BW", "1"] in must_reach([found])
+    (folder / "two_contact.sto").unlink()
+    (found,) = outcomes(tmp_path, tmp_path / "results")
+    assert found.withheld == np.inf
 
 
 def test_running_keeps_results_and_failures_apart(tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ import json
 import sys
 from pathlib import Path
 
+from scaling_service.formats.sto import Table, write_sto
 from tests.blind.real.angles import data_folder
 from tests.blind.real.hiding import CASES, RealCase
-from tests.blind.real.squats import read_squats, write_subject
+from tests.blind.real.squats import PERSON, read_squats, write_subject
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,7 +36,8 @@ def case_id(case: RealCase) -> str:
 
 def make_real(case: RealCase, data: Path, out: Path) -> Path:
     """Write one case's folder and its label; gives the subject file."""
-    trials = [case.change(trial, k) for k, trial in enumerate(read_squats(data))]
+    recorded = read_squats(data)
+    trials = [case.change(trial, k) for k, trial in enumerate(recorded)]
     subject = write_subject(out / "subjects" / case_id(case), data, trials)
     labels = out / "labels"
     labels.mkdir(parents=True, exist_ok=True)
@@ -50,12 +52,21 @@ def make_real(case: RealCase, data: Path, out: Path) -> Path:
         "c3d": False,
         "real": True,
         "seed": 0,
+        "body_mass_kg": PERSON["mass_kg"],
         "hidden": list(case.hidden),
         "calibration": names[:-1],
         "evaluation": names[-1:],
         **case.also,
     }
     (labels / f"{case_id(case)}.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+    if "compare_force" in case.also:
+        (labels / case_id(case)).mkdir(exist_ok=True)
+        for trial in recorded:
+            vertical = trial.plate(case.also["compare_force"]["plate"], "v")[1]
+            withheld = Table(
+                trial.markers.name, ("time", "fy"), trial.forces.data[:, [0, vertical]], in_degrees=False
+            )
+            write_sto(labels / case_id(case) / f"{trial.markers.name}.sto", withheld)
     return subject
 
 

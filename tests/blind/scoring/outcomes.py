@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from scaling_service.formats.sto import read_sto
 from tests.blind.scoring.matching import best, opposite, parameters_right, size, smallest_nameable
 
 Json = dict[str, Any]
@@ -25,11 +28,15 @@ class Outcome:
         ``discovery.json``; None if the program failed.
     seconds : float, optional
         That it took.
+    withheld : float, optional
+        RMS error of the vertical force inferred for a foot whose plate was withheld, share of body weight, in
+        the worst trial; infinite where none was inferred.
     """
 
     truth: Json
     result: Json | None
     seconds: float | None
+    withheld: float | None = None
 
     @property
     def effects(self) -> list[Json]:
@@ -113,7 +120,9 @@ def outcomes(bank: Path, results: Path) -> Iterator[Outcome]:
     for label in sorted((bank / "labels").glob("*.json")):
         folder = results / label.stem
         if (folder / "discovery.json").is_file() or (folder / "failed.txt").is_file():
-            yield Outcome(json.loads(label.read_text(encoding="utf-8")), _result(folder), _seconds(folder))
+            truth = json.loads(label.read_text(encoding="utf-8"))
+            withheld = _withheld(label.with_suffix(""), folder, truth)
+            yield Outcome(truth, _result(folder), _seconds(folder), withheld)
 
 
 def _result(folder: Path) -> Json | None:
@@ -124,3 +133,17 @@ def _result(folder: Path) -> Json | None:
 def _seconds(folder: Path) -> float | None:
     file = folder / "seconds.txt"
     return float(file.read_text(encoding="utf-8")) if file.is_file() else None
+
+
+def _withheld(true: Path, folder: Path, truth: Json) -> float | None:
+    """The worst trial's error; the true forces lie in a folder beside the label."""
+    errors = []
+    for file in sorted(true.glob("*.sto")):
+        found = folder / f"{file.stem}_contact.sto"
+        if not found.is_file():
+            return float("inf")
+        measured, inferred = read_sto(file).data, read_sto(found)
+        vertical = np.interp(inferred.data[:, 0], measured[:, 0], measured[:, 1])
+        wrong = inferred.data[:, inferred.columns.index("contact_fy")] - vertical
+        errors.append(float(np.sqrt(np.mean(wrong**2))) / (9.81 * truth["body_mass_kg"]))
+    return max(errors, default=None)

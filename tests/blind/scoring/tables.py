@@ -43,6 +43,11 @@ def must_reach(all_: Sequence[Outcome]) -> Rows:
     )
     strangers = [o.stranger_seen for o in _group(all_, "stranger")]
     rows.append(_share("strangers called unexplained, at the right place", "90 %", strangers))
+    rows += [
+        ["the withheld foot's vertical force, RMSE", "<= 5 % BW", f"{100 * o.withheld:.1f} % BW", "1"]
+        for o in all_
+        if o.withheld is not None
+    ]
     for forces, text, limit in ((False, "time, markers only", "60 s"), (True, "time, with forces", "300 s")):
         seconds = [o.seconds for o in all_ if o.truth["forces"] == forces and o.seconds is not None]
         reached = f"median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s" if seconds else "-"

@@ -170,13 +170,32 @@ def _spread(courses: Sequence[Course], axis: Array) -> float:
 
 
 def course_rms(watched: Sequence[Watched], name: str) -> float:
-    """RMS of a coordinate over the trials that fitted it, rad or m; not a number where none has it."""
-    courses = [
-        item.q[:, item.task.model.coordinate_names.index(name)]
-        for item in watched
-        if item.role == "fit" and name in item.task.model.coordinate_names
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(courses) ** 2))) if courses else float("nan")
+    """RMS of a coordinate over the trials that fitted it, rad or m; not a number where none has it.
+
+    Its square is freed of what noise of the markers adds to it on average.
+    """
+    squares = []
+    for item in watched:
+        names = item.task.model.coordinate_names
+        if item.role == "fit" and name in names:
+            k = names.index(name)
+            squares.append(item.q[:, k] ** 2 - _variance(item, k))
+    return float(np.sqrt(max(np.concatenate(squares).mean(), 0.0))) if squares else float("nan")
+
+
+def _variance(item: Watched, coordinate: int) -> Array:
+    """Of a coordinate in every frame by what the markers stray, (n,), rad2 or m2."""
+    generators = Generators.of(item, ())
+    at = int(np.flatnonzero(np.flatnonzero(item.task.free) == coordinate)[0])
+    found, square, freedom = np.empty(len(item.q)), 0.0, 0.0
+    for start in range(0, len(item.q), _BLOCK):
+        rows = slice(start, min(start + _BLOCK, len(item.q)))
+        gap, pose, _ = generators.at(item, rows)
+        bend = pose.transpose(0, 2, 1) @ pose
+        found[rows] = np.linalg.pinv(bend, rcond=HIDDEN**2, hermitian=True)[:, at, at]
+        square += float((gap**2).sum())
+        freedom += 3.0 * float(item.seen[rows].sum()) - gap.shape[0] * pose.shape[2]
+    return found * square / max(freedom, 1.0)
 
 
 def cut(course: Course, rows: slice) -> Course:

@@ -174,13 +174,43 @@ def course_rms(watched: Sequence[Watched], name: str) -> float:
 
     Its square is freed of what noise of the markers adds to it on average.
     """
-    squares = []
+    courses = _fitted_courses(watched, name)
+    squares = [course**2 - variance for _, course, variance in courses]
+    return float(np.sqrt(max(np.concatenate(squares).mean(), 0.0))) if squares else float("nan")
+
+
+def course_error(watched: Sequence[Watched], name: str, stretch_s: float) -> float:
+    """Standard deviation of :func:`course_rms` by noise of the markers.
+
+    The variance of the mean of N independent numbers (c + e)2, with e of variance v, is (4 c2 v + 2 v2) / N.
+    """
+    rms, courses = course_rms(watched, name), _fitted_courses(watched, name)
+    if not courses or not rms > 0.0:
+        return float("nan")
+    variance = float(np.concatenate([v for _, _, v in courses]).mean())
+    count = sum(len(item.q) / _memory(item, stretch_s) for item, _, _ in courses)
+    return float(np.sqrt((4.0 * rms**2 * variance + 2.0 * variance**2) / count) / (2.0 * rms))
+
+
+def _memory(item: Watched, longest_s: float) -> float:
+    """How many frames one independent number of the noise stands for: 1 + 2 x its autocorrelations."""
+    left = np.nan_to_num(item.residuals - np.nanmean(item.residuals, axis=0)).reshape(len(item.q), -1)
+    lags = max(1, min(int(longest_s * item.trial.rate_hz), len(left) - 1))
+    own = float(np.square(left).sum())
+    alike = [float((left[lag:] * left[:-lag]).sum()) / own for lag in range(1, lags + 1)]
+    first_lost = next((k for k, r in enumerate(alike) if r <= 0.0), len(alike))
+    return 1.0 + 2.0 * sum(alike[:first_lost])
+
+
+def _fitted_courses(watched: Sequence[Watched], name: str) -> list[tuple[Watched, Array, Array]]:
+    """The trials that fitted a coordinate, its course in each and the variance of that, rad or m."""
+    found = []
     for item in watched:
         names = item.task.model.coordinate_names
         if item.role == "fit" and name in names:
             k = names.index(name)
-            squares.append(item.q[:, k] ** 2 - _variance(item, k))
-    return float(np.sqrt(max(np.concatenate(squares).mean(), 0.0))) if squares else float("nan")
+            found.append((item, item.q[:, k], _variance(item, k)))
+    return found
 
 
 def _variance(item: Watched, coordinate: int) -> Array:

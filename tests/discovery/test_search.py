@@ -73,6 +73,7 @@ def test_a_locked_motion_is_found_with_its_axis(at: At, axis: int, rms_deg: floa
     assert change.at == at
     assert abs(change.axis[axis]) > 0.99
     assert named.details["rms_deg"] == pytest.approx(rms_deg, rel=0.05)
+    assert 0.0 < named.spreads["rms_deg"] < 0.05
 
 
 def test_exchanged_labels_are_put_back() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from scaling_service.discovery.additions import Sized, freedom_name
 from scaling_service.discovery.candidates import Candidate, FreeMotion
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.freedoms import course_rms, freedoms
+from scaling_service.discovery.freedoms import course_error, course_rms, freedoms
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene
 
@@ -32,6 +32,17 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
     motion = effect.candidate.change
     assert isinstance(motion, FreeMotion)
     rms = course_rms(after.watched, freedom_name(effect.candidate))
-    turns = motion.kind == "rotation"
-    size = {"rms_deg": float(np.degrees(rms))} if turns else {"rms_mm": 1e3 * rms}
-    return {**size, **dict(zip(("axis_x", "axis_y", "axis_z"), motion.axis, strict=True))}
+    return {**_sized(motion, rms), **dict(zip(("axis_x", "axis_y", "axis_z"), motion.axis, strict=True))}
+
+
+def spreads(effect: Sized, after: Account, stretch_s: float) -> Mapping[str, float]:
+    """How well its RMS is known."""
+    motion = effect.candidate.change
+    assert isinstance(motion, FreeMotion)
+    sd = course_error(after.watched, freedom_name(effect.candidate), stretch_s)
+    return _sized(motion, sd) if np.isfinite(sd) else {}
+
+
+def _sized(motion: FreeMotion, size: float) -> Mapping[str, float]:
+    """In the units of results."""
+    return {"rms_deg": float(np.degrees(size))} if motion.kind == "rotation" else {"rms_mm": 1e3 * size}

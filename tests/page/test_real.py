@@ -10,7 +10,7 @@ import pytest
 from tests.page.conftest import Visit
 from tests.page.visitor import Visitor
 
-LONGEST_MS = 240_000
+LONGEST_MS = 420_000  # a search of a whole body with forces may take five minutes, and scaling before it
 LEFT_OUT = {".json", ".md"}
 
 

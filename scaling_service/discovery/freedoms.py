@@ -194,9 +194,11 @@ def course_error(watched: Sequence[Watched], name: str, stretch_s: float) -> flo
 
 def _memory(item: Watched, longest_s: float) -> float:
     """How many frames one independent number of the noise stands for: 1 + 2 x its autocorrelations."""
-    left = np.nan_to_num(item.residuals - np.nanmean(item.residuals, axis=0)).reshape(len(item.q), -1)
+    count = np.maximum(item.seen.sum(axis=0), 1)[:, None]
+    mean = np.nan_to_num(item.residuals).sum(axis=0) / count
+    left = np.nan_to_num(item.residuals - mean).reshape(len(item.q), -1)
     lags = max(1, min(int(longest_s * item.trial.rate_hz), len(left) - 1))
-    own = float(np.square(left).sum())
+    own = max(float(np.square(left).sum()), 1e-300)
     alike = [float((left[lag:] * left[:-lag]).sum()) / own for lag in range(1, lags + 1)]
     first_lost = next((k for k, r in enumerate(alike) if r <= 0.0), len(alike))
     return 1.0 + 2.0 * sum(alike[:first_lost])

@@ -44,10 +44,11 @@ def would_separate(effect: Sized, others: Sequence[Candidate], now: Account) -> 
 def _shown(candidates: Sequence[Candidate], now: Account, movement: str) -> Evidence | None:
     """What a movement would show of candidates: among the markers, or on plates under the feet."""
     if candidates[0].of_forces:
-        weighed = performed_on_plates(now.weighed[0], movement)
-        return (
-            None if weighed is None else gather_forces([weighed], [], candidates, _STRETCH_S, together=True)
-        )
+        made = (performed_on_plates(item, movement) for item in now.weighed)
+        weighed = next((item for item in made if item is not None), None)
+        if weighed is None:
+            return None
+        return gather_forces([weighed], [], candidates, _STRETCH_S, together=True)
     item = performed(now.watched[0], movement)
     return None if item is None else gather([item], [], candidates, _STRETCH_S, together=True)
 

@@ -35,6 +35,7 @@ from scaling_service.models.massive import inertias_of, with_inertias
 
 _FEWEST = 5  # frames of a stretch; chosen: fewer say nothing of a stretch of half a second
 _UNIT = np.eye(3)
+_DRAWS = 4  # of noise; chosen: its products' own spread grows by an eighth
 _CARRIED = 4
 """Columns of a carried load: its mass and its first moments."""
 
@@ -47,7 +48,13 @@ def gather_forces(
     *,
     together: bool,
 ) -> Evidence:
-    """As :func:`scaling_service.discovery.evidence.gather`, of the wrench and not of the markers."""
+    """As :func:`scaling_service.discovery.evidence.gather`, of the wrench and not of the markers.
+
+    Columns are made of the motion that leaves the gap, so noise of the markers is in both, and its products
+    do not vanish on average: a mass on a spring would seem to swing where nothing but cameras' noise is.
+    What they come to is told by noise drawn once more and taken off (the corrected score of errors in
+    variables: Nakamura 1990, Biometrika 77:127).
+    """
     every = [*nuisances, *candidates]
     columns = [column for candidate in every for column in candidate.columns]
     count = sum(len(candidate.columns) for candidate in nuisances)
@@ -56,25 +63,43 @@ def gather_forces(
     loads = [column.load for column in columns]
     stretches, raw = [], np.zeros(len(columns))
     for item in weighed:
-        active = np.array([c.trial in (None, item.name) for c in every for _ in c.columns], dtype=float)
-        made = _columns(item, loads) * active
-        gap = item.gap / item.floor
-        for rows in stretches_of(item.item, stretch_s):
-            used = np.flatnonzero(item.usable[rows]) + rows.start
-            if len(used) >= _FEWEST:
-                stretches.append(_stretch(item, made[used], gap[used], layout))
-                raw += np.square(made[used]).sum(axis=(0, 1))
+        here = [c.trial in (None, item.name) for c in every for _ in c.columns]
+        active = [load if on else None for load, on in zip(loads, here, strict=True)]
+        parts = [
+            np.flatnonzero(item.usable[rows]) + rows.start for rows in stretches_of(item.item, stretch_s)
+        ]
+        parts = [used for used in parts if len(used) >= _FEWEST]
+        made, gap = _whitened(item, active, item.floor)
+        found = [_stretch(item, made[used], gap[used], layout) for used in parts]
+        for other in item.shaken(_DRAWS):
+            m, g = _whitened(other, active, item.floor)
+            chance = [_stretch(item, m[used] - made[used], g[used] - gap[used], layout) for used in parts]
+            found = [_less(f, c, 1.0 / _DRAWS) for f, c in zip(found, chance, strict=True)]
+        stretches += found
+        raw += sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
     spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
     return Evidence(tuple(stretches), raw, count, spans)
 
 
-def _columns(item: Weighed, loads: Sequence[Load | None]) -> Array:
-    """All columns about the trunk's origin, by floors, (n, 6, n_columns)."""
-    made = np.empty((len(item.times), 6, len(loads)))
-    for k, load in enumerate(loads):
-        assert load is not None
-        made[:, :, k] = item.moved(item.smoothed(load.column(item))) / item.floor
-    return made
+def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array) -> tuple[Array, Array]:
+    """Columns (n, 6, n_columns), zero where there is no load, and gap (n, 6) about the trunk's origin."""
+    known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
+    raw = np.zeros((len(item.times), 6, len(known) + 1))
+    for load, k in known.items():
+        raw[:, :, k] = load.column(item)
+    smooth = np.moveaxis(item.smoothed(raw), 2, 0)
+    made = np.stack([item.moved(wrench) for wrench in smooth], axis=2) / floor[:, None]
+    return made[:, :, [-1 if load is None else known[load] for load in loads]], item.gap / floor
+
+
+def _less(found: Stretch, chance: Stretch, share: float) -> Stretch:
+    """Sums without a share of those that noise alone makes of what it is in on both sides."""
+    return replace(
+        found,
+        scores=found.scores - share * chance.scores,
+        cross=found.cross - share * chance.cross,
+        own=found.own - share * chance.own,
+    )
 
 
 def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout) -> Stretch:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scaling_service.discovery.oscillator import oscillate, pulled
+from scaling_service.discovery.oscillator import oscillate
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.wrench import GRAVITY
 
@@ -129,7 +129,7 @@ class Wobbling:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
         place = weighed.segment_centre(self.segment)
         step = float(np.median(np.diff(weighed.times)))
-        pull = pulled(place, step)
+        pull = weighed.pull(self.segment)
         displaced, speed = oscillate(pull, step, self.frequency_hz, self.damping)
         w = 2.0 * np.pi * self.frequency_hz
         force = pull - 2.0 * self.damping * w * speed - w * w * displaced

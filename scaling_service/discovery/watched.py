@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.discovery.floor import marker_floor
+from scaling_service.discovery.shaking import strays
 from scaling_service.estimation.inverse_kinematics import Task, solve_task
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import forward, positions
@@ -76,6 +77,11 @@ class Watched:
         tree = self.task.tree
         poses = forward(tree, np.ascontiguousarray(self.q.T), self.task.p)
         return np.asarray(self.task.measured - np.moveaxis(positions(tree, poses), -1, 0))
+
+    @cached_property
+    def strays(self) -> Array:
+        """How far noise of the markers takes the motion, in a few draws; see :mod:`.shaking`."""
+        return strays(self)
 
     @property
     def square(self) -> float:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.discovery.loads import Wobbling
+from scaling_service.discovery.oscillator import pulled
+from scaling_service.discovery.shaking import DRAWS
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion, rated_motion
 from scaling_service.kernels import wrench
@@ -17,15 +21,13 @@ from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.mechanism import N_PARAMETERS
 from scaling_service.kernels.regressor import regressor_blocks
-from scaling_service.kernels.tree import forward, jacobian, positions
+from scaling_service.kernels.tree import forward, positions
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import parameter_values
 from scaling_service.models.forces import GroundForces
 from scaling_service.models.massive import mechanism_of
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-_DRAWS = 8  # of marker noise for the floor; chosen: 8 trials of thousands of frames tell it to some 5 %
-_RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
 _PLATE_N, _PLATE_NM = 0.5, 0.2
 """Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
 0.2 mm of 1000 N are 0.2 N m."""
@@ -176,7 +178,17 @@ class Weighed:
         if self.known_floor is not None:
             return self.known_floor
         own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
-        return np.asarray(np.hypot(own, _from_markers(self)))
+        changes = [
+            self.moved(self.smoothed(np.nan_to_num(other.needed[0] - self.needed[0])))[self.usable]
+            for other in self.shaken(DRAWS)
+        ]
+        square = np.square(changes).sum(axis=(0, 1)) / max(DRAWS * int(self.usable.sum()), 1)
+        return np.asarray(np.hypot(own, np.sqrt(square)))
+
+    def shaken(self, draws: int) -> Iterator[Weighed]:
+        """The same recording with as much noise of the markers once more, anew in every draw."""
+        for stray in islice(self.item.strays, draws):
+            yield replace(self, item=replace(self.item, q=self.item.q + stray))
 
     @cached_property
     def _regressors(self) -> Array:
@@ -203,6 +215,14 @@ class Weighed:
     def segment_centre(self, segment: str) -> Array:
         """A segment's centre of mass, (n, 3), m."""
         return np.asarray(self._places[0][:, self.model.segment_names.index(segment)])
+
+    def pull(self, segment: str) -> Array:
+        """Minus the acceleration of a segment's centre of mass, (n, 3), m/s2."""
+        return self._pulls[:, self.model.segment_names.index(segment)]
+
+    @cached_property
+    def _pulls(self) -> Array:
+        return pulled(self._places[0], float(np.median(np.diff(self.times))))
 
     def segment_frame(self, segment: str) -> tuple[Array, Array]:
         """A segment's origin (n, 3) and axes (n, 3, 3), the axes as rows."""
@@ -237,26 +257,3 @@ class Weighed:
         centres = ground.centre_of_pressure()[:, k]
         known = np.isfinite(centres).all(axis=1)
         return np.asarray(centres[known].mean(axis=0) if known.any() else ground.surfaces[k])
-
-
-def _from_markers(weighed: Weighed) -> Array:
-    """RMS over frames of what noise of the markers does to the needed wrench, (6,)."""
-    item, model = weighed.item, weighed.model
-    tree, free = item.task.tree, np.flatnonzero(item.task.free)
-    poses = forward(tree, np.ascontiguousarray(item.q.T), item.task.p)
-    rates = jacobian(tree, poses, positions(tree, poses), free)
-    white = np.moveaxis(rates.reshape(len(free), -1, len(item.q)), -1, 0) / np.repeat(item.floor, 3)
-    white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
-    bend = white @ white.transpose(0, 2, 1)
-    size = np.einsum("nqq->nq", bend).max(axis=1)
-    follow = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), white)
-    mechanism, p = mechanism_of(model), parameter_values(model)
-    stream, total = np.random.default_rng(0), np.zeros(6)
-    for _ in range(_DRAWS):
-        noisy = item.q.copy()
-        noisy[:, free] += np.einsum("nqr,nr->nq", follow, stream.normal(size=white.shape[::2]))
-        rated = rated_motion(model, weighed.times, noisy, cutoff_hz=band_hz(item.trial.rate_hz))
-        need, _ = wrench.root_wrench(mechanism, rated.rates, p, gravity=weighed.gravity)
-        change = weighed.moved(weighed.smoothed(np.nan_to_num(need.T - weighed.needed[0])))[weighed.usable]
-        total += np.square(change).mean(axis=0) if len(change) else 0.0
-    return np.sqrt(total / _DRAWS)

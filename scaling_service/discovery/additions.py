@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.discovery.candidates import Candidate, Column, Exchange, FreeMotion, Masked
-from scaling_service.discovery.profiles import Swing, term
-from scaling_service.discovery.spots import SizeSpot, VolumeSpot, put, put_joint
+from scaling_service.discovery.profiles import Constant, Following, term
+from scaling_service.discovery.spots import JointSpot, MarkerSpot, SizeSpot, VolumeSpot, put, put_joint
 from scaling_service.kernels.laws import Array
 from scaling_service.models.body import BodyModel, Coordinate, Joint, Law
 from scaling_service.models.parameters import fold, free_scale
@@ -54,7 +54,7 @@ def _with_column(model: BodyModel, column: Column, size: float) -> BodyModel:
         if isinstance(part.spot, SizeSpot):
             name = part.spot.segment
             model = fold(free_scale(model, name, 0.9), {f"scale.{name}": 1.0 + part.gain * size})
-        elif not isinstance(part.spot, VolumeSpot) and not isinstance(part.profile, Swing):
+        elif isinstance(part.spot, JointSpot | MarkerSpot) and isinstance(part.profile, Constant | Following):
             model = put(model, part.spot, Law((term(part.profile, part.gain * size),)))
     return model
 

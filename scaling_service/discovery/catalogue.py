@@ -81,8 +81,9 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
 
 
 def plausible(candidate: Candidate, size: Array) -> bool:
-    """Whether coefficients (SI) are such as a laboratory could meet."""
-    together = kinds()[candidate.kind].plausible
+    """Whether coefficients (SI) are such as a laboratory could meet; foreign laws have but their columns."""
+    known = kinds().get(candidate.kind)
+    together = None if known is None else known.plausible
     each = all(c.plausible(value) for c, value in zip(candidate.columns, size.tolist(), strict=True))
     return each and (together is None or together(size))
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scaling_service.discovery.candidates import Candidate, Column, Part
 from scaling_service.discovery.profiles import Profile
-from scaling_service.discovery.spots import Spot, VolumeSpot, freed
+from scaling_service.discovery.spots import BentSpot, Spot, VolumeSpot, field, freed
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.discovery.wobbles import shapes as shapes_of
 from scaling_service.kernels.laws import Array
@@ -224,7 +224,7 @@ class Generators:
     tree: Tree
     p: Array
     variables: NDArray[np.intp]
-    volumes: NDArray[np.intp]
+    volumes: tuple[tuple[int, VolumeSpot | BentSpot], ...]
 
     @classmethod
     def of(cls, item: Watched, spots: Sequence[Spot]) -> Generators:
@@ -234,12 +234,12 @@ class Generators:
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
         chosen = [tree.n_coordinates + number[name] for name in names if name]
-        volumes = [k for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot)]
+        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot | BentSpot))
         return cls(
             tree,
             parameter_values(opened),
             np.concatenate([free, np.array(chosen, dtype=np.intp)]),
-            np.array(volumes, dtype=np.intp),
+            volumes,
         )
 
     def at(self, item: Watched, rows: slice) -> tuple[Array, Array, Array]:
@@ -247,8 +247,8 @@ class Generators:
         poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = positions(self.tree, poses)
         rates = jacobian(self.tree, poses, placed, self.variables)
-        for k in self.volumes:
-            rates = np.insert(rates, int(item.task.free.sum()) + k, placed, axis=0)
+        for k, spot in self.volumes:
+            rates = np.insert(rates, int(item.task.free.sum()) + k, field(spot, placed), axis=0)
         n = placed.shape[-1]
         measured = item.task.measured[rows]
         scale = np.repeat(1.0 / item.floor, 3)

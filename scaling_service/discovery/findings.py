@@ -153,6 +153,33 @@ class Unexplained:
     floor: float
 
 
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """A law that the recordings follow and that no entry of the catalogue has.
+
+    Parameters
+    ----------
+    where : tuple of str
+    law : str
+        In words and numbers.
+    expected : float
+        As :attr:`scaling_service.discovery.judging.Fitted.expected`.
+    p : float
+        Of as large a statistic by chance, for this law alone.
+    unseen : float
+        Of as consistent a gain by chance on what did not fit it.
+    of_forces : bool
+        Whether it shows in the ground wrench rather than among the markers.
+    """
+
+    where: tuple[str, ...]
+    law: str
+    expected: float
+    p: float
+    unseen: float
+    of_forces: bool = False
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
     """The whole story.

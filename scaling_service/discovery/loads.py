@@ -7,7 +7,7 @@ with respect to one number: force (N) and moment about the ground origin (N m), 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scaling_service.discovery.weighed import Weighed
 
 _UNIT = np.eye(3)
+_LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +29,15 @@ class Late:
     def column(self, weighed: Weighed) -> Array:
         """Minus the rate of the measured wrench, (n, 6)."""
         return -np.gradient(weighed.measured, weighed.times, axis=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Drifting:
+    """The forces come later and later: seconds each second of a trial."""
+
+    def column(self, weighed: Weighed) -> Array:
+        """Minus the rate of the measured wrench, more with time, (n, 6)."""
+        return np.asarray((weighed.times - weighed.times[0])[:, None] * Late().column(weighed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +94,34 @@ class PlateTurn:
         turned = -np.cross(_UNIT[self.axis], wrench[:, :3])
         moment = np.cross(centre, turned) - np.cross(_UNIT[self.axis], about)
         return np.concatenate([turned, moment], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Shear:
+    """A plate's force along a horizontal axis follows its vertical one: s, share or N, after what it follows.
+
+    Parameters
+    ----------
+    follows : 'rate', 'force' or 'load'
+        The rate of the vertical force, that force itself, or only that there is one.
+    """
+
+    plate: str
+    axis: int
+    follows: str
+
+    FOLLOWS: ClassVar[tuple[str, ...]] = ("rate", "force", "load")
+
+    def column(self, weighed: Weighed) -> Array:
+        """A horizontal force where the plate is pressed, (n, 6)."""
+        vertical = weighed.plate(self.plate)[:, 1]
+        shapes = {
+            "rate": np.gradient(vertical, weighed.times),
+            "force": vertical,
+            "load": (vertical > _LOADED_N).astype(float),
+        }
+        force = np.outer(shapes[self.follows], _UNIT[self.axis])
+        return np.concatenate([force, np.cross(weighed.pressed(self.plate), force)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,4 +188,16 @@ class Between:
         return self.factor * (self.high.column(weighed) - self.low.column(weighed))
 
 
-Load = Late | PlateShift | PlateBias | PlateGain | PlateTurn | Inertial | Tilt | Wobbling | Between
+Load = (
+    Late
+    | Drifting
+    | PlateShift
+    | PlateBias
+    | PlateGain
+    | PlateTurn
+    | Shear
+    | Inertial
+    | Tilt
+    | Wobbling
+    | Between
+)

@@ -29,7 +29,14 @@ class Swing:
     axis: int
 
 
-Profile = Constant | Following | Swing
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """The time since the segment with these markers came to stand on the floor, zero off it (s)."""
+
+    markers: tuple[str, ...]
+
+
+Profile = Constant | Following | Swing | Standing
 ALWAYS = Constant()
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from scaling_service.discovery.evidence import stretches_of
-from scaling_service.discovery.findings import Unexplained
+from scaling_service.discovery.findings import Foreign, Unexplained
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.locating import holm, observable_of
 from scaling_service.discovery.predictable import marker_names
@@ -35,8 +35,33 @@ class _Function:
     values: Array
 
 
-def unexplained(account: Account, stretch_s: float, floors: Floors) -> tuple[Unexplained, ...]:
-    """Places of which the movement or the time still predicts much, the largest first."""
+def unexplained(
+    account: Account, stretch_s: float, floors: Floors, odd_law: Foreign | None = None
+) -> tuple[Unexplained, ...]:
+    """Places of which the movement or the time still predicts much, the largest first.
+
+    A foreign law comes before all, and stands for every place among the markers, or in the wrench.
+    """
+    left = _predicted(account, stretch_s, floors)
+    if odd_law is None:
+        return left
+    others = [u for u in left if (u.observable != "marker") != odd_law.of_forces]
+    return _told(account, stretch_s, odd_law), *others
+
+
+def _told(account: Account, stretch_s: float, odd_law: Foreign) -> Unexplained:
+    """A foreign law with what its places show, over what the instrument would."""
+    tallied = wrench_tally if odd_law.of_forces else marker_tally
+    tally = tallied(account, None, stretch_s)
+    assert tally is not None
+    shown = [k for k, place in enumerate(tally.places) if place in odd_law.where]
+    rows = shown or list(range(len(tally.places)))
+    frames = max(float(tally.frames[:, rows].sum()), 1.0)
+    rms, floor = ((float(x[:, rows].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
+    return Unexplained(odd_law.where, "force" if odd_law.of_forces else "marker", odd_law.law, rms, floor)
+
+
+def _predicted(account: Account, stretch_s: float, floors: Floors) -> tuple[Unexplained, ...]:
     tallies = [tally(account, None, stretch_s, floors) for tally in (marker_tally, wrench_tally)]
     rows = [(tally, k) for tally in tallies if tally is not None for k in range(len(tally.places))]
     strength = [_strength(account, tally.places[k], floors, stretch_s) for tally, k in rows]

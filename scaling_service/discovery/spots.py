@@ -12,6 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
+from scaling_service.kernels.laws import Array
 from scaling_service.models.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.models.parameters import free_scale
 
@@ -61,7 +64,48 @@ class VolumeSpot:
     """The size of the whole measured volume about the laboratory's origin."""
 
 
-Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot
+@dataclass(frozen=True, slots=True)
+class BentSpot:
+    """The whole measured volume bent about a middle, by the square or cube of the distance.
+
+    Parameters
+    ----------
+    middle : (3,), m
+        In the room.
+    toward : int, optional
+        Where the middle moves along an axis: 0, 1, 2 for x, y, z; None for the cube about the middle.
+    """
+
+    middle: Vector
+    toward: int | None = None
+
+
+Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot
+
+
+def field(spot: VolumeSpot | BentSpot, places: Array) -> Array:
+    """What a spot of the volume does to places, per unit.
+
+    A lens pushes what lies at r from its middle c by k s |s|2 with s = r - c. Its parts by powers of r are
+    the columns: r |r|2, for each axis 2 r r_k + e_k |r|2, and r itself.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n_markers, 3, n_frames), m
+
+    Returns
+    -------
+    ndarray, shape (n_markers, 3, n_frames), m
+    """
+    if isinstance(spot, VolumeSpot):
+        return places
+    away: Array = places - np.array(spot.middle)[:, None]
+    square = np.square(away).sum(axis=1, keepdims=True)
+    if spot.toward is None:
+        return np.asarray(away * square)
+    bent: Array = 2.0 * away * away[:, spot.toward : spot.toward + 1]
+    bent[:, spot.toward] += square[:, 0]
+    return bent
 
 
 def turning(segment: Segment) -> tuple[int, int] | None:
@@ -115,11 +159,11 @@ def _index(segment: Segment, at: At) -> int:
 def freed(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel, tuple[str, ...]]:
     """The model with one parameter at every spot, at the value that changes nothing, and their names.
 
-    A :class:`VolumeSpot` is not the body's and gets an empty name.
+    Spots of the volume are not the body's and get an empty name.
     """
     names = []
     for k, spot in enumerate(spots):
-        if isinstance(spot, VolumeSpot):
+        if isinstance(spot, VolumeSpot | BentSpot):
             names.append("")
         elif isinstance(spot, SizeSpot):
             model = free_scale(model, spot.segment, 0.9)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scaling_service.discovery.ceilings import absorbed, black_box
-from scaling_service.discovery.findings import Findings, Gap, Named, Verdict
+from scaling_service.discovery.findings import Findings, Foreign, Gap, Named, Verdict
 from scaling_service.discovery.fitting import Account, Recording, scene_of
 from scaling_service.discovery.gaps import gap
 from scaling_service.discovery.locating import disagreements
@@ -18,32 +18,44 @@ from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.tallies import Floors, floors_of, marker_tally
 from scaling_service.discovery.watched import Role
 
+_FOREIGN = (
+    "the recordings follow a law that the catalogue does not have, clearly better than any that it has: "
+    "repair what it describes and search again"
+)
+_SPENT = "{} effects of one kind were named, the most that are looked for"
+_NOTHING_MORE = "nothing in the catalogue explains what is left better than chance"
+
 
 def told(
     named: Sequence[Named],
     options: Options,
+    odd_law: Foreign | None,
     before: Account,
     after: Account,
+    seen: Account,
     recordings: Sequence[Recording],
     settings: DiscoverySettings,
     notes: Sequence[str],
 ) -> Findings:
-    """The story of a search: where, what, how far the gap closed, and what is left."""
+    """The story of a search: where, what, how far the gap closed, and what is left.
+
+    Parameters
+    ----------
+    seen : Account
+        As ``after``, with the motion as it is without the markers that go their own way.
+    """
     scene = scene_of(before)
     floors = floors_of(after, scene.moving, settings.stretch_s)
     places = disagreements(before, settings.stretch_s, floors)
-    left = unexplained(after, settings.stretch_s, floors)
+    usual = floors if seen is after else floors_of(seen, scene.moving, settings.stretch_s)
+    left = unexplained(seen, settings.stretch_s, usual, odd_law)
     verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
     folds = not any(item.role == "held_out" for item in before.watched)
     gaps = _gaps(named, before, after, recordings, scene, settings, folds, floors)
     spent = any(
         sum(n.effect.candidate.of_forces == kind for n in named) >= settings.most for kind in (False, True)
     )
-    reason = (
-        f"{settings.most} effects of one kind were named, the most that are looked for"
-        if spent
-        else "nothing in the catalogue explains what is left better than chance"
-    )
+    reason = _FOREIGN if odd_law else _SPENT.format(settings.most) if spent else _NOTHING_MORE
     return Findings(
         verdict,
         places,

@@ -248,6 +248,13 @@ class Weighed:
         k = ground.plates.index(name)
         return np.asarray(np.nan_to_num(np.concatenate([ground.force[:, k], ground.moment[:, k]], axis=1)))
 
+    def pressed(self, name: str) -> Array:
+        """The centre of pressure of a plate, (n, 3), m; zero where nothing presses."""
+        ground = self.footing.ground
+        if name not in ground.plates:
+            return np.zeros((len(self.times), 3))
+        return np.nan_to_num(ground.centre_of_pressure()[:, ground.plates.index(name)])
+
     def centre(self, name: str) -> Array:
         """The mean centre of pressure of a plate, else the point of its surface that is known, (3,), m."""
         ground = self.footing.ground

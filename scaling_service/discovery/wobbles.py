@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from scaling_service.discovery.oscillator import oscillate, pulled
-from scaling_service.discovery.profiles import Constant, Following, Profile, Swing
+from scaling_service.discovery.profiles import Constant, Following, Profile, Standing, Swing
+from scaling_service.discovery.standing import since_down
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import forward, positions
@@ -68,6 +69,8 @@ def shapes(profiles: Sequence[Profile], item: Watched) -> Array:
             found[k] = item.q[:, names.index(profile.coordinate)]
         elif isinstance(profile, Swing):
             found[k] = _swung(swings[profile.frequency_hz, profile.damping], item, profile)
+        elif isinstance(profile, Standing):
+            found[k] = since_down(item, profile.markers)
         else:
             assert isinstance(profile, Constant)
     return found

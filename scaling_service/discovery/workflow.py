@@ -10,6 +10,7 @@ from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Masked
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
+from scaling_service.discovery.foreign import foreign
 from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
@@ -79,6 +80,9 @@ def discover(
     refused: set[str] = set()
     while True:
         found, options = _next(now, named, refused, settings, report)
+        odd_law = foreign(now, options, settings)
+        if odd_law is not None:
+            break
         masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
         odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
         if odd is not None:
@@ -98,13 +102,21 @@ def discover(
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s
     )
-    kept = [e for e in now.effects if not isinstance(e.candidate.change, Masked)]
-    if len(kept) < len(now.effects):
-        now = account(model, recordings, now.free, kept, now)
+    now, seen = _unmasked(now, recordings)
     report("measuring the gap", 0.9)
-    findings = told(named, options, before, now, recordings, settings, (*notes, *said))
+    findings = told(named, options, odd_law, before, now, seen, recordings, settings, (*notes, *said))
     report("done", 1.0)
     return Discovery(findings, before, now)
+
+
+def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, Account]:
+    """The account with every marker again, and one of all markers whose motion the odd ones do not pull."""
+    kept = [e for e in now.effects if not isinstance(e.candidate.change, Masked)]
+    if len(kept) == len(now.effects):
+        return now, now
+    whole = account(now.model, recordings, now.free, kept, now)
+    pairs = zip(whole.watched, now.watched, strict=True)
+    return whole, replace(whole, watched=tuple(replace(item, q=other.q) for item, other in pairs))
 
 
 def _silent(what: str, share: float) -> None:

@@ -60,6 +60,14 @@ class Fitted:
         """The gain to expect on as much other data (Takeuchi 1976, after Konishi & Kitagawa 2008, ch. 3)."""
         return self.gain - 2.0 * self.by_chance
 
+    @property
+    def spread(self) -> Array:
+        """The covariance, widened so that 1.96 deviations hold 95 %, few as the stretches may be."""
+        if not self.freedom >= 1.0:
+            return self.covariance
+        wider = float(stats.t.ppf(0.975, self.freedom) / stats.norm.ppf(0.975))
+        return np.asarray(wider**2 * self.covariance)
+
 
 NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
 

@@ -201,7 +201,7 @@ def _named(option: Option, options: Options, now: Account, settings: DiscoverySe
     twins = confusable(option, options.best)
     return Named(
         effect,
-        option.fitted.covariance,
+        option.fitted.spread,
         {},
         {},
         smallest_nameable(effect, option.fitted, settings.level / options.count),

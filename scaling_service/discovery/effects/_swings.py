@@ -30,7 +30,7 @@ def swing_spreads(effect: Sized, after: Account, stretch_s: float) -> Mapping[st
         evidence = gather_forces(after.weighed, others, [whole], stretch_s, together=False)
     else:
         evidence = gather(after.watched, others, [whole], stretch_s, together=False)
-    covariance = fit_each(evidence, [whole])[0].covariance
+    covariance = fit_each(evidence, [whole])[0].spread
     if len(covariance) < len(whole.columns):
         return {}
     sd = np.sqrt(np.diag(covariance))[-len(SHAPES) :].tolist()

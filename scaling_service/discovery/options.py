@@ -16,6 +16,7 @@ from scaling_service.discovery.forces import gather_forces
 from scaling_service.discovery.judging import Fitted, fit_each
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.watched import Watched
 
 ALIKE = 0.05
 """Chance of so large a lead above which two candidates count as not told apart (chosen: the custom)."""
@@ -23,28 +24,47 @@ ALIKE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Options:
-    """The best, the best first, and among how many they were chosen."""
+    """The best, the best first, and among how many they were chosen.
+
+    Parameters
+    ----------
+    best : list of Option
+    count : int
+    columns : list of Option
+        Those of them that are sums of columns among the markers.
+    watched : tuple of Watched
+        The recordings that these were told from.
+    """
 
     best: list[Option]
     count: int
+    columns: list[Option]
+    watched: tuple[Watched, ...]
 
 
-def look(now: Account, scene: Scene, stretch_s: float, shortlist: int) -> Options:
+def look(
+    now: Account, scene: Scene, stretch_s: float, shortlist: int, before: Options | None = None
+) -> Options:
     """Try everything in the catalogue at every place.
 
     Parameters
     ----------
     shortlist : int
         How many to try on what did not fit them.
+    before : Options, optional
+        From the last look; what the same motion shows among the markers is not told anew.
     """
     taken = {s.candidate.key for s in now.everything}
     others = list(catalogue.options(now, scene, stretch_s))
     every = [c for c in catalogue.candidates(scene) if c.key not in taken]
-    columns = compared(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
+    if before is not None and before.watched is now.watched:
+        columns = before.columns
+    else:
+        columns = compared(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
     loads = compared(now, [c for c in every if c.of_forces], stretch_s, shortlist)
     new = [o for o in others if o.candidate.key not in taken]
     best = sorted((*columns, *loads, *new), key=lambda o: -o.fitted.expected)
-    return Options(best, len(every) + len(others))
+    return Options(best, len(every) + len(others), columns, now.watched)
 
 
 def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:

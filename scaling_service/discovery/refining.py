@@ -48,7 +48,7 @@ def refined(
     settled : float
         Share of the cost below which a round's gain ends the rounds.
     """
-    now = account(start.model, recordings, start.free, (*start.effects, *added), start)
+    now = _with(start, recordings, added)
     if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
         unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
         now = account(start.model, recordings, start.free, (*start.effects, *unsized), start)
@@ -62,6 +62,14 @@ def refined(
         if before - reached < settled * before:
             break
     return now
+
+
+def _with(start: Account, recordings: Sequence[Recording], added: Sequence[Sized]) -> Account:
+    """The account with more effects; those of forces leave the motion as it is."""
+    effects = (*start.effects, *added)
+    if all(effect.candidate.of_forces for effect in added):
+        return reweighed(replace(start, effects=effects), recordings)
+    return account(start.model, recordings, start.free, effects, start)
 
 
 def _misfit(now: Account, deciding: Account, *, of_forces: bool) -> float:

@@ -78,8 +78,9 @@ def discover(
     before = now = account(model, recordings, free)
     named: list[Named] = []
     refused: set[str] = set()
+    options: Options | None = None
     while True:
-        found, options = _next(now, named, refused, settings, report)
+        found, options = _next(now, named, refused, settings, report, options)
         odd_law = foreign(now, options, settings)
         if odd_law is not None:
             break
@@ -137,10 +138,11 @@ def _next(
     refused: set[str],
     settings: DiscoverySettings,
     report: Progress,
+    before: Options | None,
 ) -> tuple[list[Named], Options]:
     """The best effect of the motion and the best of the forces that pass, and all options."""
     report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
-    options = look(now, scene_of(now), settings.stretch_s, settings.shortlist)
+    options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, before)
     found = []
     for of_forces in (False, True):
         room = settings.most - sum(n.effect.candidate.of_forces == of_forces for n in named)

@@ -1,22 +1,25 @@
 """Laws that recordings can follow and no entry of the catalogue has: told as unexplained, never corrected.
 
 A lens that bends the volume, a camera that trembles: each looks somewhat like several effects at once, and
-these would be named in its stead. So such laws are looked for beside the catalogue, one small file each. A
-file yields what it finds, with what that explains; a new one is added by adding a file.
+these would be named in its stead. So such laws are looked for beside the catalogue, one small file each. A new
+one is added by adding a file, with either ``candidates``, sums of columns, and how they are ``told``, or with
+``found``, a search of its own.
 """
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from types import ModuleType
 
-from scaling_service.discovery.candidates import Contact, FreeMotion
+from scaling_service.discovery.candidates import Candidate, Contact, FreeMotion
 from scaling_service.discovery.findings import Foreign
 from scaling_service.discovery.fitting import Account, scene_of
-from scaling_service.discovery.options import Options
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.options import Options, compared
+from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.strictness import DiscoverySettings
 
 CLEARLY = 1.15
@@ -28,9 +31,22 @@ NEARLY = 0.8
 follows every law (chosen: what is left to it is what the law's few numbers miss)."""
 
 
+Told = Callable[[Option], tuple[tuple[str, ...], str]]
+"""Where, and in words and numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Law:
+    candidates: Callable[[Account, Scene], Iterator[Candidate]] | None
+    told: Told | None
+    found: Callable[[Account], Iterator[Foreign]] | None
+
+
 @cache
-def _files() -> tuple[ModuleType, ...]:
-    return tuple(import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__))
+def _laws() -> tuple[_Law, ...]:
+    modules = [import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
+    hooks = ("candidates", "told", "found")
+    return tuple(_Law(*(getattr(module, hook, None) for hook in hooks)) for module in modules)
 
 
 def foreign(now: Account, options: Options, settings: DiscoverySettings) -> Foreign | None:
@@ -43,8 +59,18 @@ def foreign(now: Account, options: Options, settings: DiscoverySettings) -> Fore
 
 def _found(now: Account, stretch_s: float) -> Iterator[Foreign]:
     scene = scene_of(now)
-    for file in _files():
-        yield from file.found(now, scene, stretch_s)
+    told: dict[Candidate, Told] = {}
+    for law in _laws():
+        if law.found is not None:
+            yield from law.found(now)
+        if law.candidates is not None and law.told is not None:
+            told |= dict.fromkeys(law.candidates(now, scene), law.told)
+    for of_forces in (False, True):
+        choice = [c for c in told if c.of_forces == of_forces]
+        for option in compared(now, choice, stretch_s, len(choice)):
+            where, law_in_words = told[option.candidate](option)
+            fitted, unseen = option.fitted, option.unseen
+            yield Foreign(where, law_in_words, fitted.expected, fitted.p, unseen.p, of_forces)
 
 
 def _rivals(law: Foreign, options: Options) -> float:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from scaling_service.discovery.findings import Foreign
 from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
 
@@ -19,7 +18,7 @@ _NEAR = (1.5, 15.0)  # widths of a line between which other frequencies are its 
 _SHARE = 0.1  # of the strongest marker's line: markers with more of it take part (chosen)
 
 
-def found(now: Account, _scene: Scene, _stretch_s: float) -> Iterator[Foreign]:
+def found(now: Account) -> Iterator[Foreign]:
     """One line in the spectrum of what is left of the markers, over all trials that are to fit."""
     items = [item for item in now.watched if item.role == "fit"]
     markers = tuple(m for m in items[0].markers if all(m in item.markers for item in items)) if items else ()

@@ -21,8 +21,6 @@ pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensi
 
 HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
-    Case("effect", ("joint_centre_offset",), "small", "gait", False, 0),
-    Case("effect", ("force_delay",), "middle", "gait", True, 0),
     Case("effect", ("segment_com",), "large", "gait", True, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
 ]

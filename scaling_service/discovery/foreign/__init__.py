@@ -1,9 +1,9 @@
 """Laws that recordings can follow and no entry of the catalogue has: told as unexplained, never corrected.
 
 A lens that bends the volume, a camera that trembles: each looks somewhat like several effects at once, and
-these would be named in its stead. So such laws are looked for beside the catalogue, one small file each. A new
-one is added by adding a file, with either ``candidates``, sums of columns, and how they are ``told``, or with
-``found``, a search of its own.
+these would be named in its stead. So such laws are looked for beside the catalogue, one small file each. A
+new one is added by adding a file, with either ``candidates``, sums of columns, and how they are ``told``, or
+with ``found``, a search of its own.
 """
 
 from __future__ import annotations

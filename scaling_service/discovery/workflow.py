@@ -15,6 +15,7 @@ from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
+from scaling_service.discovery.pairs import two_of_one_plate
 from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.rivals import revisited
 from scaling_service.discovery.separating import would_separate
@@ -95,10 +96,13 @@ def discover(
         poor = [n for n in found if not _keeps_its_promise(n, now, tried)]
         if not poor:
             now, named = tried, named + found
-            name = partial(_tuned, options=options, settings=settings)
-            named, now = revisited(named, now, recordings, settings, name)
+            named, now = revisited(
+                named, now, recordings, settings, partial(_tuned, options=options, settings=settings)
+            )
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
+    name = partial(_tuned, options=options, settings=settings)
+    named, now = two_of_one_plate(named, now, recordings, settings, name)
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s

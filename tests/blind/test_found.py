@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from scaling_service.formats.sto import Table, read_sto, write_sto
-from tests.blind.cases import PAIRS, Case
+from tests.blind.cases import OPPOSED, PAIRS, Case
 from tests.blind.making import make
 from tests.blind.run import run_one
 from tests.blind.scoring.outcomes import Outcome
@@ -21,8 +21,8 @@ pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensi
 
 HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
-    Case("effect", ("segment_com",), "large", "gait", True, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
+    Case("opposed", OPPOSED[1], "large", "gait", True, 0),
 ]
 NOTHING = [
     Case("null", ("autocorrelated",), "none", "gait", False, 0),

@@ -1,0 +1,95 @@
+"""Two faults of one plate at once, each of which hides behind the other.
+
+Effects are named one after the other. Where two at one plate partly cancel, what is left looks like neither,
+and several others may be named in their stead: a plate that measures too little and has something added looks
+like another plate that measures too much. So once several effects of forces are named, every two faults of
+one plate are tried in the stead of all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from scaling_service.discovery import catalogue
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import Account, Recording, reweighed, scene_of
+from scaling_service.discovery.options import compared
+from scaling_service.discovery.refining import ROUGHLY, misfit, refined
+from scaling_service.discovery.rivals import Name
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.strictness import DiscoverySettings
+
+Two = tuple[Candidate, Candidate]
+
+
+def two_of_one_plate(
+    named: Sequence[Named],
+    now: Account,
+    recordings: Sequence[Recording],
+    settings: DiscoverySettings,
+    name: Name,
+) -> tuple[list[Named], Account]:
+    """Two faults of one plate in place of several effects of forces, where the two explain more.
+
+    Parameters
+    ----------
+    name : callable
+        Makes a named effect of an option, in an account.
+    """
+    several = [n for n in named if n.effect.candidate.of_forces]
+    if len(several) < 2:
+        return list(named), now
+    bare = replace(now, effects=tuple(e for e in now.effects if not e.candidate.of_forces))
+    bare = reweighed(bare, recordings)
+    sized = _best(bare, settings)
+    if sized is None:
+        return list(named), now
+    tried = refined(bare, recordings, sized, settings.stretch_s, ROUGHLY)
+    if misfit(tried) >= misfit(now):
+        return list(named), now
+    made = [_beside(one, other, bare, recordings, settings, name) for one, other in (sized, sized[::-1])]
+    sure = [n for n in made if n is not None]
+    if len(sure) < len(made):
+        return list(named), now
+    return [n for n in named if n not in several] + sure, tried
+
+
+def _best(bare: Account, settings: DiscoverySettings) -> tuple[Sized, Sized] | None:
+    """The two that explain most together, if it is no chance."""
+    pairs = {_both(one, other): (one, other) for one, other in _pairs(scene_of(bare))}
+    for option in compared(bare, list(pairs), settings.stretch_s, 1):
+        if option.fitted.p * len(pairs) <= settings.level and option.unseen.p <= settings.level:
+            one, other = pairs[option.candidate]
+            edge = len(one.columns)
+            return Sized(one, option.fitted.size[:edge]), Sized(other, option.fitted.size[edge:])
+    return None
+
+
+def _pairs(scene: Scene) -> Iterator[Two]:
+    faults = [c for c in catalogue.candidates(scene) if c.trial is None and c.where[0] in scene.plates]
+    return ((a, b) for a, b in combinations(faults, 2) if a.where == b.where and a.kind != b.kind)
+
+
+def _both(one: Candidate, other: Candidate) -> Candidate:
+    note = f"{one.kind} {one.note} {other.kind} {other.note}"
+    return Candidate("pair", one.where, (*one.columns, *other.columns), note=note)
+
+
+def _beside(
+    one: Sized,
+    other: Sized,
+    bare: Account,
+    recordings: Sequence[Recording],
+    settings: DiscoverySettings,
+    name: Name,
+) -> Named | None:
+    """One of the two as a named effect where the other is known, if it stands by itself then."""
+    known = reweighed(replace(bare, effects=(*bare.effects, other)), recordings)
+    for option in compared(known, [one.candidate], settings.stretch_s, 1):
+        if max(option.fitted.p, option.unseen.p) <= settings.level:
+            return name(option, known)
+    return None

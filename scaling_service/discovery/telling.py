@@ -66,7 +66,7 @@ def told(
         tuple(o for o in options.best if o.candidate.key not in {n.effect.candidate.key for n in named}),
         left,
         reason,
-        (*notes, *_limits(before, folds)),
+        (*notes, *_limits(before, folds), *([_FOREIGN] if odd_law else [])),
     )
 
 

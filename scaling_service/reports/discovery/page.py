@@ -83,6 +83,8 @@ def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
     if document.unexplained:
         left = few([place for u in document.unexplained for place in u.where])
         blocks.append(Text(f"Still above the floor, and like no effect that is known: {left}."))
+        if document.verdict == "unexplained":
+            blocks.append(Text(f"Described best: {document.unexplained[0].law}."))
     yield Callout(headline(document), blocks, _TONES[document.verdict])
     if document.notes:
         yield Heading("What was not tried, or cannot be decided")

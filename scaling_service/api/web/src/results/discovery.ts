@@ -32,6 +32,7 @@ const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 
 function verdict(document: DiscoveryDocument): HTMLElement[] {
   const { effects, unexplained, notes } = document;
+  const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const left = few(unexplained.flatMap((one) => one.where));
   return [
     h("p", { class: "quiet" }, subtitle(document)),
@@ -40,6 +41,7 @@ function verdict(document: DiscoveryDocument): HTMLElement[] {
       TONES[document.verdict],
       effects.length > 0 && h("ol", null, ...effects.map(({ name }) => h("li", null, name))),
       left !== "" && h("p", null, `Still above the floor, and like no effect that is known: ${left}.`),
+      law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];

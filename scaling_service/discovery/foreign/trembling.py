@@ -15,7 +15,7 @@ from scaling_service.kernels.laws import Array
 _SLOWEST_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 _FASTEST = 0.45  # of the frame rate
 _NEAR = (1.5, 15.0)  # widths of a line between which other frequencies are its neighbours (chosen)
-_SHARE = 0.1  # of the strongest marker's line: markers with more of it take part (chosen)
+_SHARE = 0.25  # of the strongest line: half its amplitude, more than a pose hands on to a neighbour (chosen)
 
 
 def found(now: Account) -> Iterator[Foreign]:
@@ -39,7 +39,8 @@ def found(now: Account) -> Iterator[Foreign]:
     shaking = [m for m, own in zip(markers, power[k].tolist(), strict=True) if own > _SHARE * power[k].max()]
     everywhere = len(shaking) > len(markers) / 2
     places = "markers" if everywhere else ", ".join(shaking)
-    law = f"{places} tremble at {frequencies[k]:.3g} Hz, whatever the movement"
+    verb = "trembles" if len(shaking) == 1 else "tremble"
+    law = f"{places} {verb} at {frequencies[k]:.3g} Hz, whatever the movement"
     where = ("markers",) if everywhere else tuple(shaking)
     yield Foreign(where, law, float(whole[k] - 2.0 * usual), p, p)
 

@@ -65,9 +65,9 @@ def refined(
 
 
 def _with(start: Account, recordings: Sequence[Recording], added: Sequence[Sized]) -> Account:
-    """The account with more effects; those of forces leave the motion as it is."""
+    """The account with more effects; those of forces leave the motion as it is. With none it is made anew."""
     effects = (*start.effects, *added)
-    if all(effect.candidate.of_forces for effect in added):
+    if added and all(effect.candidate.of_forces for effect in added):
         return reweighed(replace(start, effects=effects), recordings)
     return account(start.model, recordings, start.free, effects, start)
 

@@ -11,7 +11,7 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
 - ``python -m tests.blind.score --bank BANK --results RESULTS`` prints how well it did.
 
 Each goes on where it stopped. ``results.md`` is what the last wrote of one seed (``--full --seeds 1``), 335
-nulls of 500, strangers of three seeds and four real recordings, two at a time on two cores that did more besides.
+nulls of 500, strangers of three seeds and four real recordings, two at a time on two cores that did more.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

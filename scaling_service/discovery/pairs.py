@@ -16,30 +16,19 @@ from scaling_service.discovery import catalogue
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, reweighed, scene_of
+from scaling_service.discovery.fitting import Account, reweighed, scene_of
 from scaling_service.discovery.options import compared
 from scaling_service.discovery.refining import ROUGHLY, misfit, refined
-from scaling_service.discovery.rivals import Name
+from scaling_service.discovery.rivals import Naming
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.strictness import DiscoverySettings
 
 Two = tuple[Candidate, Candidate]
 
 
-def two_of_one_plate(
-    named: Sequence[Named],
-    now: Account,
-    recordings: Sequence[Recording],
-    settings: DiscoverySettings,
-    name: Name,
-) -> tuple[list[Named], Account]:
-    """Two faults of one plate in place of several effects of forces, where the two explain more.
-
-    Parameters
-    ----------
-    name : callable
-        Makes a named effect of an option, in an account.
-    """
+def two_of_one_plate(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
+    """Two faults of one plate in place of several effects of forces, where the two explain more."""
+    recordings, settings = naming.recordings, naming.settings
     several = [n for n in named if n.effect.candidate.of_forces]
     if len(several) < 2:
         return list(named), now
@@ -51,7 +40,7 @@ def two_of_one_plate(
     tried = refined(bare, recordings, sized, settings.stretch_s, ROUGHLY)
     if misfit(tried) >= misfit(now):
         return list(named), now
-    made = [_beside(one, other, bare, recordings, settings, name) for one, other in (sized, sized[::-1])]
+    made = [_beside(one, other, bare, naming) for one, other in (sized, sized[::-1])]
     sure = [n for n in made if n is not None]
     if len(sure) < len(made):
         return list(named), now
@@ -79,17 +68,10 @@ def _both(one: Candidate, other: Candidate) -> Candidate:
     return Candidate("pair", one.where, (*one.columns, *other.columns), note=note)
 
 
-def _beside(
-    one: Sized,
-    other: Sized,
-    bare: Account,
-    recordings: Sequence[Recording],
-    settings: DiscoverySettings,
-    name: Name,
-) -> Named | None:
+def _beside(one: Sized, other: Sized, bare: Account, naming: Naming) -> Named | None:
     """One of the two as a named effect where the other is known, if it stands by itself then."""
-    known = reweighed(replace(bare, effects=(*bare.effects, other)), recordings)
-    for option in compared(known, [one.candidate], settings.stretch_s, 1):
-        if max(option.fitted.p, option.unseen.p) <= settings.level:
-            return name(option, known)
+    known = reweighed(replace(bare, effects=(*bare.effects, other)), naming.recordings)
+    for option in compared(known, [one.candidate], naming.settings.stretch_s, 1):
+        if max(option.fitted.p, option.unseen.p) <= naming.settings.level:
+            return naming.name(option, known)
     return None

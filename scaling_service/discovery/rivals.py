@@ -7,7 +7,7 @@ wrong place. With the others known, another candidate may explain clearly more.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
@@ -17,30 +17,34 @@ from scaling_service.discovery.options import ALIKE, compared
 from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.strictness import DiscoverySettings
 
-Name = Callable[[Option, Account], Named | None]
 
-
-def revisited(
-    named: Sequence[Named],
-    now: Account,
-    recordings: Sequence[Recording],
-    settings: DiscoverySettings,
-    name: Name,
-) -> tuple[list[Named], Account]:
-    """Give every name but the last of its sort to the rival that explains clearly more, if one does.
+@dataclass(frozen=True, slots=True)
+class Naming:
+    """What it takes to give a name anew.
 
     Parameters
     ----------
+    recordings : sequence of Recording
+    settings : DiscoverySettings
     name : callable
         Makes a named effect of an option, in an account.
     """
+
+    recordings: Sequence[Recording]
+    settings: DiscoverySettings
+    name: Callable[[Option, Account], Named | None]
+
+
+def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
+    """Give every name but the last of its sort to the rival that explains clearly more, if one does."""
+    recordings, settings = naming.recordings, naming.settings
     kept = list(named)
     for k, n in enumerate(named):
         later = [m for m in named[k + 1 :] if m.effect.candidate.of_forces == n.effect.candidate.of_forces]
         if later and n.rivals and n.effect.candidate.columns:
             without = _without(n, now, recordings)
             better = _better(n, without, settings)
-            made = None if better is None else name(better, without)
+            made = None if better is None else naming.name(better, without)
             if made is not None:
                 kept[k] = replace(made, rivals=n.rivals)
                 now = refined(without, recordings, [made.effect], settings.stretch_s, ROUGHLY)

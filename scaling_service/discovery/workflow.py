@@ -17,7 +17,7 @@ from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
 from scaling_service.discovery.pairs import two_of_one_plate
 from scaling_service.discovery.refining import ROUGHLY, refined
-from scaling_service.discovery.rivals import revisited
+from scaling_service.discovery.rivals import Naming, revisited
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
@@ -96,13 +96,10 @@ def discover(
         poor = [n for n in found if not _keeps_its_promise(n, now, tried)]
         if not poor:
             now, named = tried, named + found
-            named, now = revisited(
-                named, now, recordings, settings, partial(_tuned, options=options, settings=settings)
-            )
+            named, now = revisited(named, now, _naming(recordings, options, settings))
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
-    name = partial(_tuned, options=options, settings=settings)
-    named, now = two_of_one_plate(named, now, recordings, settings, name)
+    named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s
@@ -112,6 +109,10 @@ def discover(
     findings = told(named, options, odd_law, before, now, seen, recordings, settings, (*notes, *said))
     report("done", 1.0)
     return Discovery(findings, before, now)
+
+
+def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:
+    return Naming(recordings, settings, partial(_tuned, options=options, settings=settings))
 
 
 def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, Account]:

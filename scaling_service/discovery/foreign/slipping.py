@@ -27,8 +27,5 @@ def candidates(now: Account, scene: Scene) -> Iterator[Candidate]:
 def told(option: Option) -> tuple[tuple[str, ...], str]:
     """The markers, and how fast they creep."""
     along = ", ".join(f"{1e3 * v:.3g}" for v in option.fitted.size.tolist())
-    segment = option.candidate.note
-    return (
-        option.candidate.where,
-        f"the markers of {segment} creep by ({along}) mm/s along its axes while it stands",
-    )
+    law = f"the markers of {option.candidate.note} creep by ({along}) mm/s along its axes while it stands"
+    return option.candidate.where, law

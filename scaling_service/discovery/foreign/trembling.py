@@ -33,6 +33,8 @@ def found(now: Account) -> Iterator[Foreign]:
     away = np.abs(frequencies - frequencies[k]) / width
     near = (away > _NEAR[0]) & (away < _NEAR[1])
     usual, spread = float(whole[near].mean()), float(whole[near].var())
+    if not usual > 0.0:
+        return
     shape = usual**2 / max(spread, 1e-300)
     tried = np.ptp(frequencies) / width
     p = min(1.0, tried * float(stats.gamma.sf(shape * whole[k] / usual, shape)))

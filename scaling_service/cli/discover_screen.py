@@ -53,7 +53,7 @@ def _effects(document: DiscoveryDocument) -> Table:
         table.add_column(name)
     for effect in document.effects:
         following = f"\nwith {', '.join(effect.driver)}" if effect.driver else ""
-        only = f"\nin {effect.trial} only" if effect.trial else ""
+        only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
         sizes = [shown(n, q, spread=True) for n, q in effect.parameters.items()]
         more = [f"and {len(sizes) - _SIZES} more"] if len(sizes) > _SIZES else []
         table.add_row(

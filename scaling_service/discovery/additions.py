@@ -36,7 +36,7 @@ def with_effects(model: BodyModel, effects: Iterable[Sized], trial: str) -> Body
     (:func:`scaling_service.models.parameters.free_axis`).
     """
     for effect in effects:
-        if effect.candidate.trial in (None, trial):
+        if effect.candidate.holds_in(trial):
             for column, size in reversed(effect.columns):
                 model = _with_column(model, column, size)
             if isinstance(effect.candidate.change, FreeMotion):
@@ -70,7 +70,7 @@ def corrected(trial: Trial, effects: Sequence[Sized]) -> Trial:
     """The recording freed of the faults that are its own: its scale, exchanged labels."""
     markers = trial.markers
     for effect in effects:
-        if effect.candidate.trial in (None, trial.name):
+        if effect.candidate.holds_in(trial.name):
             for column, size in effect.columns:
                 if any(isinstance(part.spot, VolumeSpot) for part in column.parts):
                     markers = markers / (1.0 + size)

@@ -117,8 +117,8 @@ class Candidate:
     columns : tuple of Column
     driver : tuple of str
         The coordinates that it follows.
-    trial : str, optional
-        The only trial in which it is; all of them unless given.
+    trials : tuple of str
+        Those in which it is; all of them unless given.
     note : str
         What a person should know of this one: the frequency it was tried at.
     change : FreeMotion, Exchange, Contact or Masked, optional
@@ -129,9 +129,13 @@ class Candidate:
     where: tuple[str, ...]
     columns: tuple[Column, ...]
     driver: tuple[str, ...] = ()
-    trial: str | None = None
+    trials: tuple[str, ...] = ()
     note: str = ""
     change: FreeMotion | Exchange | Contact | Masked | None = None
+
+    def holds_in(self, trial: str) -> bool:
+        """Whether it is in a trial."""
+        return not self.trials or trial in self.trials
 
     @property
     def of_forces(self) -> bool:
@@ -151,7 +155,7 @@ class Candidate:
     def name(self) -> str:
         """Short and unique in one search."""
         driven = f" by {', '.join(self.driver)}" if self.driver else ""
-        only = f" in {self.trial}" if self.trial else ""
+        only = f" in {', '.join(self.trials)}" if self.trials else ""
         said = f" ({self.note})" if self.note else ""
         return f"{self.kind} at {', '.join(self.where)}{driven}{only}{said}"
 

@@ -82,6 +82,6 @@ def absorbed(before: Account, recordings: Sequence[Recording], scene: Scene, str
     added = [
         Sized(c, np.zeros(len(c.columns)))
         for c in candidates(scene)
-        if c.kind in _ABSORBING and c.trial is None and c.name not in taken
+        if c.kind in _ABSORBING and not c.trials and c.name not in taken
     ]
     return refined(before, recordings, added, stretch_s)

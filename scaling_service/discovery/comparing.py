@@ -115,19 +115,19 @@ class Unseen:
 def unseen(evidence: Evidence, index: int, candidate: Candidate) -> Unseen:
     """Try a candidate on what did not fit it.
 
-    Held-out trials serve one that holds everywhere; one that is in a single trial, and all where no trial
-    is held out, are fitted to every other stretch and tried on those between.
+    One that is in trials to fit and in held-out ones is fitted to those and tried on these; any other is
+    fitted to every other stretch where it is and tried on those between. Trials to fit in which it is not
+    always tell the nuisances from it.
     """
-    here = [s for s in evidence.stretches if candidate.trial in (None, s.trial)]
+    here = [s for s in evidence.stretches if candidate.holds_in(s.trial)]
     fitting = [s for s in here if s.role == "fit"]
     held = [s for s in here if s.role == "held_out"]
-    if candidate.trial is None and held:
-        rounds = [(fitting, held)]
-    else:
-        rounds = [(here[0::2], here[1::2]), (here[1::2], here[0::2])]
+    others = [s for s in evidence.stretches if s.role == "fit" and not candidate.holds_in(s.trial)]
+    halves = [(here[0::2], here[1::2]), (here[1::2], here[0::2])]
+    rounds = [(fitting, held)] if fitting and held else halves
     gains, square = [], 0.0
     for known, new in rounds:
-        found = explained(evidence, index, known)
+        found = explained(evidence, index, [*others, *known])
         gains.append(gains_of(evidence, index, found.size, found.along, new))
         square += sum(s.square for s in new)
     every = np.concatenate(gains)

@@ -56,8 +56,8 @@ class Touch:
     Parameters
     ----------
     contact : Contact
-    trial : str, optional
-        The only one in which it is.
+    trials : tuple of str
+        Those in which it is; all of them unless given.
     fitted : Fitted
     gain_share : float
         Of the trials' whitened squares that it takes off.
@@ -66,7 +66,7 @@ class Touch:
     """
 
     contact: Contact
-    trial: str | None
+    trials: tuple[str, ...]
     fitted: Fitted
     gain_share: float
     others: tuple[Contact, ...]
@@ -86,9 +86,9 @@ def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
     level = _level(weighed)
     looked_at = [_spell(item, level) or _whole_trial(item) for item in weighed]
     spells = [spell for spell in looked_at if spell is not None]
-    found = [_best([spell], spell.item.name, stretch_s) for spell in spells]
+    found = [_best([spell], (spell.item.name,), stretch_s) for spell in spells]
     if len(spells) == len(weighed) > 1 and _alike(spells):
-        found.append(_best(spells, None, stretch_s))
+        found.append(_best(spells, (), stretch_s))
     return [touch for touch in found if touch is not None]
 
 
@@ -144,7 +144,7 @@ def _reachable(item: Weighed) -> list[str]:
     return [s.name for s in item.model.segments if s.name in shown]
 
 
-def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touch | None:
+def _best(spells: Sequence[_Spell], trials: tuple[str, ...], stretch_s: float) -> Touch | None:
     names = [n for n in _reachable(spells[0].item) if all(n in _reachable(s.item) for s in spells)]
     if not names:
         return None
@@ -164,7 +164,7 @@ def _best(spells: Sequence[_Spell], trial: str | None, stretch_s: float) -> Touc
     fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gap - best.left, best.left, p, 1.0)
     near = [n for n in order[1:] if fits[n].misfit - best.misfit < _ALIKE]
     contact, *others = (_contact(spells, n, fits[n].point) for n in (order[0], *near))
-    return Touch(contact, trial, fitted, (gap - best.left) / square, tuple(others))
+    return Touch(contact, trials, fitted, (gap - best.left) / square, tuple(others))
 
 
 def _beside_plates(spell: _Spell, foot: str) -> bool:

@@ -59,6 +59,17 @@ class Stretch:
     freedom: float
 
 
+def deciding(stretches: Sequence[Stretch], candidate: Candidate) -> list[Stretch]:
+    """Those that fit a candidate: all to fit, and where it is in none of them, those where it is.
+
+    Where it is not they tell the nuisances from it.
+    """
+    fits = [s for s in stretches if s.role == "fit"]
+    if any(candidate.holds_in(s.trial) for s in fits):
+        return fits
+    return [*fits, *(s for s in stretches if candidate.holds_in(s.trial))]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """Stretches of all recordings.
@@ -109,16 +120,26 @@ def gather(
     layout = Layout.of(columns, spots, profiles, count, None if together else edges)
     step = _step(watched, len(columns))
     stretches, raw = [], np.zeros(len(columns))
+    known: list[tuple[Watched, Generators]] = []
     for item in watched:
-        generators = Generators.of(item, spots)
+        generators = next((g for other, g in known if _same_body(item, other)), None)
+        if generators is None:
+            generators = Generators.of(item, spots)
+            known.append((item, generators))
         shapes = shapes_of(profiles, item)
-        here = layout.only([c.trial in (None, item.name) for c in every for _ in c.columns])
+        here = layout.only([c.holds_in(item.name) for c in every for _ in c.columns])
         for rows in stretches_of(item, stretch_s):
             found, own = _sums(item, generators, here, shapes, rows, step)
             stretches.append(found)
             raw += own
     spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
     return Evidence(tuple(stretches), raw, count, spans)
+
+
+def _same_body(one: Watched, other: Watched) -> bool:
+    """Whether two recordings are followed by the same body with the same markers and coordinates."""
+    alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
+    return alike and one.task.model == other.task.model
 
 
 def _step(watched: Sequence[Watched], n_columns: int) -> int:

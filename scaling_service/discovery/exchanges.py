@@ -20,13 +20,13 @@ _SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swap:
-    """Two labels exchanged in a trial for some frames.
+    """Two labels exchanged for some frames.
 
     Parameters
     ----------
     exchange : Exchange
-    trial : str, optional
-        The only one in which they are.
+    trials : tuple of str
+        Those in which they are; all of them unless given.
     gain : float
         Fall of the whitened sum of squares.
     level : float
@@ -34,7 +34,7 @@ class Swap:
     """
 
     exchange: Exchange
-    trial: str | None
+    trials: tuple[str, ...]
     gain: float
     level: float
 
@@ -53,7 +53,7 @@ def _together(found: Sequence[Swap]) -> Swap | None:
     if len(found) < 2 or len(pairs) > 1 or np.ptp(spans, axis=0).max() > _SAME_S:
         return None
     exchange = Exchange(*pairs.pop(), *np.median(spans, axis=0).tolist())
-    return Swap(exchange, None, sum(s.gain for s in found), max(s.level for s in found))
+    return Swap(exchange, (), sum(s.gain for s in found), max(s.level for s in found))
 
 
 def _best(item: Watched) -> Swap | None:
@@ -72,7 +72,7 @@ def _best(item: Watched) -> Swap | None:
     outside = np.ones(len(times), dtype=bool)
     outside[rows] = False
     level = float(square[outside].sum() / max(freedom[outside].sum(), 1.0)) if outside.any() else 1.0
-    return Swap(exchange, item.name, gain, level)
+    return Swap(exchange, (item.name,), gain, level)
 
 
 def _gains(item: Watched, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.discovery.additions import Sized, corrected, with_effects
-from scaling_service.discovery.candidates import Contact
+from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.contacts import wrench_of
 from scaling_service.discovery.forces import weigh
 from scaling_service.discovery.resting import rested, swinging_markers
@@ -113,22 +113,26 @@ def _weighed(item: Watched, now: Account, footing: Footing, floor: Array | None)
     made = replace(made, known_floor=floor)
     for effect in now.effects:
         contact = effect.candidate.change
-        if isinstance(contact, Contact) and effect.candidate.trial in (None, item.name):
+        if isinstance(contact, Contact) and effect.candidate.holds_in(item.name):
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
             made = replace(made, touched=before + wrench_of(made, contact))
     return made
 
 
-def squares(now: Account, *, of_forces: bool, alone: frozenset[str | None] = frozenset()) -> float:
+def squares(now: Account, *, of_forces: bool, of: Sequence[Candidate] = ()) -> float:
     """Whitened sum of squares of markers or of forces in the trials that decide.
+
+    Those are the trials to fit, and all trials of what is in none of them.
 
     Parameters
     ----------
-    alone : frozenset of str
-        Trials that decide beside those to fit: the ones with effects of their own.
+    of : sequence of Candidate
+        What is to be decided.
     """
     items: Sequence[Watched | Weighed] = now.weighed if of_forces else now.watched
-    return float(sum(item.square for item in items if item.role == "fit" or item.name in alone))
+    fitting = {item.name for item in items if item.role == "fit"}
+    alone = {trial for candidate in of if not fitting & set(candidate.trials) for trial in candidate.trials}
+    return float(sum(item.square for item in items if item.name in fitting | alone))
 
 
 def scene_of(now: Account) -> Scene:

@@ -63,7 +63,7 @@ def gather_forces(
     loads = [column.load for column in columns]
     stretches, raw = [], np.zeros(len(columns))
     for item in weighed:
-        here = [c.trial in (None, item.name) for c in every for _ in c.columns]
+        here = [c.holds_in(item.name) for c in every for _ in c.columns]
         active = [load if on else None for load, on in zip(loads, here, strict=True)]
         parts = [
             np.flatnonzero(item.usable[rows]) + rows.start for rows in stretches_of(item.item, stretch_s)
@@ -117,7 +117,7 @@ def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout) -> Stretch:
 
 def weigh(item: Watched, model: BodyModel, footing: Footing, effects: Sequence[Sized]) -> Weighed:
     """Bring a followed trial and its forces together, effects of known size taken into account."""
-    here = [s for s in effects if s.candidate.trial in (None, item.name)]
+    here = [s for s in effects if s.candidate.holds_in(item.name)]
     ground = corrected_forces(footing.ground, item.trial.times, here)
     swinging = tuple(
         (column.load, size) for s in here for column, size in s.columns if isinstance(column.load, Wobbling)

@@ -43,7 +43,7 @@ def looked_back(
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
     for n in list(kept):
-        if len(kept) > 1 and n.effect.candidate.change is None and n.effect.candidate.trial is None:
+        if len(kept) > 1 and n.effect.candidate.change is None and not n.effect.candidate.trials:
             without = _without(n, now, recordings, stretch_s)
             if _squares(without) <= _squares(now):
                 kept = [m for m in kept if m is not n]
@@ -93,14 +93,21 @@ def _lack(n: Named, before: Account, now: Account, scene: Scene, stretch_s: floa
     """
     names = marker_names(now)
     rows = [names.index(m) for m in n.effect.candidate.where if m in names]
-    if not rows or n.effect.candidate.trial is None or n.effect.candidate.change is not None:
+    trials = n.effect.candidate.trials
+    if not rows or not trials or n.effect.candidate.change is not None:
         return 0.0
     floors = floors_of(now, scene.moving, stretch_s)
-    trial = n.effect.candidate.trial
-    left = float(floors.explained_markers[trial][:, rows].sum())
-    squares = []
-    for account in (before, now):
-        item = next(i for i in account.watched if i.name == trial)
-        at = [item.markers.index(names[r]) for r in rows if names[r] in item.markers]
-        squares.append(float(np.nansum(item.residuals[:, at] ** 2)))
-    return left / max(squares[0] - squares[1], 1e-300)
+    left = sum(float(floors.explained_markers[trial][:, rows].sum()) for trial in trials)
+    wanted = [names[r] for r in rows]
+    taken = _squares_at(before, wanted, trials) - _squares_at(now, wanted, trials)
+    return left / max(taken, 1e-300)
+
+
+def _squares_at(now: Account, markers: Sequence[str], trials: Sequence[str]) -> float:
+    """Squared residuals of some markers in some trials, m2."""
+    squares = 0.0
+    for item in now.watched:
+        if item.name in trials:
+            at = [item.markers.index(m) for m in markers if m in item.markers]
+            squares += float(np.nansum(item.residuals[:, at] ** 2))
+    return squares

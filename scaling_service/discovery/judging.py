@@ -75,8 +75,7 @@ NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
 def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitted, ...]:
     """Fit every candidate by itself to the trials that are to fit.
 
-    One that is in a single trial is fitted to that trial, whatever its role; what is held out does not
-    decide the nuisances.
+    One that is in no trial to fit is fitted where it is; what is held out does not decide the nuisances.
 
     Parameters
     ----------
@@ -85,19 +84,17 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
     candidates : sequence of Candidate
         In the evidence's order.
     """
-    fitting = {s.trial for s in evidence.stretches if s.role == "fit"}
-    alone = {c.trial for c in candidates if c.trial is not None} - fitting
     fits = [s for s in evidence.stretches if s.role == "fit"]
     nothing = np.zeros((0, len(evidence.raw))), np.zeros((0, *evidence.stretches[0].own.shape))
-    sums: dict[str | None, tuple[Array, Array]] = {
-        None: _without_nuisances(evidence, fits) if fits else nothing
-    }
-    for trial in alone:
-        here = [s for s in evidence.stretches if s.trial == trial]
-        sums[trial] = np.array([s.scores for s in here]), np.array([s.own for s in here])
+    fitting = _without_nuisances(evidence, fits) if fits else nothing
+    alone: dict[tuple[str, ...], tuple[Array, Array]] = {}
+    for trials in {c.trials for c in candidates}:
+        here = [s for s in evidence.stretches if s.trial in trials]
+        if here and all(s.role == "held_out" for s in here):
+            alone[trials] = np.array([s.scores for s in here]), np.array([s.own for s in here])
     found = []
     for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
-        scores, own = sums[candidate.trial if candidate.trial in alone else None]
+        scores, own = alone.get(candidate.trials, fitting)
         width = rows.stop - rows.start
         found.append(fit(scores[:, rows], own[:, k, :width, :width], evidence.raw[rows]))
     return tuple(found)

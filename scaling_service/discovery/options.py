@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.discovery import catalogue
 from scaling_service.discovery.candidates import Candidate, FreeMotion
 from scaling_service.discovery.comparing import explained, no_worse, unseen
-from scaling_service.discovery.evidence import Evidence, gather
+from scaling_service.discovery.evidence import Evidence, deciding, gather
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.forces import gather_forces
 from scaling_service.discovery.judging import Fitted, fit_each
@@ -87,9 +87,7 @@ def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
     detail = passed(picked, together=True)
     found = []
     for at, k in enumerate(order):
-        trial = choice[k].trial
-        here = [s for s in detail.stretches if (s.role == "fit" if trial is None else s.trial == trial)]
-        gains = explained(detail, at, here).gains
+        gains = explained(detail, at, deciding(detail.stretches, choice[k])).gains
         found.append(Option(choice[k], fitted[k], gains, unseen(detail, at, choice[k])))
     return found
 
@@ -117,7 +115,7 @@ def confusable(option: Option, others: Sequence[Option]) -> tuple[Candidate, ...
     for other in others:
         comparable = other.gains is not None and len(other.gains) == len(option.gains)
         looser = isinstance(other.candidate.change, FreeMotion) and option.candidate.change is None
-        same = other.candidate.trial == option.candidate.trial
+        same = other.candidate.trials == option.candidate.trials
         alike = other.candidate.of_forces == option.candidate.of_forces
         if comparable and same and alike and not looser and _named_otherwise(other, option):
             assert other.gains is not None

@@ -59,7 +59,7 @@ def _best(bare: Account, settings: DiscoverySettings) -> tuple[Sized, Sized] | N
 
 
 def _pairs(scene: Scene) -> Iterator[Two]:
-    faults = [c for c in catalogue.candidates(scene) if c.trial is None and c.where[0] in scene.plates]
+    faults = [c for c in catalogue.candidates(scene) if not c.trials and c.where[0] in scene.plates]
     return ((a, b) for a, b in combinations(faults, 2) if a.where == b.where and a.kind != b.kind)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized, freedom_name
 from scaling_service.discovery.candidates import Candidate, Column, FreeMotion, Part
-from scaling_service.discovery.evidence import Evidence, gather
+from scaling_service.discovery.evidence import Evidence, deciding, gather
 from scaling_service.discovery.fitting import Account, Recording, account, reweighed, scene_of, squares
 from scaling_service.discovery.forces import gather_forces
 from scaling_service.discovery.judging import inverse_of
@@ -72,9 +72,9 @@ def _with(start: Account, recordings: Sequence[Recording], added: Sequence[Sized
     return account(start.model, recordings, start.free, effects, start)
 
 
-def _misfit(now: Account, deciding: Account, *, of_forces: bool) -> float:
+def _misfit(now: Account, of: Account, *, of_forces: bool) -> float:
     """Whitened squares of the trials that decide for an account: those to fit, those with own effects."""
-    return squares(now, of_forces=of_forces, alone=frozenset(e.candidate.trial for e in deciding.effects))
+    return squares(now, of_forces=of_forces, of=[e.candidate for e in of.effects])
 
 
 def misfit(now: Account) -> float:
@@ -112,10 +112,11 @@ def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float, *,
 
 
 def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> Array:
-    owners = [c.trial for c in chosen for _ in c.columns]
+    decided = {c.trials: {id(s) for s in deciding(evidence.stretches, c)} for c in chosen}
+    owners = [c.trials for c in chosen for _ in c.columns]
     curvature, score = np.zeros((len(owners),) * 2), np.zeros(len(owners))
     for stretch in evidence.stretches:
-        counts = np.array([t == stretch.trial if t else stretch.role == "fit" for t in owners], dtype=float)
+        counts = np.array([id(stretch) in decided[trials] for trials in owners], dtype=float)
         curvature += stretch.own * np.outer(counts, counts)
         score += stretch.scores * counts
     return np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)

@@ -32,7 +32,7 @@ def swinging_markers(trial: Trial, effects: Sequence[Sized]) -> list[int]:
     names = {
         part.profile.marker
         for effect in effects
-        if effect.candidate.trial in (None, trial.name)
+        if effect.candidate.holds_in(trial.name)
         for column in effect.candidate.columns
         for part in column.parts
         if isinstance(part.profile, Swing)
@@ -89,7 +89,7 @@ def _swung(trial: Trial, item: Watched, effects: Sequence[Sized]) -> Array:
     """How far skin moves every marker of a trial, (n, n_markers, 3), m, ground."""
     skin, found = Skin(item), np.zeros_like(trial.markers)
     for effect in effects:
-        if effect.candidate.trial in (None, trial.name):
+        if effect.candidate.holds_in(trial.name):
             for column, size in effect.columns:
                 for swing in {p.profile for p in column.parts if isinstance(p.profile, Swing)}:
                     if swing.axis == 0 and swing.marker in item.markers:

@@ -61,7 +61,7 @@ def _without(n: Named, now: Account, recordings: Sequence[Recording]) -> Account
 def _better(n: Named, without: Account, settings: DiscoverySettings) -> Option | None:
     """The best of the rivals, if chance does not make the difference."""
     own = n.effect.candidate
-    choice = [own, *(c for c in n.rivals if c.key != own.key and c.trial == own.trial)]
+    choice = [own, *(c for c in n.rivals if c.key != own.key and c.trials == own.trials)]
     options = compared(without, choice, settings.stretch_s, len(choice))
     best = max(options, key=lambda o: o.fitted.expected, default=None)
     mine = next((o for o in options if o.candidate.key == own.key), None)

@@ -44,9 +44,14 @@ class Scene:
         return tuple(s for s in self.model.segments if s.mass > 0.0) if self.plates else ()
 
     @property
-    def scopes_of_forces(self) -> tuple[str | None, ...]:
-        """All trials with forces together (None), and each by itself where there are several."""
-        return (None, *self.weighed) if len(self.weighed) > 1 else (None,)
+    def scopes(self) -> tuple[tuple[str, ...], ...]:
+        """Trials in which something that does not change in a trial may be; () for all of them."""
+        return _scopes(self.trials)
+
+    @property
+    def scopes_of_forces(self) -> tuple[tuple[str, ...], ...]:
+        """The same of trials with forces."""
+        return _scopes(self.weighed)
 
     @property
     def bearing(self) -> tuple[Segment, ...]:
@@ -72,3 +77,10 @@ class Scene:
         own = self.model.segment(segment)
         near = (() if own.parent == GROUND else (own,)) + tuple(self.model.children(segment))
         return tuple(dict.fromkeys(c for s in near for c in self.coordinates_of(s)))
+
+
+def _scopes(trials: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """All trials, each by itself, and all since the second, the third and so on."""
+    if len(trials) < 2:
+        return ((),)
+    return ((), *((trial,) for trial in trials), *(trials[k:] for k in range(1, len(trials) - 1)))

@@ -31,7 +31,7 @@ def would_separate(effect: Sized, others: Sequence[Candidate], now: Account) -> 
     if not own.columns or not columns or not now.watched:
         return ""
     best = (_CLEAR, "")
-    every = [replace(c, trial=None) for c in (own, *columns)]
+    every = [replace(c, trials=()) for c in (own, *columns)]
     for movement in MOVEMENTS:
         shown = _shown(every, now, movement)
         if shown is not None:

@@ -71,9 +71,9 @@ def _strange(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
             for item, course in zip(shown, courses, strict=True)
         }
         fitting = [by_trial[item.name] for item in shown if item.role == "fit"]
-        for trial, parts in ((None, fitting), *((name, [own]) for name, own in by_trial.items())):
+        for trials, parts in (((), fitting), *(((name,), [own]) for name, own in by_trial.items())):
             if any(parts):
-                candidate = Candidate(KIND, (marker,), (), trial=trial, change=Masked(marker))
+                candidate = Candidate(KIND, (marker,), (), trials=trials, change=Masked(marker))
                 found.append((candidate, _fitted(parts)))
     return found
 

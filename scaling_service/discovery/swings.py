@@ -42,7 +42,7 @@ def swung(candidate: Candidate, scene: Scene, frequency_hz: float, damping: floa
     """A swing at another frequency and damping."""
     swinging = kinds()[candidate.kind].swinging
     assert swinging is not None
-    return replace(swinging(candidate, scene, frequency_hz, damping), trial=candidate.trial)
+    return replace(swinging(candidate, scene, frequency_hz, damping), trials=candidate.trials)
 
 
 def _slope(effect: Sized, swing: tuple[float, float], k: int, scene: Scene) -> Column:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.discovery.demands import Demands
 from scaling_service.discovery.floor import marker_floor
 from scaling_service.discovery.shaking import strays
 from scaling_service.estimation.inverse_kinematics import Task, solve_task
@@ -18,6 +19,8 @@ from scaling_service.models.body import BodyModel
 from scaling_service.models.trial import Trial
 
 Role = Literal["fit", "held_out"]
+
+_KEPT = 2_000_000  # numbers; chosen: 16 MB, a full body for 15 s, of which a trial has nine
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +82,33 @@ class Watched:
         return np.asarray(self.task.measured - np.moveaxis(positions(tree, poses), -1, 0))
 
     @cached_property
-    def strays(self) -> Array:
-        """How far noise of the markers takes the motion, in a few draws; see :mod:`.shaking`."""
-        return strays(self)
+    def shaken(self) -> tuple[Watched, ...]:
+        """The same recording with as much noise of the markers once more, anew in each of a few draws."""
+        return tuple(replace(self, q=self.q + stray) for stray in strays(self))
+
+    def demands(self, gravity: Array, cutoff_hz: float) -> Demands:
+        """What the motion demands of the ground under a gravity (3,), m/s2; kept unless it is large."""
+        key = (gravity.tobytes(), cutoff_hz)
+        if key not in self._demands:
+            made = Demands(self.task.model, self.trial.times, self.q, gravity, cutoff_hz)
+            if made.size > _KEPT:
+                return made
+            self._demands[key] = made
+        return self._demands[key]
+
+    @cached_property
+    def _demands(self) -> dict[tuple[bytes, float], Demands]:
+        return {}
 
     @property
     def square(self) -> float:
         """Whitened sum of squares of all residuals."""
         return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
+
+    @property
+    def freedom(self) -> float:
+        """How many numbers the residuals are, the pose's taken off."""
+        return 3.0 * float(self.seen.sum()) - len(self.q) * float(self.task.free.sum())
 
     @property
     def seen(self) -> NDArray[np.bool_]:

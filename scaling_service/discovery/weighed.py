@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from scaling_service.discovery.demands import Demands
 from scaling_service.discovery.loads import Wobbling
 from scaling_service.discovery.oscillator import pulled
 from scaling_service.discovery.shaking import DRAWS
 from scaling_service.discovery.watched import Role, Watched
-from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion, rated_motion
-from scaling_service.kernels import wrench
+from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
-from scaling_service.kernels.mechanism import N_PARAMETERS
-from scaling_service.kernels.regressor import regressor_blocks
 from scaling_service.kernels.tree import forward, positions
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import parameter_values
@@ -107,10 +104,15 @@ class Weighed:
         """Of the frames, s."""
         return self.item.trial.times
 
-    @cached_property
+    @property
+    def demands(self) -> Demands:
+        """What the motion demands, filtered as lightly as the forces."""
+        return self.item.demands(self.gravity, band_hz(self.item.trial.rate_hz))
+
+    @property
     def rated(self) -> RatedMotion:
         """The motion with its rates, filtered as lightly as the forces."""
-        return rated_motion(self.model, self.times, self.item.q, cutoff_hz=band_hz(self.item.trial.rate_hz))
+        return self.demands.rated
 
     def smoothed(self, ground_wrench: Array) -> Array:
         """A wrench (n, 6) about the ground origin below the frequency of comparison.
@@ -149,9 +151,8 @@ class Weighed:
     @cached_property
     def needed(self) -> tuple[Array, Array]:
         """What the motion needs, (n, 6), moment about the ground origin, and the trunk's origin, (n, 3)."""
-        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
-        need, root = wrench.root_wrench(mechanism, self.rated.rates, p, gravity=self.gravity)
-        return np.ascontiguousarray(need.T), np.ascontiguousarray(root.T)
+        demands = self.demands
+        return demands.wrench(self.model), demands.root
 
     @cached_property
     def gap(self) -> Array:
@@ -172,6 +173,11 @@ class Weighed:
         """Whitened sum of squares of all components in the frames that count."""
         return float(np.square(self.gap[self.usable] / self.floor).sum())
 
+    @property
+    def freedom(self) -> float:
+        """How many numbers those are."""
+        return 6.0 * float(self.usable.sum())
+
     @cached_property
     def floor(self) -> Array:
         """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
@@ -187,22 +193,12 @@ class Weighed:
 
     def shaken(self, draws: int) -> Iterator[Weighed]:
         """The same recording with as much noise of the markers once more, anew in every draw."""
-        for stray in islice(self.item.strays, draws):
-            yield replace(self, item=replace(self.item, q=self.item.q + stray))
-
-    @cached_property
-    def _regressors(self) -> Array:
-        """Wrench about :attr:`about` per inertial parameter, (n, 6, 10 n_segments)."""
-        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
-        found = regressor_blocks(mechanism, self.rated.rates, p, gravity=self.gravity)
-        return np.concatenate([block.ground for block in found])
+        for other in self.item.shaken[:draws]:
+            yield replace(self, item=other)
 
     def regressor(self, segment: str) -> Array:
         """Wrench about the ground origin per inertial parameter of a segment, (n, 6, 10)."""
-        k = self.model.segment_names.index(segment)
-        own = self._regressors[:, :, N_PARAMETERS * k : N_PARAMETERS * (k + 1)].copy()
-        own[:, 3:] += np.cross(self.about[:, :, None], own[:, :3], axis=1)
-        return own
+        return self.demands.of_segment(self.model.segment_names.index(segment))
 
     @cached_property
     def _places(self) -> tuple[Array, Array, Array]:

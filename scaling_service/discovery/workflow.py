@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,6 +24,7 @@ from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.sufficient import without_the_insufficient
 from scaling_service.discovery.telling import told
 from scaling_service.discovery.tuning import tuned
+from scaling_service.discovery.widest import widest
 from scaling_service.models.body import BodyModel
 
 Progress = Callable[[str, float], None]
@@ -132,8 +133,7 @@ def _silent(what: str, share: float) -> None:
 def _keeps_its_promise(n: Named, before: Account, after: Account) -> bool:
     """Whether the disagreement fell about as much as was expected once everything was estimated anew."""
     candidate = n.effect.candidate
-    alone = frozenset({candidate.trial})
-    was, left = (squares(a, of_forces=candidate.of_forces, alone=alone) for a in (before, after))
+    was, left = (squares(a, of_forces=candidate.of_forces, of=[candidate]) for a in (before, after))
     return was - left > KEPT * n.fitted.expected
 
 
@@ -155,23 +155,11 @@ def _next(
             o for o in options.best if o.candidate.of_forces == of_forces and _passes(o, options, settings)
         ]
         if room > 0:
-            held_out = {item.name for item in now.watched if item.role == "held_out"}
-            first = _first(_widest(passing, held_out), options, now, refused, settings)
+            trials = [item.name for item in now.watched]
+            fitting = [item.name for item in now.watched if item.role == "fit"]
+            first = _first(widest(passing, trials, fitting), options, now, refused, settings)
             found += [] if first is None else [first]
     return found, options
-
-
-def _widest(passing: Sequence[Option], held_out: Collection[str]) -> list[Option]:
-    """Without what is in a held-out trial only, where the same in all trials passes too.
-
-    Gains in a held-out trial and in those to fit do not compare; where the effect is in all, it is that.
-    """
-    wide = {o.candidate.name for o in passing if o.candidate.trial is None}
-    return [
-        o
-        for o in passing
-        if o.candidate.trial not in held_out or replace(o.candidate, trial=None).name not in wide
-    ]
 
 
 def _first(

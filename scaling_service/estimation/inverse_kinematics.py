@@ -17,7 +17,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.estimation.observability import determined
 from scaling_service.estimation.start import first_guess
 from scaling_service.estimation.traps import freed
-from scaling_service.kernels.estimator import Settings, solve
+from scaling_service.kernels.estimator import Settings, solve_motion_alone
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.losses import SQUARED, Loss
 from scaling_service.kernels.masks import ever, seen
@@ -237,7 +237,7 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
         task.bounds,
         loss=task.loss,
     )
-    found = solve(problem, start, task.p, Settings(relative_decrease=1e-8))
+    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-8))
     gap = measured - np.moveaxis(
         positions(task.tree, forward(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
     )

@@ -49,6 +49,6 @@ def _document(hidden: Hidden) -> HiddenDocument:
         kind=hidden.kind,
         where=list(hidden.where),
         driver=list(hidden.driver),
-        trial=hidden.trial,
+        trials=None if hidden.trial is None else [hidden.trial],
         parameters=dict(hidden.parameters),
     )

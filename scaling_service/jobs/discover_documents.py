@@ -92,7 +92,7 @@ def placed(candidate: Candidate) -> PlacedEffect:
         kind=candidate.kind,
         where=list(candidate.where),
         driver=list(candidate.driver),
-        trial=candidate.trial,
+        trials=list(candidate.trials) or None,
         note=candidate.note,
     )
 
@@ -101,7 +101,7 @@ def _effect(named: Named) -> EffectDocument:
     candidate, numbers = named.effect.candidate, quantities(named)
     return EffectDocument(
         **placed(candidate).model_dump(),
-        name=sentence(candidate.kind, candidate.where, candidate.driver, candidate.trial, numbers),
+        name=sentence(candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers),
         parameters=numbers,
         smallest_nameable={name: rounded(v) for name, v in named.smallest.items() if finite(v) is not None},
         confusable_with=[placed(other) for other in named.confusable],

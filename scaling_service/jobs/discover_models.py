@@ -32,20 +32,20 @@ def corrected_model(account: Account) -> BodyModel:
 
 def own_models(account: Account) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
-    own = {s.candidate.trial for s in account.effects if _of_model(s) and s.candidate.trial is not None}
+    own = {trial for s in account.effects if _of_model(s) for trial in s.candidate.trials}
     return {
-        trial: _with(account.model, [s for s in account.everything if s.candidate.trial in (None, trial)])
+        trial: _with(account.model, [s for s in account.everything if s.candidate.holds_in(trial)])
         for trial in sorted(own)
     }
 
 
 def _with(model: BodyModel, effects: Sequence[Sized]) -> BodyModel:
-    own = [replace(s, candidate=replace(s.candidate, trial=None)) for s in effects]
+    own = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
     return weighty(with_effects(model, own, _EVERY), own)
 
 
 def _lasting(account: Account) -> list[Sized]:
-    return [s for s in account.everything if s.candidate.trial is None]
+    return [s for s in account.everything if not s.candidate.trials]
 
 
 def _of_model(effect: Sized) -> bool:

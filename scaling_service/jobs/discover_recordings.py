@@ -62,7 +62,7 @@ def write_corrected(folder: Path, account: Account, prepared: Prepared) -> tuple
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
         if path.stem in prepared.forces.by_trial:
             ground = _as_recorded(path, prepared)
-            here = [e for e in effects if e.candidate.trial in (None, path.stem)]
+            here = [e for e in effects if e.candidate.holds_in(path.stem)]
             mended = corrected_forces(ground, ground.times, here)
             write_sto(place / f"{path.stem}_forces.mot", forces_table(path.stem, mended))
     return (SAID,)
@@ -124,6 +124,4 @@ def write_contacts(folder: Path, account: Account) -> tuple[str, ...]:
 
 def _touched(trial: str, effects: Sequence[Sized]) -> bool:
     """Whether something that no plate measures touches the body in this trial."""
-    return any(
-        isinstance(e.candidate.change, Contact) and e.candidate.trial in (None, trial) for e in effects
-    )
+    return any(isinstance(e.candidate.change, Contact) and e.candidate.holds_in(trial) for e in effects)

@@ -37,19 +37,19 @@ def sentence(
     kind: str,
     where: tuple[str, ...],
     driver: tuple[str, ...],
-    trial: str | None,
+    trials: tuple[str, ...],
     parameters: Mapping[str, QuantityDocument],
 ) -> str:
     """An effect for people: place, meaning, size.
 
     Examples
     --------
-    >>> sentence("plate_gain", ("plate_1",), (), None, {"factor": QuantityDocument(value=1.02, sd=0.001)})
+    >>> sentence("plate_gain", ("plate_1",), (), (), {"factor": QuantityDocument(value=1.02, sd=0.001)})
     'plate_1: the plate measures a multiple of the true force: factor 1.02'
     """
     place = few(where)
     following = f", here {few([words(d) for d in driver])}" if driver else ""
-    only = f", in {trial} only" if trial else ""
+    only = f", in {few(trials)} only" if trials else ""
     sizes = ", ".join(shown(name, quantity) for name, quantity in parameters.items())
     return f"{place}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
 

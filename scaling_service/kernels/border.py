@@ -48,16 +48,19 @@ class Eliminated:
     rows: slice
     free_step: Array  # (n, nq)
     follow: Array  # (n, nq, np)
-    gain: float  # decrease of the cost that free_step promises
+    gain: Array  # (n,), decrease of each frame's cost that free_step promises
 
 
 @dataclass(slots=True, eq=False)
 class Border:
-    """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,)."""
+    """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,).
+
+    ``gains`` (n_frames,) is what the coordinates alone promise of each frame's cost.
+    """
 
     curvature: Array
     slope: Array
-    gain: float = 0.0
+    gains: Array
     kept: list[Eliminated] = field(default_factory=list)
 
 
@@ -79,7 +82,8 @@ def linearise(
     """
     count = len(problem.parameters)
     change = (p - p0)[problem.parameters] * problem.scale
-    border = Border(np.diag(problem.prior_weight * problem.scale**2), -problem.prior_weight * change)
+    prior = np.diag(problem.prior_weight * problem.scale**2)
+    border = Border(prior, -problem.prior_weight * change, np.zeros(problem.n_frames))
     keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
     for rows in problem.blocks():
         block = _block(problem, q, p, rows)
@@ -87,7 +91,7 @@ def linearise(
         border.curvature += block.shared_curvature - _times(block.cross, eliminated.follow)
         border.slope += block.frame_slopes.sum(axis=0)
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
-        border.gain += eliminated.gain
+        border.gains[rows] = eliminated.gain
         if keep:
             border.kept.append(eliminated)
     return border
@@ -118,8 +122,10 @@ def _times(left: Array, right: Array) -> Array:
 
 def trial_step(
     problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array, float, Array]:
     """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
+
+    Last what the coordinates alone promise of each frame's cost, (n_frames,).
 
     Coordinates that it would carry past a bound are moved just to it, and the step is made again
     knowing so; otherwise all the others would have moved as if they had gone on.
@@ -130,7 +136,7 @@ def trial_step(
     if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins)
         trial_q, trial_p, promised = _step(problem, border, q, p, damping, pins)
-    return (*problem.clipped(trial_q, trial_p), promised)
+    return (*problem.clipped(trial_q, trial_p), promised, border.gains)
 
 
 def _step(
@@ -145,7 +151,7 @@ def _step(
     )
     for block in border.kept or made_again:
         trial_q[block.rows, problem.coordinates] += block.free_step - block.follow @ step
-    promised = border.gain + float(2.0 * border.slope @ step - step @ curvature @ step)
+    promised = float(border.gains.sum() + 2.0 * border.slope @ step - step @ curvature @ step)
     return trial_q, trial_p, promised
 
 
@@ -195,14 +201,14 @@ def _eliminate(
 ) -> Eliminated:
     """Solve a block for its coordinates, those pinned or held at a bound excepted."""
     if not len(problem.coordinates):
-        return Eliminated(rows, block.slope, block.cross, 0.0)
+        return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
     given = np.where(_held(problem, q[rows], block.slope), 0.0, np.nan)
     if pins is not None:
         given = np.where(np.isnan(pins[rows]), given, pins[rows])
     fixed = ~np.isnan(given)
     moved = np.where(fixed, given, 0.0)
     pulled = np.einsum("nij,nj->ni", block.curvature, moved)
-    gain = float((moved * (2.0 * block.slope - pulled)).sum())
+    gain: Array = (moved * (2.0 * block.slope - pulled)).sum(axis=1)
     slope = np.where(fixed, moved, block.slope - pulled)
     cross = np.where(fixed[:, :, None], 0.0, block.cross)
     curvature = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, block.curvature)
@@ -211,7 +217,7 @@ def _eliminate(
     diagonal += np.where(fixed, 1.0, damping[:, None] * diagonal + ridge)
     solved = np.linalg.solve(curvature, np.concatenate([slope[:, :, None], cross], axis=2))
     free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
-    gain += float(np.where(fixed, 0.0, slope * free_step).sum())
+    gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)
     return Eliminated(rows, free_step, follow, gain)
 
 

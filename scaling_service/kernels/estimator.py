@@ -113,6 +113,34 @@ def solve_parameters(
     return _descend(replace(problem, coordinates=np.zeros(0, dtype=np.intp)), q, p0, start, settings, None)
 
 
+def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
+    """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without parameters to estimate.
+    q0 : ndarray, shape (n_frames, n_coordinates)
+    p : ndarray, shape (n_parameters,)
+    """
+    q, p = problem.clipped(q0.copy(), p.copy())
+    cost = frame_costs(problem, q, p)
+    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
+    for steps in range(1, settings.max_steps + 1):
+        part = problem.of_frames(left)
+        moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
+        enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
+        going = (promised > enough) & (damping[left] < _STUCK)
+        left, moved = left[going], moved[going]
+        if not len(left):
+            return Solution(q, p, float(cost.sum()), steps, Outcome.CONVERGED)
+        trial = frame_costs(problem.of_frames(left), moved, p)
+        better = trial <= cost[left]
+        q[left[better]], cost[left[better]] = moved[better], trial[better]
+        damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
+    return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
+
+
 def _descend(
     problem: Problem,
     q0: Array,
@@ -125,7 +153,7 @@ def _descend(
     cost, raise_by = total_cost(problem, q, p, p0), 2.0
     damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised = trial_step(problem, q, p, p0, damping)
+        trial_q, trial_p, promised, _ = trial_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
             return Solution(q, p, cost, steps, Outcome.CONVERGED)
         trial_q, trial_cost, improved = _each_frame_its_better(problem, q, trial_q, trial_p, p0)

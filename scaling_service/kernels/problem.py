@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,11 @@ class Problem:
     def blocks(self) -> Iterator[slice]:
         """Frames to be linearised together."""
         return (slice(k, min(k + _BLOCK, self.n_frames)) for k in range(0, self.n_frames, _BLOCK))
+
+    def of_frames(self, rows: NDArray[np.intp]) -> Problem:
+        """The same of some frames."""
+        signals = None if self.signals is None else self.signals[rows]
+        return replace(self, measured=self.measured[rows], signals=signals)
 
     def clipped(self, q: Array, p: Array) -> tuple[Array, Array]:
         """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place."""

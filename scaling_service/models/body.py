@@ -8,6 +8,7 @@ Y up, Z to the subject's right (ISB).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
@@ -263,7 +264,7 @@ class BodyModel:
             ("marker", [m.name for m in self.markers]),
             ("parameter", [p.name for p in self.parameters]),
         ):
-            twice = {n for n in names if names.count(n) > 1}
+            twice = {n for n, count in Counter(names).items() if count > 1}
             if twice:
                 raise ModelRefused(
                     f"two {kind}s are called '{min(twice)}'", field=min(twice), remedy="Rename one of them"

@@ -17,7 +17,9 @@ class PlacedEffect(_Result):
     kind: str
     where: list[str] = Field(description="Markers, segments, joints or plates, or the whole recording.")
     driver: list[str] = Field(default=[], description="Coordinates that it follows.")
-    trial: str | None = Field(default=None, description="The only recording in which it is; null for all.")
+    trials: list[str] | None = Field(
+        default=None, description="The recordings in which alone it is; null for all."
+    )
     note: str = ""
 
 

@@ -67,7 +67,7 @@ def candidate(kind: str, *where: str, driver: str | None = None) -> Candidate:
     return next(
         c
         for c in choice()
-        if c.kind == kind and c.where == where and c.trial is None and driver in (None, *c.driver)
+        if c.kind == kind and c.where == where and not c.trials and driver in (None, *c.driver)
     )
 
 

@@ -27,7 +27,7 @@ KINDS = (
 def test_a_column_is_what_a_small_effect_does(kind: str) -> None:
     someone = person()
     item = account(someone.model, recorded(someone, someone.model)[:1]).watched[0]
-    for candidate in [c for c in choice() if c.kind == kind and c.trial is None][:4]:
+    for candidate in [c for c in choice() if c.kind == kind and not c.trials][:4]:
         for k, column in enumerate(candidate.columns):
             step = np.zeros(len(candidate.columns))
             step[k] = 1e-6

@@ -85,7 +85,7 @@ def test_exchanged_labels_are_put_back() -> None:
     recordings[1] = Recording(trial.with_markers(markers), "fit")
     (named,) = found(recordings).findings.named
     assert named.effect.candidate.change == Exchange("RLFE", "RMFE", 0.5, 1.19)
-    assert named.effect.candidate.trial == "gait_1"
+    assert named.effect.candidate.trials == ("gait_1",)
 
 
 def test_a_scaled_volume_is_measured() -> None:

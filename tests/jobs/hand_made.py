@@ -64,7 +64,7 @@ TOUCH = replace(
             "external_contact",
             ("torso",),
             (),
-            trial="squat",
+            trials=("squat",),
             change=Contact("torso", 0.5, 1.5, (0.05, 0.3, 0.0)),
         ),
         [],

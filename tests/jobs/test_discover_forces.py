@@ -98,7 +98,7 @@ GAIN = Sized(
 )
 TOUCH = Sized(
     Candidate(
-        "external_contact", ("torso",), (), trial="sway", change=Contact("torso", 0.5, 1.5, (0.0,) * 3)
+        "external_contact", ("torso",), (), trials=("sway",), change=Contact("torso", 0.5, 1.5, (0.0,) * 3)
     ),
     np.zeros(0),
 )
@@ -137,7 +137,7 @@ def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -
 
 
 def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_path: Path) -> None:
-    everywhere = replace(TOUCH, candidate=replace(TOUCH.candidate, trial=None))
+    everywhere = replace(TOUCH, candidate=replace(TOUCH.candidate, trials=()))
     found = account(prepared.model, prepared.recordings, (), [everywhere])
     write_contacts(tmp_path, found)
     assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.weighed}
@@ -163,7 +163,7 @@ def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared
     now = account(prepared.model, prepared.recordings)
     every = list(candidates(scene_of(now)))
     tilt = next(c for c in every if c.kind == "gravity_tilt")
-    biases = [c for c in every if c.kind == "plate_bias" and c.trial is None and len(c.columns) == 6]
+    biases = [c for c in every if c.kind == "plate_bias" and not c.trials and len(c.columns) == 6]
     leaning = Sized(tilt, np.array([0.01, 0.0]))
     assert would_separate(leaning, biases[:1], now) not in ("", "quiet standing")
     assert would_separate(Sized(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""

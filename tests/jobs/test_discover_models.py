@@ -46,9 +46,9 @@ MODEL = builtin("lower_limb_14dof")
 SCENE = Scene(MODEL, MODEL.marker_names, ("hip_flexion_r", "knee_angle_r"), ("a", "b"))
 
 
-def one(found: Iterable[Candidate], size: list[float], *where: str, trial: str | None = None) -> Sized:
+def one(found: Iterable[Candidate], size: list[float], *where: str, trials: tuple[str, ...] = ()) -> Sized:
     """The first candidate at a place, of known size (SI)."""
-    candidate = next(c for c in found if c.where == where and c.trial == trial)
+    candidate = next(c for c in found if c.where == where and c.trials == trials)
     return Sized(candidate, np.array(size))
 
 
@@ -59,7 +59,7 @@ CENTRE = one(joint_centre_offset.candidates(SCENE), [0.004, 0.01, -0.006], "hip_
 GLIDE = one(coupled_motion.candidates(SCENE), [0.005, 0.002, 0.0], "knee_r")
 SKIN = one(soft_tissue_artefact.candidates(SCENE), [0.01, 0.0, 0.02], "RLFE")
 SWINGING = one(skin_wobble.candidates(SCENE), [1.0], "RLFE")
-ONCE = one(marker_offset.candidates(SCENE), [0.01, 0.0, 0.0], "LFH", trial="b")
+ONCE = one(marker_offset.candidates(SCENE), [0.01, 0.0, 0.0], "LFH", trials=("b",))
 FREE = Sized(
     Candidate(
         "missing_dof", ("knee_l",), (), note="extra turn",

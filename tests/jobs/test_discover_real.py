@@ -52,7 +52,7 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
     prepared, vertical = squat
     start, end = (float(prepared.recordings[0].trial.times[k]) for k in (0, -1))
     contact = Candidate(
-        "external_contact", ("calcn_l",), (), trial="squats1",
+        "external_contact", ("calcn_l",), (), trials=("squats1",),
         change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0)),
     )  # fmt: skip
     found = account(prepared.model, prepared.recordings, (), [Sized(contact, np.zeros(0))])

@@ -16,5 +16,5 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
         columns = (Column("delay_s", 1.0, load=Late(), low=-0.3, high=0.3),)
-        for trial in scene.scopes_of_forces:
-            yield Candidate(KIND, ("forces",), columns, trial=trial)
+        for trials in scene.scopes_of_forces:
+            yield Candidate(KIND, ("forces",), columns, trials=trials)

@@ -13,10 +13,8 @@ MEANING = "the marker sits elsewhere on its segment"
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:
-    """Every marker, in all trials and in each one."""
+    """Every marker, in all trials, in each one and since each one."""
     for marker in scene.markers:
         columns = shifts(of_markers(marker), most=80.0)
-        yield Candidate(KIND, (marker,), columns)
-        if len(scene.trials) > 1:
-            for trial in scene.trials:
-                yield Candidate(KIND, (marker,), columns, trial=trial)
+        for trials in scene.scopes:
+            yield Candidate(KIND, (marker,), columns, trials=trials)

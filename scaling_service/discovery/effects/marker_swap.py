@@ -24,13 +24,13 @@ def options(now: Account, scene: Scene, stretch_s: float) -> Iterator[Option]:
     """The best pair and span of every trial, and of all of them where all have the same."""
     for swap in swaps(now.watched):
         where = (swap.exchange.first, swap.exchange.second)
-        candidate = Candidate(KIND, where, (), trial=swap.trial, change=swap.exchange)
+        candidate = Candidate(KIND, where, (), trials=swap.trials, change=swap.exchange)
         yield _tried(candidate, swap, now, stretch_s)
 
 
 def _tried(candidate: Candidate, swap: Swap, now: Account, stretch_s: float) -> Option:
     """An exchange takes nothing from the data but its span, so all that it explains counts as unseen."""
-    shown = [w for w in now.watched if candidate.trial in (None, w.name)]
+    shown = [w for w in now.watched if candidate.holds_in(w.name)]
     square = sum(w.square for w in shown)
     spans, pairs = len(shown[0].q), math.comb(len(shown[0].markers), 2)
     alike = max(1.0, stretch_s * shown[0].trial.rate_hz)

@@ -21,6 +21,6 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
             Column(name, 1.0, load=PlateBias(plate, k), low=-most, high=most)
             for k, (name, most) in enumerate(zip(_NAMES, _MOST, strict=True))
         )
-        for trial in scene.scopes_of_forces:
-            yield Candidate(KIND, (plate,), columns[:3], trial=trial)
-            yield Candidate(KIND, (plate,), columns, trial=trial, note="with moments")
+        for trials in scene.scopes_of_forces:
+            yield Candidate(KIND, (plate,), columns[:3], trials=trials)
+            yield Candidate(KIND, (plate,), columns, trials=trials, note="with moments")

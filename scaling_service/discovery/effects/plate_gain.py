@@ -15,6 +15,6 @@ MEANING = "the plate measures a multiple of the true force"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
-        for trial in scene.scopes_of_forces:
+        for trials in scene.scopes_of_forces:
             columns = (Column("factor", 1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4),)
-            yield Candidate(KIND, (plate,), columns, trial=trial)
+            yield Candidate(KIND, (plate,), columns, trials=trials)

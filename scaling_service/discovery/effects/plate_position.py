@@ -22,5 +22,5 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
             Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-most, high=most)
             for k, most in enumerate(_MOST_MM)
         )
-        for trial in scene.scopes_of_forces:
-            yield Candidate(KIND, (plate,), columns, trial=trial)
+        for trials in scene.scopes_of_forces:
+            yield Candidate(KIND, (plate,), columns, trials=trials)

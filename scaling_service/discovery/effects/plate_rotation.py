@@ -16,11 +16,11 @@ MEANING = "the plate is turned about its middle"
 def candidates(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, about the vertical and leaning, in all recordings and in each."""
     for plate in scene.plates:
-        for trial in scene.scopes_of_forces:
+        for trials in scene.scopes_of_forces:
             vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),)
             leaning = tuple(
                 Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
                 for k, letter in ((0, "x"), (2, "z"))
             )
-            yield Candidate(KIND, (plate,), vertical, trial=trial)
-            yield Candidate(KIND, (plate,), leaning, trial=trial, note="leaning")
+            yield Candidate(KIND, (plate,), vertical, trials=trials)
+            yield Candidate(KIND, (plate,), leaning, trials=trials, note="leaning")

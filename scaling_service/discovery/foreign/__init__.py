@@ -9,7 +9,7 @@ with ``found``, a search of its own.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -21,6 +21,8 @@ from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, compared
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.discovery.watched import Watched
+from scaling_service.discovery.weighed import Weighed
 
 CLEARLY = 1.15
 """How much more a foreign law must explain than any effect (chosen: beside one that is there it explains the
@@ -29,6 +31,10 @@ same at most, having a few numbers more)."""
 NEARLY = 0.8
 """Share of what a motion or a force of any course explains that a foreign law must explain: such a course
 follows every law (chosen: what is left to it is what the law's few numbers miss)."""
+
+MAINLY = 0.25
+"""Share of what stands above the noise that a foreign law must explain (chosen: the search stops there, so it
+must be most of what is wrong; where much else is, a few numbers more explain more than the right effect)."""
 
 
 Told = Callable[[Option], tuple[tuple[str, ...], str]]
@@ -53,7 +59,8 @@ def foreign(now: Account, options: Options, settings: DiscoverySettings) -> Fore
     """The law that explains most, if it does so clearly better than any effect."""
     found = _found(now, settings.stretch_s)
     sure = [law for law in found if max(law.p * options.count, law.unseen) <= settings.level]
-    clear = [law for law in sure if law.expected > _rivals(law, options)]
+    main = [law for law in sure if law.expected > MAINLY * _standing_out(now, of_forces=law.of_forces)]
+    clear = [law for law in main if law.expected > _rivals(law, options)]
     return max(clear, key=lambda law: law.expected, default=None)
 
 
@@ -71,6 +78,12 @@ def _found(now: Account, stretch_s: float) -> Iterator[Foreign]:
             where, law_in_words = told[option.candidate](option)
             fitted, unseen = option.fitted, option.unseen
             yield Foreign(where, law_in_words, fitted.expected, fitted.p, unseen.p, of_forces)
+
+
+def _standing_out(now: Account, *, of_forces: bool) -> float:
+    """Whitened squares in the trials to fit, without those of noise."""
+    items: Sequence[Watched | Weighed] = now.weighed if of_forces else now.watched
+    return sum(item.square - item.freedom for item in items if item.role == "fit")
 
 
 def _rivals(law: Foreign, options: Options) -> float:

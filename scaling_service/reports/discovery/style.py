@@ -36,7 +36,7 @@ def placed(effect: PlacedEffect) -> str:
     'plate gain at plate_1'
     """
     following = f" with {', '.join(effect.driver)}" if effect.driver else ""
-    only = f" in {effect.trial}" if effect.trial else ""
+    only = f" in {', '.join(effect.trials)}" if effect.trials else ""
     said = f" ({effect.note})" if effect.note else ""
     return f"{effect.kind.replace('_', ' ')} at {', '.join(effect.where)}{following}{only}{said}"
 

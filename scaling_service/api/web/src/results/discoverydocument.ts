@@ -4,7 +4,7 @@ export interface Placed {
   kind: string;
   where: string[];
   driver: string[];
-  trial: string | null;
+  trials: string[] | null;
   note: string;
 }
 
@@ -69,7 +69,7 @@ export interface DiscoveryDocument {
 }
 
 /** An effect in a line: what, where, along with what, in which recording. */
-export function placed({ kind, where, driver, trial, note }: Placed): string {
+export function placed({ kind, where, driver, trials, note }: Placed): string {
   const following = driver.length === 0 ? "" : ` with ${driver.join(", ")}`;
-  return `${kind.replaceAll("_", " ")} at ${where.join(", ")}${following}${trial === null ? "" : ` in ${trial}`}${note === "" ? "" : ` (${note})`}`;
+  return `${kind.replaceAll("_", " ")} at ${where.join(", ")}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from scaling_service.kernels.tree import forward
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import parameter_values
 from scaling_service.models.massive import inertias_of, mechanism_of
+
+_REMEMBERED = 16  # chosen: three trials and four draws of their noise each
+_LARGEST = 40_000  # segments times frames; chosen: 20 MB each, a full body for some 15 s
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +41,6 @@ class Demands:
     gravity: Array
     cutoff_hz: float
 
-    @property
-    def size(self) -> int:
-        """How many numbers :attr:`per_number` holds."""
-        return len(self.times) * 6 * N_PARAMETERS * len(self.model.segments)
-
     @cached_property
     def rated(self) -> RatedMotion:
         """The motion with its rates, filtered."""
@@ -51,17 +49,14 @@ class Demands:
     @cached_property
     def root(self) -> Array:
         """The trunk's origin, (n, 3), m."""
-        poses = forward(self._mechanism.tree, self.rated.rates.q, parameter_values(self.model))
+        poses = forward(self.mechanism.tree, self.rated.rates.q, parameter_values(self.model))
         return np.ascontiguousarray(poses.origins[0].T)
 
-    @cached_property
+    @property
     def per_number(self) -> Array:
         """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
-        p = parameter_values(self.model)
-        found = regressor_blocks(self._mechanism, self.rated.rates, p, gravity=self.gravity)
-        made = np.concatenate([block.ground for block in found])
-        made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
-        return made
+        small = len(self.times) * len(self.model.segments) <= _LARGEST
+        return _remembered(self) if small else _per_number(self)
 
     def of_segment(self, k: int) -> Array:
         """The same of one segment, (n, 6, 10)."""
@@ -72,5 +67,17 @@ class Demands:
         return np.asarray(self.per_number @ inertias_of(model).parameters().ravel())
 
     @cached_property
-    def _mechanism(self) -> Mechanism:
+    def mechanism(self) -> Mechanism:
+        """The model, compiled."""
         return mechanism_of(self.model)
+
+
+def _per_number(demands: Demands) -> Array:
+    p = parameter_values(demands.model)
+    found = regressor_blocks(demands.mechanism, demands.rated.rates, p, gravity=demands.gravity)
+    made = np.concatenate([block.ground for block in found])
+    made[:, 3:] += np.cross(demands.root[:, :, None], made[:, :3], axis=1)
+    return made
+
+
+_remembered = lru_cache(_REMEMBERED)(_per_number)

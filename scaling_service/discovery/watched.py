@@ -20,8 +20,6 @@ from scaling_service.models.trial import Trial
 
 Role = Literal["fit", "held_out"]
 
-_KEPT = 2_000_000  # numbers; chosen: 16 MB, a full body for 15 s, of which a trial has nine
-
 
 @dataclass(frozen=True, eq=False)
 class Watched:
@@ -87,13 +85,10 @@ class Watched:
         return tuple(replace(self, q=self.q + stray) for stray in strays(self))
 
     def demands(self, gravity: Array, cutoff_hz: float) -> Demands:
-        """What the motion demands of the ground under a gravity (3,), m/s2; kept unless it is large."""
+        """What the motion demands of the ground under a gravity (3,), m/s2."""
         key = (gravity.tobytes(), cutoff_hz)
         if key not in self._demands:
-            made = Demands(self.task.model, self.trial.times, self.q, gravity, cutoff_hz)
-            if made.size > _KEPT:
-                return made
-            self._demands[key] = made
+            self._demands[key] = Demands(self.task.model, self.trial.times, self.q, gravity, cutoff_hz)
         return self._demands[key]
 
     @cached_property

@@ -19,7 +19,7 @@ class Option:
     candidate : Candidate
     fitted : Fitted
     gains : ndarray, shape (n_stretches,), or None
-        What it takes off each stretch of the trials that are to fit, or of its own trial.
+        What it takes off each stretch that decides for it.
     unseen : Unseen
     alike : tuple of Candidate
         Those that are known not to be told from it.

@@ -1,0 +1,77 @@
+"""What is not in all recordings: named in those in which it is, whatever else is free."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.comparing import Unseen
+from scaling_service.discovery.effects import marker_offset
+from scaling_service.discovery.fitting import Recording
+from scaling_service.discovery.judging import NOTHING
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.widest import widest
+from scaling_service.discovery.workflow import discover
+from tests.discovery.hidden import candidate, hide, person, recorded
+
+MOVED_MM = (10.0, 0.0, 10.0)
+STUCK = "RFH"
+
+
+def moved(*trials: str) -> list[Recording]:
+    """The person's recordings, a marker elsewhere on its segment in some of them."""
+    _, truth = hide("marker_offset", STUCK, numbers=MOVED_MM)
+    pairs = zip(recorded(person(), person().model), recorded(person(), truth), strict=True)
+    return [after if after.trial.name in trials else before for before, after in pairs]
+
+
+@pytest.mark.parametrize("trials", [("gait_1", "gait_2"), ("gait_1",), ("gait_2",)])
+def test_a_marker_that_was_stuck_on_again_is_found_in_its_recordings(trials: tuple[str, ...]) -> None:
+    (named,) = discover(person().model, moved(*trials)).findings.named
+    assert named.effect.candidate.where == (STUCK,)
+    assert named.effect.candidate.trials == trials
+    assert 1e3 * np.linalg.norm(named.effect.size) == pytest.approx(np.linalg.norm(MOVED_MM), rel=0.05)
+
+
+def test_a_place_that_is_free_does_not_hide_that_it_changed() -> None:
+    """A calibration takes the mean; the other recordings tell what is free of all from what is in some."""
+    mean = 0.5e-3 * np.array(MOVED_MM)
+    free = [Sized(replace(candidate("marker_offset", STUCK), note="as calibrated"), mean)]
+    (named,) = discover(person().model, moved("gait_1", "gait_2"), free).findings.named
+    assert named.effect.candidate.where == (STUCK,)
+    assert named.effect.candidate.trials in {("knee_r",), ("gait_1", "gait_2")}
+    assert 1e3 * np.linalg.norm(named.effect.size) == pytest.approx(np.linalg.norm(MOVED_MM), rel=0.05)
+
+
+def test_scopes_are_all_trials_each_and_all_since_each() -> None:
+    scene = Scene(person().model, (STUCK,), (), ("a", "b", "c"), (), ("a",))
+    assert scene.scopes == ((), ("a",), ("b",), ("c",), ("b", "c"))
+    assert scene.scopes_of_forces == ((),)
+    assert [c.trials for c in marker_offset.candidates(scene)] == list(scene.scopes)
+
+
+def option(*trials: str) -> Option:
+    """The same effect in some trials; () for all."""
+    return Option(Candidate("marker_offset", (STUCK,), (), trials=trials), NOTHING, None, Unseen(1, 0, False))
+
+
+@pytest.mark.parametrize(
+    ("passing", "kept"),
+    [
+        ([("b",), ("b", "c")], [("b", "c")]),  # the held-out trial has judged the wider one
+        ([("c",), ()], [()]),  # a gain in a held-out trial does not compare
+        ([("a",), ()], [("a",), ()]),  # gains in trials to fit do
+        ([("c",), ("c", "d")], [("c",), ("c", "d")]),  # so do gains of what was held out
+        ([("c",)], [("c",)]),
+    ],
+)
+def test_the_wider_of_two_scopes_stays_where_gains_do_not_compare(
+    passing: list[tuple[str, ...]], kept: list[tuple[str, ...]]
+) -> None:
+    found = widest([option(*trials) for trials in passing], "abcd", "ab")
+    assert [o.candidate.trials for o in found] == kept

@@ -6,13 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from scaling_service.discovery.findings import Findings
+from scaling_service.discovery import foreign
+from scaling_service.discovery.findings import Findings, Foreign
+from scaling_service.discovery.fitting import account
+from scaling_service.discovery.options import Options
 from scaling_service.discovery.spots import BentSpot, VolumeSpot, field
+from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.workflow import discover
 from scaling_service.kernels.laws import Array
 from scaling_service.models.trial import Trial
-from tests.discovery.hidden import person, recorded
+from tests.discovery.hidden import hide, person, recorded
 
 
 def changed(change: Callable[[Trial], Array]) -> Findings:
@@ -64,3 +69,18 @@ def test_a_marker_that_came_off_is_told_alone() -> None:
     found = changed(restuck)
     assert not found.named
     assert [u.where for u in found.unexplained] == [("RFH",)]
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.2, False), (0.3, True)])
+def test_only_what_explains_much_of_the_disagreement_ends_the_search(
+    share: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where much is wrong, a law of a few more numbers than the right effect explains more than it."""
+    _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
+    now = account(person().model, recorded(person(), truth))
+    # White noise of 1 mm adds a square of one for every number that the residuals are.
+    above = sum(i.square - i.freedom for i in now.watched if i.role == "fit")
+    law = Foreign(("markers",), "any law", share * above, 0.0, 0.0, of_forces=False)
+    monkeypatch.setattr(foreign, "_found", lambda *_: iter([law]))
+    found = foreign.foreign(now, Options([], 1, [], now.watched), DiscoverySettings())
+    assert found is (law if told else None)

@@ -6,7 +6,8 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
 ``labels``, and names of folders and trials tell nothing of it.
 
 - ``python -m tests.blind.make --out BANK --fast|--full`` writes the bank;
-- ``python -m tests.blind.real.make --out BANK`` adds real recordings with something hidden;
+- ``python -m tests.blind.real.make --out BANK`` adds real recordings with something hidden; with ``--bones``
+  the walking person with imaged bones, for a bank of its own, run with ``--start EB_am``;
 - ``python -m tests.blind.run --bank BANK --out RESULTS`` lets the product look for what is hidden;
 - ``python -m tests.blind.score --bank BANK --results RESULTS`` prints how well it did.
 

@@ -1,4 +1,4 @@
-"""``python -m tests.blind.real.make --out BANK``: the real recordings with something hidden."""
+"""``python -m tests.blind.real.make --out BANK [--bones]``: the real recordings with something hidden."""
 
 from __future__ import annotations
 
@@ -12,17 +12,26 @@ from scaling_service.formats.sto import Table, write_sto
 from tests.blind.real.angles import data_folder
 from tests.blind.real.hiding import CASES, RealCase
 from tests.blind.real.squats import PERSON, read_squats, write_subject
+from tests.blind.real.walking import NAME, make_walking
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the cases; without the recordings say so and fail."""
     parser = argparse.ArgumentParser(prog="python -m tests.blind.real.make", description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder of the bank")
+    parser.add_argument(
+        "--bones",
+        action="store_true",
+        help="the person with imaged bones instead; to be run with --start EB_am",
+    )
     given = parser.parse_args(arguments)
     data = data_folder()
     if data is None:
         sys.stderr.write("the real recordings are not here: set SCALING_SERVICE_DATA\n")
         return 2
+    if given.bones:
+        sys.stdout.write(f"{make_walking(data, given.out)} {NAME}\n")
+        return 0
     for case in CASES:
         make_real(case, data, given.out)
         sys.stdout.write(f"{case_id(case)} {case.name}\n")

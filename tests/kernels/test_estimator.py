@@ -10,7 +10,14 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.estimator import Outcome, Settings, solve, solve_parameters, uncertainty
+from scaling_service.kernels.estimator import (
+    Outcome,
+    Settings,
+    solve,
+    solve_motion_alone,
+    solve_parameters,
+    uncertainty,
+)
 from scaling_service.kernels.losses import Cauchy, Huber
 from scaling_service.kernels.problem import Problem, residuals, total_cost
 from scaling_service.kernels.sweep import SweepSettings, solve_motion
@@ -174,6 +181,35 @@ def test_without_parameters_it_is_inverse_kinematics() -> None:
     )
     assert found.cost == pytest.approx(sweeps.cost.sum(), rel=1e-9)
     np.testing.assert_allclose(found.q, sweeps.q, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("coupled", "limited"), [(False, False), (True, False), (True, True)])
+def test_frames_that_end_by_themselves_end_where_they_do_together(coupled: bool, limited: bool) -> None:
+    """Also with coordinates that several links follow, a marker not seen, a frame not seen and bounds."""
+    this = case(69, n=40, model=freed(np.random.default_rng(69), coupled=coupled))
+    none = np.zeros(0)
+    bounds = [bound.copy() for bound in this.problem.coordinate_bounds]
+    if limited:
+        knee = int(this.problem.coordinates[-1])
+        bounds[1][knee] = np.quantile(this.q[:, knee], 0.7)
+    measured = this.problem.measured.copy()
+    measured[3:9, 0], measured[20] = np.nan, np.nan
+    still = replace(
+        this.problem,
+        measured=measured,
+        parameters=np.zeros(0, dtype=np.intp),
+        scale=none,
+        lower=none,
+        upper=none,
+        prior_weight=none,
+        coordinate_bounds=(bounds[0], bounds[1]),
+    )
+    together = solve(still, this.q0, this.p, TIGHT)
+    alone = solve_motion_alone(still, this.q0, this.p, TIGHT)
+    assert alone.outcome is Outcome.CONVERGED
+    assert alone.cost == pytest.approx(together.cost, rel=1e-9)
+    assert alone.cost == pytest.approx(total_cost(still, alone.q, alone.p, this.p), rel=1e-12)
+    np.testing.assert_allclose(alone.q, together.q, rtol=0, atol=1e-6)
 
 
 def test_some_parameters_and_coordinates_may_be_held() -> None:

@@ -4,7 +4,7 @@ Examples
 --------
 >>> def scaled(url):
 ...     with Client(url) as client:
-...         client.put_subject_file("S01.json")      # the document and the files that it names
+...         client.put_subject_file("S01.yaml")      # the document and the files that it names
 ...         job = client.ask("scalings/optimised", subject="S01", method="MB_am")
 ...         client.wait(job)
 ...         return client.result(job)["segment_lengths_mm"]
@@ -12,7 +12,6 @@ Examples
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -26,6 +25,7 @@ from pydantic import BaseModel, ValidationError
 from scaling_service.core.errors import InputError
 from scaling_service.schemas.jobs import State
 from scaling_service.schemas.markermap import MarkerMapDocument
+from scaling_service.schemas.reading import check_document, read_content
 from scaling_service.schemas.service import (
     ExampleList,
     FileEntry,
@@ -107,9 +107,17 @@ class Client:
             return _as(FileEntry, self._call("PUT", place, data=content))
 
     def put_subject_file(self, path: str | Path) -> SubjectDetail:
-        """Give a subject's JSON document and upload the files beside it that it names."""
+        """Give a subject's document, YAML or JSON, and upload the files beside it that it names.
+
+        Raises
+        ------
+        FileUnreadable, SubjectInvalid
+            As :func:`scaling_service.schemas.reading.read_document`.
+        """
         file = Path(path)
-        document = json.loads(file.read_text(encoding="utf-8"))
+        document = read_content(file)
+        check_document(document, file=file)
+        assert isinstance(document, Mapping)  # or it would have been refused
         subject = self.put_subject(document).id
         for name in sorted(set(_texts(document))):
             if (file.parent / name).is_file():

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+import yaml
 
 from scaling_service.client import Client, JobEnded, ServiceRefused
 from scaling_service.core.errors import InputError
@@ -19,12 +20,15 @@ from tests.runner.tiny import TINY
 __all__ = ["tiny"]
 
 
-def test_from_a_subject_file_to_files_on_disk(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["S01.json", "S01.yaml"])
+def test_from_a_subject_file_to_files_on_disk(tmp_path: Path, name: str) -> None:
     (tmp_path / "walk.trc").write_text("one")
     (tmp_path / "standing.trc").write_text("two")
-    (tmp_path / "S01.json").write_text(json.dumps(person("S01")))
+    document = person("S01")
+    text = json.dumps(document) if name.endswith("json") else yaml.safe_dump(document)
+    (tmp_path / name).write_text(text)
     with serving(settings_in(tmp_path), TINY) as served, served.client() as client, running(served.service):
-        subject = client.put_subject_file(tmp_path / "S01.json")
+        subject = client.put_subject_file(tmp_path / name)
         assert [file.name for file in subject.files] == ["standing.trc", "walk.trc"]
         job = client.wait(client.ask("tiny", number=5, subject="S01", files=["walk.trc"]), 30.0)
         assert client.result(job)["read"]["walk.trc"] == "one"

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.cli.screen import console_of_results
+from scaling_service.cli.screen import console_of_results, say
 from scaling_service.core.text import few
 from scaling_service.schemas.cohort import CohortDocument, QuantityEntry, StatisticsDocument, SubjectEntry
 
@@ -24,8 +24,7 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
         console.print(_table(document.statistics))
         for line in _tested(document.statistics):
             console.print(line, highlight=False, soft_wrap=True)
-    for note in _notes(document) if "done" in ended else document.notes:
-        console.print(f"[yellow]Note[/yellow]  {escape(note)}", highlight=False, soft_wrap=True)
+    say(console, "Note", "yellow", _notes(document) if "done" in ended else document.notes)
     _show_others(console, document.subjects)
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     folders = [s.folder for s in document.subjects if s.folder is not None]

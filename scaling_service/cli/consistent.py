@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.cli import options
-from scaling_service.cli.screen import console_of_results, progress_bar
+from scaling_service.cli.screen import console_of_results, introduce, progress_bar, say
 from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ
 from scaling_service.jobs.consistent import consistent as compute
 from scaling_service.jobs.consistent_saving import FILE_NAME, save_consistent
@@ -48,11 +48,11 @@ def consistent(
 def show(document: ConsistentDocument, out: Path) -> None:
     """The errors in three ways, the warnings, and what was written."""
     console = console_of_results()
-    console.print(
-        f"Subject [bold]{escape(document.subject)}[/bold]: start {document.start}, "
-        f"inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
+    introduce(
+        console,
+        document,
+        f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
         f"{document.outer_iterations} loops",
-        highlight=False,
     )
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in ("RMS error", "fx, N", "fy, N", "mz, N m", "markers, mm"):
@@ -64,8 +64,7 @@ def show(document: ConsistentDocument, out: Path) -> None:
             numbers = [f"{getattr(wrench, n):.1f}" for n in ("fx_N", "fy_N", "mz_Nm")]
             table.add_row(f"  {way}", *numbers, f"{getattr(trial.marker_rms_mm, way):.1f}")
     console.print(table)
-    for warning in document.warnings:
-        console.print(f"[yellow]Note[/yellow]  {escape(warning)}", highlight=False, soft_wrap=True)
+    say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in (FILE_NAME, REPORT) if (out / n).is_file())]
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)

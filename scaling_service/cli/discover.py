@@ -37,6 +37,9 @@ def discover(
     volume; late forces, plates that are shifted, turned or wrong, wrong masses, carried loads, contacts that
     no plate measured, a vertical that leans.
 
+    A model that is scaled first has explained by lengths, axes and marker places what these can; only what is
+    left is named. With --start none these are questioned, too.
+
     The verdict is [bold]found[/bold] (at least one effect has a name), [bold]nothing[/bold] (nothing stands
     above the noise) or [bold]unexplained[/bold] (something does, and nothing known explains it). An effect
     that these recordings do not tell from others is listed with them, and which movement would separate them.

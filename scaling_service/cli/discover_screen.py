@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.cli.screen import console_of_results
+from scaling_service.cli.screen import console_of_results, introduce, say
 from scaling_service.jobs.discover_saving import FILE_NAME
 from scaling_service.jobs.discover_words import shown
 from scaling_service.reports.discovery.page import headline
@@ -25,24 +24,19 @@ def show(document: DiscoveryDocument, out: Path) -> None:
     """The table of effects, the verdict in a sentence, and what it leaves open."""
     console = console_of_results()
     how = "as given" if document.start == "none" else f"scaled by {document.start}"
-    console.print(f"Subject [bold]{escape(document.subject)}[/bold]: model {how}", highlight=False)
+    introduce(console, document, f"model {how}")
     if document.effects:
         console.print(_effects(document))
     console.print(_gap(document))
-    _say(console, "Verdict", "bold", [f"{headline(document)}."])
-    _say(console, "Class", "cyan", list(_classes(document.effects)))
-    _say(console, "Left", "yellow", _left(document))
-    _say(console, "Note", "yellow", document.notes)
+    say(console, "Verdict", "bold", [f"{headline(document)}."])
+    say(console, "Class", "cyan", list(_classes(document.effects)))
+    say(console, "Left", "yellow", _left(document))
+    say(console, "Note", "yellow", document.notes)
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     console.print(f"  {escape(', '.join([*document.files, FILE_NAME]))}", highlight=False, soft_wrap=True)
     if document.hidden is not None:
         hidden = [f"{placed(h)}: {_listed(h.parameters)}" for h in document.hidden]
-        _say(console, "Had been hidden", "bold", hidden)
-
-
-def _say(console: Console, word: str, style: str, lines: Sequence[str]) -> None:
-    for line in lines:
-        console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
+        say(console, "Had been hidden", "bold", hidden)
 
 
 def _effects(document: DiscoveryDocument) -> Table:

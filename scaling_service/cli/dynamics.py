@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.cli import options
-from scaling_service.cli.screen import console_of_results, progress_bar
+from scaling_service.cli.screen import console_of_results, introduce, progress_bar, say
 from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ
 from scaling_service.jobs.dynamics import dynamics as compute
 from scaling_service.jobs.dynamics_saving import FILE_NAME, save_dynamics
@@ -79,23 +78,15 @@ def show(document: DynamicsDocument, out: Path) -> None:
     console = console_of_results()
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
     own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
-    console.print(
-        f"Subject [bold]{escape(document.subject)}[/bold]: model {how}, {own}, {document.mass_kg:.1f} kg",
-        highlight=False,
-    )
+    introduce(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
     console.print(_table(document))
     if document.inertial is not None and document.inertial.combinations:
         console.print(_inertial_table(document))
-    _say(console, "Note", "yellow", _warnings(document))
-    _say(console, "Verdict", "bold", [document.verdict])
+    say(console, "Note", "yellow", _warnings(document))
+    say(console, "Verdict", "bold", [document.verdict])
     written = [*document.files, *(name for name in (FILE_NAME, REPORT) if (out / name).is_file())]
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)
-
-
-def _say(console: Console, word: str, style: str, lines: Sequence[str]) -> None:
-    for line in lines:
-        console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
 
 
 def _warnings(document: DynamicsDocument) -> list[str]:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from scaling_service.jobs.tasks import Progress as Report
-from scaling_service.schemas.results import ComparisonDocument, MethodResult
+from scaling_service.schemas.results import ComparisonDocument, MethodResult, Provenance
 
 _WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)
 Cells = Sequence[str]
@@ -35,14 +35,11 @@ def progress_bar() -> Iterator[Report]:
 def show(document: ComparisonDocument, out: Path) -> None:
     """The table of methods, the warnings, and what was written."""
     console = console_of_results()
-    console.print(f"Subject [bold]{escape(document.subject)}[/bold]", highlight=False)
-    for line in _understood(document):
-        console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
+    introduce(console, document)
     console.print(_table(document))
-    for warning in _warnings(document):
-        console.print(f"[yellow]Note[/yellow]  {escape(warning)}", highlight=False, soft_wrap=True)
+    say(console, "Note", "yellow", _warnings(document))
     if document.verdict is not None and (out / "comparison.json").is_file():
-        console.print(f"[bold]Verdict[/bold]  {escape(document.verdict.headline)}", highlight=False)
+        say(console, "Verdict", "bold", [document.verdict.headline])
     console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
     for line in written(document, out):
         console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
@@ -60,7 +57,21 @@ def written(document: ComparisonDocument, out: Path) -> list[str]:
     return [*lines, *(name for name in ("comparison.json", "report.html") if (out / name).is_file())]
 
 
-def _understood(document: ComparisonDocument) -> Iterator[str]:
+def introduce(console: Console, document: Provenance, how: str = "") -> None:
+    """Whose result it is and how it came about, then how the files were read."""
+    after = f": {escape(how)}" if how else ""
+    console.print(f"Subject [bold]{escape(document.subject)}[/bold]{after}", highlight=False)
+    for line in _understood(document):
+        console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
+
+
+def say(console: Console, word: str, style: str, lines: Iterable[str]) -> None:
+    """Lines that begin with a word that says what they are."""
+    for line in lines:
+        console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
+
+
+def _understood(document: Provenance) -> Iterator[str]:
     """How labels and axes were read: where it was wrong, everything after is."""
     taken = [
         f"{marker} = {' or '.join(labels)}"

@@ -19,6 +19,7 @@ from scaling_service.jobs.discover_documents import discovery_document
 from scaling_service.jobs.loading import Loaded
 from scaling_service.models.trial import Trial
 from scaling_service.schemas.discovery import DiscoveryDocument, HiddenDocument, PlacedEffect
+from scaling_service.schemas.results import RepairNote
 from scaling_service.studies.virtual_subject import virtual_subject
 from tests.jobs.hidden_case import SHORT, found, session
 
@@ -67,6 +68,14 @@ def test_a_class_is_told_with_what_would_separate_it(
     assert "joint axis tilt at knee_0" in line
     assert "and 2 more" in line
     assert "standing hip rotation" in line
+
+
+def test_how_the_files_were_read_is_said(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mended = RepairNote(what="unit", where="walk", detail="positions said to be in m are in mm", frames=9)
+    out = said(document.model_copy(update={"repairs": {"walk": [mended]}}), capsys)
+    assert "walk: positions said to be in m are in mm" in out
 
 
 def laboratory(folder: Path, trials: dict[str, Trial], content: dict[str, object]) -> Path:

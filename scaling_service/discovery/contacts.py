@@ -17,6 +17,7 @@ from scaling_service.discovery.candidates import Contact
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.freedoms import above
 from scaling_service.discovery.judging import Fitted
+from scaling_service.discovery.onsets import onset
 from scaling_service.discovery.weighed import Weighed
 from scaling_service.kernels.laws import Array
 
@@ -189,8 +190,50 @@ def _contact(spells: Sequence[_Spell], segment: str, point: Array) -> Contact:
     if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
         start, end = min(float(s.item.times[0]) for s in spells), max(float(s.item.times[-1]) for s in spells)
     else:
-        start, end = np.median([s.item.times[s.rows[[0, -1]]] for s in spells], axis=0).tolist()
+        (start, _), (end, _) = _together([_edges(s.item, s.rows, s.item.gap[:, :3]) for s in spells])
     return Contact(segment, start, end, (x, y, z))
+
+
+Edges = tuple[tuple[float, float], tuple[float, float]]
+"""When a contact begins and ends, s, and the standard deviations of both."""
+
+
+def edges_of(weighed: Sequence[Weighed], contact: Contact) -> Edges | None:
+    """The same of a contact that was taken out of recordings; None where it lasts throughout."""
+    found = []
+    for item in weighed:
+        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
+        rows = np.flatnonzero(inside & item.usable)
+        if item.touched is None or len(rows) < _FEWEST or len(rows) > _THROUGHOUT * item.usable.sum():
+            return None
+        without = item.gap[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0)
+        found.append(_edges(item, rows, without))
+    return _together(found) if found else None
+
+
+def _together(found: Sequence[Edges]) -> Edges:
+    """One beginning and end for several trials."""
+    values, spreads = np.array(found).transpose(2, 0, 1)
+    apart = values.var(axis=0, ddof=1) / len(values) if len(values) > 1 else np.zeros(2)
+    start, end = values.mean(axis=0).tolist()
+    of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
+    return (start, of_start), (end, of_end)
+
+
+def _edges(item: Weighed, rows: NDArray[np.intp], gap: Array) -> Edges:
+    """From the force along its main direction, as far before and after the frames as they last."""
+    _, vectors = np.linalg.eigh(gap[rows].T @ gap[rows])
+    along = vectors[:, -1]
+    course, noise = gap @ along, float(np.sqrt(np.square(along * item.floor[:3]).sum()))
+    course *= np.sign(course[rows].mean())
+    first, last = item.times[rows[[0, -1]]].tolist()
+    middle, lasting = 0.5 * (first + last), last - first
+    memory = item.item.trial.rate_hz / (2.0 * item.cutoff_hz)
+    before = item.usable & (item.times >= first - lasting) & (item.times <= middle)
+    after = item.usable & (item.times <= last + lasting) & (item.times >= middle)
+    start, of_start = onset(item.times[before], course[before], noise, memory)
+    end, of_end = onset(-item.times[after][::-1], course[after][::-1], noise, memory)
+    return (start, of_start), (-end, of_end)
 
 
 def wrench_of(item: Weighed, contact: Contact) -> Array:

@@ -67,13 +67,15 @@ def test_sizes() -> None:
 
 
 def test_parameters_within_a_tenth_or_two_sd() -> None:
-    assert parameters_right(OFFSET, named(OFFSET, 1.09))
-    assert not parameters_right(OFFSET, named(OFFSET, 1.2))
-    assert parameters_right(OFFSET, named(OFFSET, 1.2, sd=0.45))
+    """Each by itself; a component of a vector is held against the vector's length."""
+    right = {"x_mm": True, "y_mm": True, "z_mm": True}
+    assert parameters_right(OFFSET, named(OFFSET, 1.09)) == right
+    assert parameters_right(OFFSET, named(OFFSET, 1.2)) == {"x_mm": False, "y_mm": True, "z_mm": False}
+    assert parameters_right(OFFSET, named(OFFSET, 1.2, sd=0.45)) == right
     # A factor is judged by its departure from one: 1.030 against 1.034 is off by more than a tenth.
     wrong = {**LENGTH, "parameters": {"factor": {"value": 1.034, "sd": 0.0}}}
-    assert not parameters_right(LENGTH, wrong)
-    assert parameters_right(OFFSET, {"parameters": {}}) is None
+    assert parameters_right(LENGTH, wrong) == {"factor": False}
+    assert parameters_right(OFFSET, {"parameters": {}}) == {}
 
 
 def test_the_opposite_sign_is_told_from_a_wrong_size() -> None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.contacts import touches
+from scaling_service.discovery.contacts import edges_of, touches
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.weighed import Weighed
 
 KIND = "external_contact"
 MEANING = "something touches the segment that no plate measures"
@@ -41,16 +42,42 @@ def details(effect: Sized, after: Account) -> Mapping[str, float]:
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
     point = dict(zip(("x_mm", "y_mm", "z_mm"), (1e3 * v for v in contact.point), strict=True))
-    rms = _rms(after, contact, effect.candidate)
+    rms, _ = _rms(_touched(effect, after), contact)
     return {"start_s": contact.start_s, "end_s": contact.end_s, "rms_N": rms, **point}
 
 
-def _rms(after: Account, contact: Contact, candidate: Candidate) -> float:
-    """RMS of the force inferred, N."""
-    squares = [
-        np.square(item.touched[inside, :3]).sum(axis=1)
-        for item in after.weighed
-        if candidate.holds_in(item.name) and item.touched is not None
-        for inside in [(item.times >= contact.start_s) & (item.times <= contact.end_s)]
+def spreads(effect: Sized, after: Account, stretch_s: float) -> Mapping[str, float]:
+    """Of its beginning, end and strength, where it has both of the former."""
+    contact = effect.candidate.change
+    assert isinstance(contact, Contact)
+    here = _touched(effect, after)
+    edges = edges_of(here, contact)
+    if edges is None:
+        return {}
+    (_, of_start), (_, of_end) = edges
+    rms, of_noise = _rms(here, contact)
+    # The mean square over an interval that is longer by a share is smaller by that share.
+    of_interval = 0.5 * rms * np.hypot(of_start, of_end) / (contact.end_s - contact.start_s)
+    return {"start_s": of_start, "end_s": of_end, "rms_N": float(np.hypot(of_noise, of_interval))}
+
+
+def _touched(effect: Sized, after: Account) -> list[Weighed]:
+    return [
+        item for item in after.weighed if effect.candidate.holds_in(item.name) and item.touched is not None
     ]
-    return float(np.sqrt(np.concatenate(squares).mean())) if squares else float("nan")
+
+
+def _rms(here: Sequence[Weighed], contact: Contact) -> tuple[float, float]:
+    """RMS of the force inferred, free of what noise adds to it, and what noise makes of it, N."""
+    squares, noise, independent = [], [], 0.0
+    for item in here:
+        assert item.touched is not None
+        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s) & item.usable
+        squares.append(np.square(item.touched[inside, :3]).sum(axis=1))
+        noise.append(np.full(int(inside.sum()), np.square(item.floor[:3]).sum()))
+        independent += inside.sum() * 2.0 * item.cutoff_hz / item.item.trial.rate_hz
+    if independent < 1.0:
+        return float("nan"), float("nan")
+    added = float(np.concatenate(noise).mean())
+    rms = np.sqrt(max(float(np.concatenate(squares).mean()) - added, 0.0))
+    return float(rms), float(np.sqrt(added / 3.0 / independent))

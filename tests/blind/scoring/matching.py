@@ -100,8 +100,8 @@ def _stated_size(truth: Json, stated: Mapping[str, Any]) -> float | None:
     return size({**truth, "parameters": plain})
 
 
-def parameters_right(truth: Json, effect: Json) -> bool | None:
-    """Whether every parameter is within 10 % of the effect's size or two sd; None if none is told.
+def parameters_right(truth: Json, effect: Json) -> dict[str, bool]:
+    """Whether each parameter that is told is within 10 % of the effect's size or two sd.
 
     A component of a vector is held against the vector's length, a time against the interval's length.
     """
@@ -111,14 +111,9 @@ def parameters_right(truth: Json, effect: Json) -> bool | None:
         for name in wanted
         if isinstance(found.get(name), Mapping) and found[name].get("value") is not None
     ]
-    if not shared:
-        return None
     values = amounts({name: float(found[name]["value"]) for name in shared})
-    for name in shared:
-        allowed = max(0.1 * _scale(name, wanted), 2.0 * float(found[name].get("sd") or 0.0))
-        if abs(values[name] - wanted[name]) > allowed:
-            return False
-    return True
+    allowed = {n: max(0.1 * _scale(n, wanted), 2.0 * float(found[n].get("sd") or 0.0)) for n in shared}
+    return {n: abs(values[n] - wanted[n]) <= allowed[n] for n in shared}
 
 
 def opposite(truth: Json, effect: Json) -> bool:

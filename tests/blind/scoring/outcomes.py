@@ -79,15 +79,14 @@ class Outcome:
         return size(self.hidden[0]) / stated if stated else None
 
     @property
-    def parameters(self) -> bool | None:
-        """Whether the parameters of the exactly named things are right; None if there are none to judge."""
-        judged = []
+    def parameters(self) -> list[bool]:
+        """Whether each parameter of the exactly named things is right."""
+        judged: list[bool] = []
         for thing in self.hidden:
             kind, effect = best(thing, self.effects)
             if kind == "exact" and effect is not None:
-                judged.append(parameters_right(thing, effect))
-        known = [j for j in judged if j is not None]
-        return all(known) if known else None
+                judged += parameters_right(thing, effect).values()
+        return judged
 
     @property
     def opposite_sign(self) -> bool:

@@ -35,8 +35,11 @@ def must_reach(all_: Sequence[Outcome]) -> Rows:
     )
     rows.append([row[0], row[1], row[2] + bound, row[3]])
     rows.append(_closed(effects))
-    judged = [o.parameters for o in effects if o.parameters is not None]
-    rows.append(_share("parameters within 10 % or 2 sd", "95 %", [bool(j) for j in judged]))
+    judged = [o.parameters for o in effects if o.parameters]
+    rows.append(
+        _share("parameters within 10 % or 2 sd", "95 %", [right for each in judged for right in each])
+    )
+    rows.append(_share("effects all of whose parameters are", "-", [all(each) for each in judged]))
     rows.append(_share("both of two effects right", "85 %", [o.right for o in _group(all_, "pair")]))
     rows.append(
         _share("both of two opposed effects right", "85 %", [o.right for o in _group(all_, "opposed")])

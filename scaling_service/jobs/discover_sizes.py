@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scaling_service.discovery.candidates import Contact, Exchange, FreeMotion, Masked
+from scaling_service.discovery.candidates import Candidate, FreeMotion
 from scaling_service.discovery.findings import Named
 from scaling_service.kernels.laws import Array
 from scaling_service.schemas.discovery import QuantityDocument
@@ -30,7 +30,7 @@ def quantities(named: Named) -> dict[str, QuantityDocument]:
     if set(_MOMENTS) < set(names):
         names, values, sds = _placed(names, values, covariance)
     found = {n: _quantity(v, s) for n, v, s in zip(names, values.tolist(), sds.tolist(), strict=True)}
-    found |= _of_change(named.effect.candidate.change)
+    found |= _axis_of(named.effect.candidate)
     for name, value in named.details.items():
         if math.isfinite(value) and name not in found and not name.startswith("axis_"):
             spread = named.spreads.get(name)
@@ -66,17 +66,12 @@ def _placed(names: list[str], values: Array, covariance: Array) -> tuple[list[st
     )
 
 
-def _of_change(change: FreeMotion | Exchange | Contact | Masked | None) -> dict[str, QuantityDocument]:
-    """What an effect that is no sum of columns has of its own."""
-    if isinstance(change, FreeMotion):
-        x, y, z = change.axis
-        return {"axis": QuantityDocument(value=(rounded(x), rounded(y), rounded(z)), sd=None)}
-    if isinstance(change, Exchange | Contact):
-        return {
-            "start_s": QuantityDocument(value=rounded(change.start_s), sd=None),
-            "end_s": QuantityDocument(value=rounded(change.end_s), sd=None),
-        }
-    return {}
+def _axis_of(candidate: Candidate) -> dict[str, QuantityDocument]:
+    """The direction of a motion that may take any course; its other numbers are details."""
+    if not isinstance(candidate.change, FreeMotion):
+        return {}
+    x, y, z = candidate.change.axis
+    return {"axis": QuantityDocument(value=(rounded(x), rounded(y), rounded(z)), sd=None)}
 
 
 def _quantity(value: float, sd: float) -> QuantityDocument:

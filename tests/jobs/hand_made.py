@@ -71,6 +71,7 @@ TOUCH = replace(
         [],
     ),
     details={"start_s": 0.5, "end_s": 1.5, "rms_N": 40.0},
+    spreads={"start_s": 0.05, "rms_N": 2.0},
 )
 
 

@@ -82,6 +82,7 @@ def test_effects_without_columns_have_their_own_numbers() -> None:
     assert {name: touch[name]["value"] for name in ("start_s", "end_s", "rms_N")} == {
         "start_s": 0.5, "end_s": 1.5, "rms_N": 40.0,
     }  # fmt: skip
+    assert [touch[name]["sd"] for name in ("start_s", "end_s", "rms_N")] == [0.05, None, 2.0]
     assert written(LOCKED)["effects"][0]["smallest_nameable"] == {}
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.discovery.candidates import Contact
+from scaling_service.discovery.contact_times import edges, lasts_throughout, together
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.freedoms import above
 from scaling_service.discovery.judging import Fitted
-from scaling_service.discovery.onsets import onset
 from scaling_service.discovery.weighed import Weighed
 from scaling_service.kernels.laws import Array
 
@@ -44,7 +44,7 @@ _MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must 
 _QUIET = 0.1  # chosen: the quietest tenth of the frames
 _FEWEST, _MANY = 5, 4  # frames of a stretch, and stretches, from which something is told
 _PARTS = 10  # stretches that a contact should have at least (chosen: fewer can be sure of nothing)
-_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
+_MOSTLY = 0.8  # chosen: of a contact's frames, in which a foot must rest, and no plate's pressure be near
 _COMMON = 0.7  # chosen: of the time that contacts in several trials cover, what they share if they are one
 _ALIKE = 6.0
 """Twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)."""
@@ -95,7 +95,7 @@ def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
 
 def _alike(spells: Sequence[_Spell]) -> bool:
     """Whether contacts last throughout their trials, or from and to the same times in all."""
-    if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
+    if all(lasts_throughout(s.item, s.rows) for s in spells):
         return True
     spans = np.array([s.item.times[s.rows[[0, -1]]] for s in spells])
     common = spans[:, 1].min() - spans[:, 0].max()
@@ -154,7 +154,7 @@ def _best(spells: Sequence[_Spell], trials: tuple[str, ...], stretch_s: float) -
     beside = [n for n in names if n.startswith(FEET) and all(_beside_plates(s, n) for s in spells)]
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
     if not likely and not any(s.all_along for s in spells):
-        lasting = all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells)
+        lasting = all(lasts_throughout(s.item, s.rows) for s in spells)
         likely = [n for n in names if n.startswith(_HANDS)] if lasting else names
     if not likely:
         return None
@@ -176,64 +176,22 @@ def _beside_plates(spell: _Spell, foot: str) -> bool:
     speed = np.linalg.norm(np.gradient(places[:, on], item.times, axis=0), axis=2)
     lowest = np.nanmin(places[..., 1])
     still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
-    if still[rows].any(axis=1).mean() < _THROUGHOUT:
+    if still[rows].any(axis=1).mean() < _MOSTLY:
         return False
     centre = np.nanmean(places[:, on], axis=1)[:, None]
     pressed = item.footing.ground.centre_of_pressure()
     apart = np.linalg.norm((pressed - centre)[..., [0, 2]], axis=2)
     near = np.nan_to_num(apart, nan=np.inf)[rows].min(axis=1) < _NEAR_M
-    return bool(near.mean() < 1.0 - _THROUGHOUT)
+    return bool(near.mean() < 1.0 - _MOSTLY)
 
 
 def _contact(spells: Sequence[_Spell], segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
-    if all(len(s.rows) > _THROUGHOUT * s.item.usable.sum() for s in spells):
+    if all(lasts_throughout(s.item, s.rows) for s in spells):
         start, end = min(float(s.item.times[0]) for s in spells), max(float(s.item.times[-1]) for s in spells)
     else:
-        (start, _), (end, _) = _together([_edges(s.item, s.rows, s.item.gap[:, :3]) for s in spells])
+        (start, _), (end, _) = together([edges(s.item, s.rows, s.item.gap[:, :3]) for s in spells])
     return Contact(segment, start, end, (x, y, z))
-
-
-Edges = tuple[tuple[float, float], tuple[float, float]]
-"""When a contact begins and ends, s, and the standard deviations of both."""
-
-
-def edges_of(weighed: Sequence[Weighed], contact: Contact) -> Edges | None:
-    """The same of a contact that was taken out of recordings; None where it lasts throughout."""
-    found = []
-    for item in weighed:
-        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
-        rows = np.flatnonzero(inside & item.usable)
-        if item.touched is None or len(rows) < _FEWEST or len(rows) > _THROUGHOUT * item.usable.sum():
-            return None
-        without = item.gap[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0)
-        found.append(_edges(item, rows, without))
-    return _together(found) if found else None
-
-
-def _together(found: Sequence[Edges]) -> Edges:
-    """One beginning and end for several trials."""
-    values, spreads = np.array(found).transpose(2, 0, 1)
-    apart = values.var(axis=0, ddof=1) / len(values) if len(values) > 1 else np.zeros(2)
-    start, end = values.mean(axis=0).tolist()
-    of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
-    return (start, of_start), (end, of_end)
-
-
-def _edges(item: Weighed, rows: NDArray[np.intp], gap: Array) -> Edges:
-    """From the force along its main direction, as far before and after the frames as they last."""
-    _, vectors = np.linalg.eigh(gap[rows].T @ gap[rows])
-    along = vectors[:, -1]
-    course, noise = gap @ along, float(np.sqrt(np.square(along * item.floor[:3]).sum()))
-    course *= np.sign(course[rows].mean())
-    first, last = item.times[rows[[0, -1]]].tolist()
-    middle, lasting = 0.5 * (first + last), last - first
-    memory = item.item.trial.rate_hz / (2.0 * item.cutoff_hz)
-    before = item.usable & (item.times >= first - lasting) & (item.times <= middle)
-    after = item.usable & (item.times <= last + lasting) & (item.times >= middle)
-    start, of_start = onset(item.times[before], course[before], noise, memory)
-    end, of_end = onset(-item.times[after][::-1], course[after][::-1], noise, memory)
-    return (start, of_start), (-end, of_end)
 
 
 def wrench_of(item: Weighed, contact: Contact) -> Array:

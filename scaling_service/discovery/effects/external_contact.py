@@ -9,7 +9,8 @@ import numpy as np
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.contacts import edges_of, touches
+from scaling_service.discovery.contact_times import edges_of
+from scaling_service.discovery.contacts import touches
 from scaling_service.discovery.fitting import Account
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.scene import Scene

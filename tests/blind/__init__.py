@@ -11,8 +11,9 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
 - ``python -m tests.blind.run --bank BANK --out RESULTS`` lets the product look for what is hidden;
 - ``python -m tests.blind.score --bank BANK --results RESULTS`` prints how well it did.
 
-Each goes on where it stopped. ``results.md`` is what the last wrote of one seed (``--full --seeds 1``), 335
-nulls of 500, strangers of three seeds and four real recordings, two at a time on two cores that did more.
+Each goes on where it stopped. ``results.md`` is what the last wrote of the first 431 cases of the full bank
+in the order of their names, which are hashes and so a random choice of its 2,020, and of the real recording
+with a plate withheld; two at a time on two cores that did more besides.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

@@ -81,3 +81,8 @@ def _per_number(demands: Demands) -> Array:
 
 
 _remembered = lru_cache(_REMEMBERED)(_per_number)
+
+
+def forget() -> None:
+    """Give the memory back that :attr:`Demands.per_number` keeps, once a search is over."""
+    _remembered.cache_clear()

@@ -8,6 +8,7 @@ from functools import partial
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Masked
+from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.foreign import foreign
@@ -108,6 +109,7 @@ def discover(
     now, seen = _unmasked(now, recordings)
     report("measuring the gap", 0.9)
     findings = told(named, options, odd_law, before, now, seen, recordings, settings, (*notes, *said))
+    forget()
     report("done", 1.0)
     return Discovery(findings, before, now)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.discovery.additions import Sized, corrected, with_effects
 from scaling_service.discovery.candidates import Candidate, Contact
-from scaling_service.discovery.contacts import wrench_of
+from scaling_service.discovery.contact_points import wrench_of
 from scaling_service.discovery.forces import weigh
 from scaling_service.discovery.resting import rested, swinging_markers
 from scaling_service.discovery.scene import Scene

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -181,7 +182,8 @@ def corrected_forces(ground: GroundForces, times: Array, effects: Iterable[Sized
                 and load.plate in ground.plates
             ):
                 k = ground.plates.index(load.plate)
-                force[:, k], moment[:, k] = _mended(load, size, force[:, k], moment[:, k], _middle(ground, k))
+                own = _Plate(force[:, k], moment[:, k], _middle(ground, k), ground.readings[:, k])
+                force[:, k], moment[:, k] = _mended(load, size, own)
     if late:
         force, moment = (_earlier(values, times, late) for values in (force, moment))
     return ground.changed(force=force, moment=moment)
@@ -193,16 +195,26 @@ def _middle(ground: GroundForces, k: int) -> Array:
     return np.asarray(centres[known].mean(axis=0) if known.any() else ground.surfaces[k])
 
 
-def _mended(load: Load, size: float, force: Array, moment: Array, middle: Array) -> tuple[Array, Array]:
+class _Plate(NamedTuple):
+    """One plate: force and moment about the ground origin (n, 3), its middle (3,), its readings (n,)."""
+
+    force: Array
+    moment: Array
+    middle: Array
+    read: Array
+
+
+def _mended(load: Load, size: float, plate: _Plate) -> tuple[Array, Array]:
     """One plate's force and moment about the ground origin, freed of one fault."""
+    force, moment, middle, read = plate
     if isinstance(load, PlateShift):
         return force, moment + np.cross(size * _UNIT[load.axis], force)
     if isinstance(load, PlateGain):
         return force / (1.0 + size), moment / (1.0 + size)
     if isinstance(load, PlateBias):
         if load.component >= _UNIT.shape[0]:
-            return force, moment - size * _UNIT[load.component - 3]
-        added = size * _UNIT[load.component]
+            return force, moment - np.outer(size * read, _UNIT[load.component - 3])
+        added = np.outer(size * read, _UNIT[load.component])
         return force - added, moment - np.cross(middle, added)
     assert isinstance(load, PlateTurn)
     turn = rotation_about(_UNIT[load.axis], size)

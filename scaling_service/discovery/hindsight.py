@@ -32,22 +32,14 @@ def looked_back(
     scene: Scene,
     stretch_s: float,
 ) -> tuple[list[Named], Account]:
-    """Drop what does no good on recordings that were not fitted, and what does not fit where it is.
-
-    An effect of a single trial shows in no other, so other trials say nothing of it.
-    """
+    """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
     kept = list(named)
     for n in named:
         effect = next(e for e in now.effects if e.candidate.key == n.effect.candidate.key)
         if not _plausible(effect, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    for n in list(kept):
-        if len(kept) > 1 and n.effect.candidate.change is None and not n.effect.candidate.trials:
-            without = _without(n, now, recordings, stretch_s)
-            if _squares(without) <= _squares(now):
-                kept = [m for m in kept if m is not n]
-                now = without
+    kept, now = without_the_superfluous(kept, now, recordings, stretch_s)
     for n in list(kept):
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
@@ -58,6 +50,23 @@ def looked_back(
     return [
         replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
     ], now
+
+
+def without_the_superfluous(
+    named: Sequence[Named], now: Account, recordings: Sequence[Recording], stretch_s: float
+) -> tuple[list[Named], Account]:
+    """Drop what does no good on recordings that were not fitted.
+
+    An effect of a single trial shows in no other, so other trials say nothing of it.
+    """
+    kept = list(named)
+    for n in named:
+        if len(kept) > 1 and n.effect.candidate.change is None and not n.effect.candidate.trials:
+            without = _without(n, now, recordings, stretch_s)
+            if _squares(without) <= _squares(now):
+                kept = [m for m in kept if m is not n]
+                now = without
+    return kept, now
 
 
 def _plausible(effect: Sized, now: Account) -> bool:

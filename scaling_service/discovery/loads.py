@@ -55,18 +55,21 @@ class PlateShift:
 
 @dataclass(frozen=True, slots=True)
 class PlateBias:
-    """Something constant is added to a plate: N along an axis, or N m about one through its middle."""
+    """Something constant is added to a plate's readings: N along an axis, N m about one through its middle.
+
+    Nothing is added to zeros that an export puts where the plate is not loaded.
+    """
 
     plate: str
     component: int
 
     def column(self, weighed: Weighed) -> Array:
-        """One component in every frame, (n, 6)."""
-        wrench = np.zeros((len(weighed.times), 6))
-        wrench[:, self.component] = 1.0
+        """One component wherever the plate is read, (n, 6)."""
+        wrench = np.zeros(6)
+        wrench[self.component] = 1.0
         if self.component < 3:
-            wrench[:, 3:] = np.cross(weighed.centre(self.plate), _UNIT[self.component])
-        return wrench
+            wrench[3:] = np.cross(weighed.centre(self.plate), _UNIT[self.component])
+        return np.outer(weighed.readings(self.plate), wrench)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.discovery.contacts import FEET
+from scaling_service.discovery.contact_points import FEET
 from scaling_service.discovery.movements import RATE_HZ, coordinates_of
 from scaling_service.discovery.watched import Watched
 from scaling_service.discovery.weighed import Footing, Weighed
@@ -109,7 +109,7 @@ def _grounded(item: Watched, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) ->
 def _shared(
     made: Weighed, feet: tuple[NDArray[np.intp], NDArray[np.intp]], sides: dict[str, int]
 ) -> GroundForces:
-    """What the movement needs, given by the plates under both feet."""
+    """What the movement needs, given by the plates under both feet, which read all the time."""
     need = made.needed[0]
     force, moment = need[:, :3], need[:, 3:]
     centres = _centres(made.item, feet)
@@ -137,4 +137,5 @@ def _shared(
         np.stack(moments, axis=1),
         np.array(places),
         np.tile(_UP, (len(sides), 1)),
+        read=np.ones((len(need), len(sides))),
     )

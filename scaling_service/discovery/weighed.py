@@ -183,13 +183,20 @@ class Weighed:
         """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
         if self.known_floor is not None:
             return self.known_floor
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of what marker noise and plates leave, (6, 6), N and N m, the moment about :attr:`about`."""
+        if self.known_floor is not None:
+            return np.diag(self.known_floor**2)
         own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
         changes = [
             self.moved(self.smoothed(np.nan_to_num(other.needed[0] - self.needed[0])))[self.usable]
             for other in self.shaken(DRAWS)
         ]
-        square = np.square(changes).sum(axis=(0, 1)) / max(DRAWS * int(self.usable.sum()), 1)
-        return np.asarray(np.hypot(own, np.sqrt(square)))
+        square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
+        return np.asarray(np.diag(own**2) + square)
 
     def shaken(self, draws: int) -> Iterator[Weighed]:
         """The same recording with as much noise of the markers once more, anew in every draw."""
@@ -243,6 +250,13 @@ class Weighed:
             return np.zeros((len(self.times), 6))
         k = ground.plates.index(name)
         return np.asarray(np.nan_to_num(np.concatenate([ground.force[:, k], ground.moment[:, k]], axis=1)))
+
+    def readings(self, name: str) -> Array:
+        """How much of each frame a plate's readings make, (n,), 0 to 1."""
+        ground = self.footing.ground
+        if name not in ground.plates:
+            return np.zeros(len(self.times))
+        return np.nan_to_num(ground.readings[:, ground.plates.index(name)])
 
     def pressed(self, name: str) -> Array:
         """The centre of pressure of a plate, (n, 3), m; zero where nothing presses."""

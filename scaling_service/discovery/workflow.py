@@ -12,7 +12,7 @@ from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.foreign import foreign
-from scaling_service.discovery.hindsight import looked_back
+from scaling_service.discovery.hindsight import looked_back, without_the_superfluous
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
@@ -23,7 +23,7 @@ from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.sufficient import without_the_insufficient
-from scaling_service.discovery.telling import told
+from scaling_service.discovery.telling import spent, told
 from scaling_service.discovery.tuning import tuned
 from scaling_service.discovery.widest import widest
 from scaling_service.models.body import BodyModel
@@ -99,6 +99,10 @@ def discover(
         if not poor:
             now, named = tried, named + found
             named, now = revisited(named, now, _naming(recordings, options, settings))
+            if spent(named, settings):
+                useful, now = without_the_superfluous(named, now, recordings, settings.stretch_s)
+                refused |= {n.effect.candidate.key for n in named} - {n.effect.candidate.key for n in useful}
+                named = useful
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
     named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))

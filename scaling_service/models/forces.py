@@ -77,6 +77,8 @@ class GroundForces:
     normals : ndarray, shape (k, 3)
         Unit vectors square to the surfaces, upwards.
     repairs : tuple of Repair
+    read : ndarray, shape (n, k), optional
+        How much of each sample comes from readings, 0 to 1, where filters have mixed samples.
     """
 
     name: str
@@ -87,11 +89,14 @@ class GroundForces:
     surfaces: Array
     normals: Array
     repairs: tuple[Repair, ...] = field(default=())
+    read: Array | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.times), len(self.plates), 3)
         if self.force.shape != shape or self.moment.shape != shape:
             raise ValueError(f"force {self.force.shape} and moment {self.moment.shape} must be {shape}")
+        if self.read is not None and self.read.shape != shape[:2]:
+            raise ValueError(f"read {self.read.shape} must be {shape[:2]}")
         if not len(self.times) or not self.plates:
             raise TrialUnusable(
                 "there is no force data",
@@ -108,6 +113,18 @@ class GroundForces:
     def known(self) -> NDArray[np.bool_]:
         """Where a plate's force and moment are numbers, shape (n, k)."""
         return np.asarray(np.isfinite(self.force + self.moment).all(axis=2))
+
+    @property
+    def readings(self) -> Array:
+        """How much of each sample comes from readings, shape (n, k), 0 to 1; NaN where not known.
+
+        Exports hold zeros where a plate is not loaded: nothing was read there, so no fault of the plate
+        shows either.
+        """
+        if self.read is not None:
+            return self.read
+        some = (self.force != 0.0).any(axis=2) | (self.moment != 0.0).any(axis=2)
+        return np.where(self.known, some.astype(float), np.nan)
 
     @property
     def pressing(self) -> Array:

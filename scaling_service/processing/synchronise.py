@@ -67,7 +67,7 @@ def synchronise(
             field="time",
             remedy="Use forces and markers of the same recording, on one clock",
         )
-    whole = np.concatenate([forces.force, forces.moment], axis=2)
+    whole = np.concatenate([forces.force, forces.moment, forces.readings[..., None]], axis=2)
     own, whole, repairs = _on_a_regular_clock(own, whole, forces.name)
     if cutoff_hz is not None:
         whole, more = _filtered(whole, own, cutoff_hz, order, forces)
@@ -80,7 +80,8 @@ def synchronise(
         repairs.append(
             Repair("not_recorded", forces.name, "no forces at these frames of the markers", outside)
         )
-    return forces.changed(*repairs, times=wanted, force=sampled[..., :3], moment=sampled[..., 3:])
+    force, moment, read = sampled[..., :3], sampled[..., 3:6], sampled[..., 6]
+    return forces.changed(*repairs, times=wanted, force=force, moment=moment, read=read)
 
 
 def _on_a_regular_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[Repair]]:
@@ -120,7 +121,7 @@ def _filtered(
 
 
 def _sampled(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
-    """Values (n, 6) at other times; smooth ones by a cubic spline in each run, others by straight lines."""
+    """Values (n, 7) at other times; smooth ones by a cubic spline in each run, others by straight lines."""
     if not smooth:
         return _linear(times, values, wanted)
     result = np.full((len(wanted), values.shape[1]), np.nan)

@@ -12,7 +12,8 @@ from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Column, Contact
 from scaling_service.discovery.catalogue import candidates
 from scaling_service.discovery.fitting import Account, account, scene_of
-from scaling_service.discovery.loads import PlateGain
+from scaling_service.discovery.forces import corrected_forces
+from scaling_service.discovery.loads import PlateBias, PlateGain
 from scaling_service.discovery.performing import performed_on_plates
 from scaling_service.discovery.separating import would_separate
 from scaling_service.formats.forces import forces_of_table, read_forces
@@ -116,6 +117,19 @@ def test_corrected_forces_are_those_of_the_file_without_the_fault(prepared: Prep
     np.testing.assert_allclose(mended.force[:, 1], given.force[:, 1], atol=1e-6)
     np.testing.assert_allclose(mended.centre_of_pressure()[:, 0], given.centre_of_pressure()[:, 0], atol=1e-6)
     assert (tmp_path / "corrected" / "sway.trc").is_file()
+
+
+def test_a_bias_is_taken_off_readings_only() -> None:
+    """Off the plate the export holds zeros; there nothing was added and nothing is taken off."""
+    loads = np.full((60, 2), 350.0)
+    loads[20:40, 0] = 0.0
+    ground = ground_of(loads.tolist())
+    column = Column("fx_N", 1.0, load=PlateBias("plate_1", 0))
+    bias = Sized(Candidate("plate_bias", ("plate_1",), (column,)), np.array([12.0]))
+    mended = corrected_forces(ground, ground.times, [bias])
+    expected = np.where(loads[:, :1] > 0.0, [-12.0, 350.0, 0.0], 0.0)
+    np.testing.assert_allclose(mended.force[:, 0], expected)
+    np.testing.assert_allclose(mended.force[:, 1], ground.force[:, 1])
 
 
 def test_without_a_fault_nothing_is_corrected(prepared: Prepared, tmp_path: Path) -> None:

@@ -98,3 +98,24 @@ def test_clocks_that_do_not_meet_and_cutoffs_that_do_not_suit_are_refused() -> N
         synchronise(made(np.arange(1000) / 1000), np.linspace(5, 6, 100))
     with pytest.raises(InputError, match="60 Hz does not suit forces of 100 Hz"):
         synchronise(made(np.arange(100) / 100), np.arange(50) / 50, cutoff_hz=60.0)
+
+
+def test_what_was_read_passes_the_same_filter() -> None:
+    """Exports hold zeros where a plate is not loaded: a bias of readings alone stays one, filtered."""
+    times = np.arange(2000) / 1000
+    given = made(times)
+    off = (times > 0.8) & (times < 1.3)
+    given.force[off, 0], given.moment[off, 0] = 0.0, 0.0
+    biased = replace(given, force=given.force + 30.0 * given.readings[..., None])
+    frames = np.arange(5, 195) / 100
+    true, found = (synchronise(g, frames, cutoff_hz=15.0) for g in (given, biased))
+    assert true.read is not None
+    np.testing.assert_allclose(found.force - true.force, 30.0 * true.read[..., None] + np.zeros(3), atol=1e-6)
+    np.testing.assert_allclose(true.read[:, 1], 1.0, atol=1e-9)
+    np.testing.assert_allclose(true.read[100:115, 0], 0.0, atol=1e-4)
+
+
+def test_what_was_read_has_one_number_for_each_plate_and_time() -> None:
+    given = made(np.arange(50) / 100)
+    with pytest.raises(ValueError, match="read"):
+        replace(given, read=np.ones(50))

@@ -1,0 +1,68 @@
+"""Where something touches, against a force put at a known point of a recording's trunk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.contact_points import Spell, fitted_point
+from scaling_service.discovery.contacts import touches
+from scaling_service.discovery.fitting import account
+from scaling_service.discovery.weighed import Weighed
+from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
+from scaling_service.jobs.discover_start import prepare, read
+from scaling_service.kernels.laws import Array
+from tests.jobs.force_laboratory import force_laboratory
+
+POINT = (0.08, 0.25, -0.1)
+
+
+@pytest.fixture(scope="module")
+def sway(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
+    file = force_laboratory(tmp_path_factory.mktemp("forces"))
+    prepared = prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    found = account(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
+    return found.weighed[0]
+
+
+def pushed(item: Weighed, newton: float, start: float, end: float, *, turning: bool = True) -> Weighed:
+    """The recording with a force on the trunk that turns as time goes by, or keeps its direction."""
+    course = np.clip(np.minimum(item.times - start, end - item.times) / 0.2, 0.0, 1.0)
+    angle = 2.0 * np.pi * (item.times - start) * turning
+    force = newton * course[:, None] * np.stack([np.cos(angle), 0.3 + 0.0 * angle, np.sin(angle)], axis=1)
+    origin, axes = item.segment_frame("torso")
+    place = origin + np.einsum("njk,j->nk", axes, np.array(POINT))
+    return replace(item, touched=-np.concatenate([force, np.cross(place, force)], axis=1))
+
+
+def distance(point: Array) -> float:
+    return float(np.linalg.norm(point - POINT))
+
+
+def test_a_turning_force_shows_its_point(sway: Weighed) -> None:
+    item = pushed(sway, 60.0, 0.6, 1.5)
+    spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
+    assert distance(fitted_point([spell], "torso").point) < 0.02
+
+
+def test_a_force_of_one_direction_shows_a_line(sway: Weighed) -> None:
+    """Noise alone would say where on it: the moment about the point found is none all the same."""
+    item = pushed(sway, 60.0, 0.6, 1.5, turning=False)
+    spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
+    apart = fitted_point([spell], "torso").point - np.array(POINT)
+    along = np.array([1.0, 0.3, 0.0]) / np.hypot(1.0, 0.3)
+    assert np.linalg.norm(np.cross(apart, along)) < 0.05
+
+
+@pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
+def test_a_push_is_told_however_long_it_lasts(sway: Weighed, lasting_s: float) -> None:
+    """Also one whose ramps are parts of their own, in which little stands out."""
+    (touch,) = touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
+    assert touch.contact.segment == "torso" or "torso" in {c.segment for c in touch.others}
+    assert touch.fitted.p < 1e-4
+
+
+def test_without_a_push_nothing_touches(sway: Weighed) -> None:
+    assert touches([sway], 0.5) == []

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized, freedom_name
+from scaling_service.discovery.additions import freedom_name
 from scaling_service.discovery.candidates import FreeMotion
 from scaling_service.discovery.catalogue import details, plausible, spreads
 from scaling_service.discovery.findings import Named
@@ -33,13 +33,7 @@ def looked_back(
     stretch_s: float,
 ) -> tuple[list[Named], Account]:
     """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
-    kept = list(named)
-    for n in named:
-        effect = next(e for e in now.effects if e.candidate.key == n.effect.candidate.key)
-        if not _plausible(effect, now):
-            kept = [m for m in kept if m is not n]
-            now = _without(n, now, recordings, stretch_s)
-    kept, now = without_the_superfluous(kept, now, recordings, stretch_s)
+    kept, now = sound(named, now, recordings, stretch_s)
     for n in list(kept):
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
@@ -52,15 +46,19 @@ def looked_back(
     ], now
 
 
-def without_the_superfluous(
+def sound(
     named: Sequence[Named], now: Account, recordings: Sequence[Recording], stretch_s: float
 ) -> tuple[list[Named], Account]:
-    """Drop what does no good on recordings that were not fitted.
+    """Drop what is not plausible with everything estimated, and what does no good where it was not fitted.
 
     An effect of a single trial shows in no other, so other trials say nothing of it.
     """
     kept = list(named)
     for n in named:
+        if not keeps_to_its_range(n, now):
+            kept = [m for m in kept if m is not n]
+            now = _without(n, now, recordings, stretch_s)
+    for n in list(kept):
         if len(kept) > 1 and n.effect.candidate.change is None and not n.effect.candidate.trials:
             without = _without(n, now, recordings, stretch_s)
             if _squares(without) <= _squares(now):
@@ -69,8 +67,9 @@ def without_the_superfluous(
     return kept, now
 
 
-def _plausible(effect: Sized, now: Account) -> bool:
+def keeps_to_its_range(n: Named, now: Account) -> bool:
     """Whether all its numbers, estimated with everything else, are such as a laboratory could meet."""
+    effect = next(e for e in now.effects if e.candidate.key == n.effect.candidate.key)
     free = effect.candidate.change
     if isinstance(free, FreeMotion):
         return bool(course_rms(now.watched, freedom_name(effect.candidate)) < MOST[free.kind])

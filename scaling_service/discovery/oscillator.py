@@ -14,6 +14,8 @@ from scaling_service.kernels.laws import Array
 CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
 
+_FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
+
 
 def pulled(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2."""
@@ -24,12 +26,16 @@ def pulled(places: Array, step: float) -> Array:
 
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
-    """Displacement (m) and speed (m/s) of oscillators at rest at first, each shaped as ``pull`` (m/s2)."""
+    """Displacement (m) and speed (m/s) of oscillators, each shaped as ``pull`` (m/s2).
+
+    At first they rest where a steady pull as strong as that of the first moments would hold them.
+    """
+    steady = pull[: max(1, round(_FIRST_S / step))].mean(axis=0)
     place, speed = (
-        np.asarray(signal.lfilter(above, below, pull, axis=0))
+        np.asarray(signal.lfilter(above, below, pull - steady, axis=0))
         for above, below in _filters(step, frequency_hz, damping)
     )
-    return place, speed
+    return place + steady / (2.0 * np.pi * frequency_hz) ** 2, speed
 
 
 @lru_cache(maxsize=512)

@@ -12,7 +12,7 @@ from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.foreign import foreign
-from scaling_service.discovery.hindsight import looked_back, without_the_superfluous
+from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back, sound
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import Options, confusable, look
@@ -95,14 +95,14 @@ def discover(
         if not found:
             break
         tried = refined(now, recordings, [n.effect for n in found], settings.stretch_s, ROUGHLY)
-        poor = [n for n in found if not _keeps_its_promise(n, now, tried)]
+        poor = [n for n in found if not (_keeps_its_promise(n, now, tried) and keeps_to_its_range(n, tried))]
         if not poor:
             now, named = tried, named + found
             named, now = revisited(named, now, _naming(recordings, options, settings))
             if spent(named, settings):
-                useful, now = without_the_superfluous(named, now, recordings, settings.stretch_s)
-                refused |= {n.effect.candidate.key for n in named} - {n.effect.candidate.key for n in useful}
-                named = useful
+                kept, now = sound(named, now, recordings, settings.stretch_s)
+                refused |= {n.effect.candidate.key for n in named if n not in kept}
+                named = kept
         refused |= {n.effect.candidate.key for n in poor}
     report("looking back", 0.85)
     named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))

@@ -32,24 +32,7 @@ def looked_back(
     scene: Scene,
     stretch_s: float,
 ) -> tuple[list[Named], Account]:
-    """Drop what does no good on recordings that were not fitted, and what does not fit where it is."""
-    kept, now = sound(named, now, recordings, stretch_s)
-    for n in list(kept):
-        if _lack(n, before, now, scene, stretch_s) > LACK:
-            kept = [m for m in kept if m is not n]
-            now = _without(n, now, recordings, stretch_s)
-    now = _settled(now, recordings, stretch_s)
-    by_name = {e.candidate.key: e for e in now.effects}
-    found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
-    return [
-        replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
-    ], now
-
-
-def sound(
-    named: Sequence[Named], now: Account, recordings: Sequence[Recording], stretch_s: float
-) -> tuple[list[Named], Account]:
-    """Drop what is not plausible with everything estimated, and what does no good where it was not fitted.
+    """Drop what does no good on recordings that were not fitted, and what does not fit where it is.
 
     An effect of a single trial shows in no other, so other trials say nothing of it.
     """
@@ -64,7 +47,16 @@ def sound(
             if _squares(without) <= _squares(now):
                 kept = [m for m in kept if m is not n]
                 now = without
-    return kept, now
+    for n in list(kept):
+        if _lack(n, before, now, scene, stretch_s) > LACK:
+            kept = [m for m in kept if m is not n]
+            now = _without(n, now, recordings, stretch_s)
+    now = _settled(now, recordings, stretch_s)
+    by_name = {e.candidate.key: e for e in now.effects}
+    found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
+    return [
+        replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
+    ], now
 
 
 def keeps_to_its_range(n: Named, now: Account) -> bool:

@@ -25,6 +25,6 @@ class DiscoverySettings:
 
     level: float = 0.05
     stretch_s: float = 0.5
-    most: int = 6
+    most: int = 8
     shortlist: int = 30
     strangers: int = 3

@@ -52,7 +52,10 @@ def told(
     verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
     folds = not any(item.role == "held_out" for item in before.watched)
     gaps = _gaps(named, before, after, recordings, scene, settings, folds, floors)
-    ended = _SPENT.format(settings.most) if spent(named, settings) else _NOTHING_MORE
+    spent = any(
+        sum(n.effect.candidate.of_forces == kind for n in named) >= settings.most for kind in (False, True)
+    )
+    ended = _SPENT.format(settings.most) if spent else _NOTHING_MORE
     return Findings(
         verdict,
         places,
@@ -65,12 +68,6 @@ def told(
         _FOREIGN if odd_law else ended,
         (*notes, *_limits(before, folds), *([_FOREIGN] if odd_law else [])),
     )
-
-
-def spent(named: Sequence[Named], settings: DiscoverySettings) -> bool:
-    """Whether as many effects of the motion or of the forces are named as are looked for."""
-    kinds = [n.effect.candidate.of_forces for n in named]
-    return max(kinds.count(True), kinds.count(False)) >= settings.most
 
 
 def _gaps(

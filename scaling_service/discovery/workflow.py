@@ -7,25 +7,21 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Masked
+from scaling_service.discovery.candidates import Masked
+from scaling_service.discovery.choosing import chosen, tuned_name
 from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.foreign import foreign
-from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back, sound
-from scaling_service.discovery.nameable import smallest_nameable
-from scaling_service.discovery.option import Option
-from scaling_service.discovery.options import Options, confusable, look
+from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back
+from scaling_service.discovery.options import Options, look
 from scaling_service.discovery.pairs import two_of_one_plate
 from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.rivals import Naming, revisited
-from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.sufficient import without_the_insufficient
-from scaling_service.discovery.telling import spent, told
-from scaling_service.discovery.tuning import tuned
-from scaling_service.discovery.widest import widest
+from scaling_service.discovery.telling import told
 from scaling_service.models.body import BodyModel
 
 Progress = Callable[[str, float], None]
@@ -83,7 +79,9 @@ def discover(
     refused: set[str] = set()
     options: Options | None = None
     while True:
-        found, options = _next(now, named, refused, settings, report, options)
+        report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
+        options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, options)
+        found = chosen(now, options, named, refused, settings)
         odd_law = foreign(now, options, settings)
         if odd_law is not None:
             break
@@ -94,16 +92,10 @@ def discover(
             continue
         if not found:
             break
-        tried = refined(now, recordings, [n.effect for n in found], settings.stretch_s, ROUGHLY)
-        poor = [n for n in found if not (_keeps_its_promise(n, now, tried) and keeps_to_its_range(n, tried))]
-        if not poor:
-            now, named = tried, named + found
-            named, now = revisited(named, now, _naming(recordings, options, settings))
-            if spent(named, settings):
-                kept, now = sound(named, now, recordings, settings.stretch_s)
-                refused |= {n.effect.candidate.key for n in named if n not in kept}
-                named = kept
-        refused |= {n.effect.candidate.key for n in poor}
+        now, added, poor = _added(now, found, recordings, settings)
+        refused |= poor
+        if added:
+            named, now = revisited([*named, *added], now, _naming(recordings, options, settings))
     report("looking back", 0.85)
     named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
@@ -119,7 +111,7 @@ def discover(
 
 
 def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:
-    return Naming(recordings, settings, partial(_tuned, options=options, settings=settings))
+    return Naming(recordings, settings, partial(tuned_name, options=options, settings=settings))
 
 
 def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, Account]:
@@ -136,85 +128,32 @@ def _silent(what: str, share: float) -> None:
     """No progress is shown."""
 
 
-def _keeps_its_promise(n: Named, before: Account, after: Account) -> bool:
-    """Whether the disagreement fell about as much as was expected once everything was estimated anew."""
-    candidate = n.effect.candidate
-    was, left = (squares(a, of_forces=candidate.of_forces, of=[candidate]) for a in (before, after))
-    return was - left > KEPT * n.fitted.expected
+def _added(
+    now: Account, found: Sequence[Named], recordings: Sequence[Recording], settings: DiscoverySettings
+) -> tuple[Account, list[Named], set[str]]:
+    """The effects that hold once everything is estimated anew with them, and keys of those that do not."""
+    refused: set[str] = set()
+    left = list(found)
+    while left:
+        tried = refined(now, recordings, [n.effect for n in left], settings.stretch_s, ROUGHLY)
+        strange = [n for n in left if not keeps_to_its_range(n, tried)]
+        broken = [group for group in _sorts(left) if not _keep_their_promise(group, now, tried)]
+        if not strange and not broken:
+            return tried, left, refused
+        gone = strange or [n for group in broken for n in group[1:] or group]
+        refused |= {n.effect.candidate.key for n in gone if n in strange or [n] in broken}
+        left = [n for n in left if n not in gone]
+    return now, [], refused
 
 
-def _next(
-    now: Account,
-    named: Sequence[Named],
-    refused: set[str],
-    settings: DiscoverySettings,
-    report: Progress,
-    before: Options | None,
-) -> tuple[list[Named], Options]:
-    """The best effect of the motion and the best of the forces that pass, and all options."""
-    report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
-    options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, before)
-    found = []
-    for of_forces in (False, True):
-        room = settings.most - sum(n.effect.candidate.of_forces == of_forces for n in named)
-        passing = [
-            o for o in options.best if o.candidate.of_forces == of_forces and _passes(o, options, settings)
-        ]
-        if room > 0:
-            trials = [item.name for item in now.watched]
-            fitting = [item.name for item in now.watched if item.role == "fit"]
-            first = _first(widest(passing, trials, fitting), options, now, refused, settings)
-            found += [] if first is None else [first]
-    return found, options
+def _sorts(named: Sequence[Named]) -> list[list[Named]]:
+    """Effects of the motion and of the forces apart."""
+    sorts = [[n for n in named if n.effect.candidate.of_forces == kind] for kind in (False, True)]
+    return [sort for sort in sorts if sort]
 
 
-def _first(
-    passing: Sequence[Option],
-    options: Options,
-    now: Account,
-    refused: set[str],
-    settings: DiscoverySettings,
-) -> Named | None:
-    """The best that is not refused; what swings is refused if no plausible swing fits."""
-    for option in passing:
-        if option.candidate.key not in refused:
-            named = _tuned(option, now, options, settings)
-            if named is not None:
-                return named
-            refused.add(option.candidate.key)
-    return None
-
-
-def _tuned(option: Option, now: Account, options: Options, settings: DiscoverySettings) -> Named | None:
-    """An option as a named effect, at the frequency that explains most; None where no swing is plausible."""
-    best = tuned(option, now, scene_of(now), settings.stretch_s)
-    return None if best is None else _named(best, options, now, settings)
-
-
-def _passes(option: Option, options: Options, settings: DiscoverySettings) -> bool:
-    fitted, tried = option.fitted, option.unseen
-    likely = fitted.p * options.count <= settings.level and fitted.expected > 0.0
-    return likely and tried.p <= settings.level and tried.gain > 0.0
-
-
-def _named(option: Option, options: Options, now: Account, settings: DiscoverySettings) -> Named:
-    effect = Sized(option.candidate, option.fitted.size)
-    twins = confusable(option, options.best)
-    return Named(
-        effect,
-        option.fitted.spread,
-        {},
-        {},
-        smallest_nameable(effect, option.fitted, settings.level / options.count),
-        option.fitted,
-        min(1.0, option.fitted.p * options.count),
-        option.unseen,
-        twins,
-        would_separate(effect, twins, now) if twins else "",
-        tuple(o.candidate for o in options.best if _comparable(o.candidate, option.candidate)),
-    )
-
-
-def _comparable(other: Candidate, candidate: Candidate) -> bool:
-    """Whether both are sums of columns of the same sort."""
-    return bool(other.columns and candidate.columns) and other.of_forces == candidate.of_forces
+def _keep_their_promise(group: Sequence[Named], before: Account, after: Account) -> bool:
+    """Whether the disagreement fell about as much as was expected of effects of one sort."""
+    of = [n.effect.candidate for n in group]
+    was, left = (squares(a, of_forces=of[0].of_forces, of=of) for a in (before, after))
+    return was - left > KEPT * sum(n.fitted.expected for n in group)

@@ -75,6 +75,12 @@ def hide(
     kind: str, *where: str, numbers: Sequence[float], driver: str | None = None
 ) -> tuple[Candidate, BodyModel]:
     """The candidate, and the person's body with it; ``numbers`` are as in the results."""
+    effect = sized(kind, *where, numbers=numbers, driver=driver)
+    return effect.candidate, with_effects(person().model, [effect], "")
+
+
+def sized(kind: str, *where: str, numbers: Sequence[float], driver: str | None = None) -> Sized:
+    """One of the candidates with its size."""
     found = candidate(kind, *where, driver=driver)
     size = [(n - c.neutral) / c.unit for n, c in zip(numbers, found.columns, strict=True)]
-    return found, with_effects(person().model, [Sized(found, np.array(size))], "")
+    return Sized(found, np.array(size))

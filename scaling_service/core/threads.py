@@ -1,4 +1,4 @@
-"""One thread for linear algebra: our matrices are small, and threads only wait for each other."""
+"""One thread for linear algebra (our matrices are small, threads only wait for each other), and the cores."""
 
 from __future__ import annotations
 
@@ -15,3 +15,8 @@ def use_one_thread() -> None:
     """
     for name in _LIBRARIES:
         os.environ.setdefault(name, "1")
+
+
+def cores() -> int:
+    """The processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -28,6 +28,8 @@ class Effect:
         Of an effect that is a sum of columns.
     options : callable, optional
         Of an effect whose course is not known beforehand, which needs a search of its own.
+    of_forces : bool
+        Whether that search looks at the forces, too, and not at the motion alone.
     details : callable, optional
         Numbers that no column holds.
     plausible : callable, optional
@@ -42,6 +44,7 @@ class Effect:
     meaning: str
     candidates: Callable[[Scene], Iterator[Candidate]] | None
     options: Callable[[Account, Scene, float], Iterator[Option]] | None
+    of_forces: bool
     details: Callable[[Sized, Account], Mapping[str, float]] | None
     plausible: Callable[[Array], bool] | None
     spreads: Callable[[Sized, Account, float], Mapping[str, float]] | None
@@ -57,7 +60,15 @@ def kinds() -> Mapping[str, Effect]:
         if not info.name.startswith("_")
     ]
     hooks = ("candidates", "options", "details", "plausible", "spreads", "swinging")
-    return {m.KIND: Effect(m.KIND, m.MEANING, *(getattr(m, hook, None) for hook in hooks)) for m in modules}
+    return {
+        m.KIND: Effect(
+            kind=m.KIND,
+            meaning=m.MEANING,
+            of_forces=getattr(m, "OF_FORCES", False),
+            **{hook: getattr(m, hook, None) for hook in hooks},
+        )
+        for m in modules
+    }
 
 
 def candidates(scene: Scene) -> Iterator[Candidate]:
@@ -67,10 +78,10 @@ def candidates(scene: Scene) -> Iterator[Candidate]:
             yield from effect.candidates(scene)
 
 
-def options(now: Account, scene: Scene, stretch_s: float) -> Iterator[Option]:
-    """All effects that need a search of their own, at the places where they are likely."""
+def options(now: Account, scene: Scene, stretch_s: float, *, of_forces: bool) -> Iterator[Option]:
+    """Effects that need a search of their own, of forces or of the motion, where they are likely."""
     for effect in kinds().values():
-        if effect.options is not None:
+        if effect.options is not None and effect.of_forces == of_forces:
             yield from effect.options(now, scene, stretch_s)
 
 

@@ -8,13 +8,15 @@ all that scores, gains, tests and likenesses are made of, so that the recordings
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate, Column, Part
 from scaling_service.discovery.profiles import Profile
 from scaling_service.discovery.spots import BentSpot, Spot, VolumeSpot, field, freed
@@ -119,21 +121,24 @@ def gather(
     profiles = tuple(dict.fromkeys(part.profile for column in columns for part in column.parts))
     layout = Layout.of(columns, spots, profiles, count, None if together else edges)
     step = _step(watched, len(columns))
-    stretches, raw = [], np.zeros(len(columns))
     known: list[tuple[Watched, Generators]] = []
     for item in watched:
-        generators = next((g for other, g in known if _same_body(item, other)), None)
-        if generators is None:
-            generators = Generators.of(item, spots)
-            known.append((item, generators))
+        if not any(_same_body(item, other) for other, _ in known):
+            known.append((item, Generators.of(item, spots)))
+
+    def parts(item: Watched) -> list[Callable[[], tuple[Stretch, Array]]]:
+        generators = next(g for other, g in known if _same_body(item, other))
         shapes = shapes_of(profiles, item)
         here = layout.only([c.holds_in(item.name) for c in every for _ in c.columns])
-        for rows in stretches_of(item, stretch_s):
-            found, own = _sums(item, generators, here, shapes, rows, step)
-            stretches.append(found)
-            raw += own
+        return [
+            partial(_sums, item, generators, here, shapes, rows, step)
+            for rows in stretches_of(item, stretch_s)
+        ]
+
+    sums = each(lambda part: part(), [part for item in watched for part in parts(item)])
+    raw = sum((own for _, own in sums), np.zeros(len(columns)))
     spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
-    return Evidence(tuple(stretches), raw, count, spans)
+    return Evidence(tuple(stretch for stretch, _ in sums), raw, count, spans)
 
 
 def _same_body(one: Watched, other: Watched) -> bool:

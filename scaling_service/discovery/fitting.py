@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.discovery.additions import Sized, corrected, with_effects
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.contact_points import wrench_of
 from scaling_service.discovery.forces import weigh
@@ -75,9 +76,11 @@ def account(
     """Follow the recordings with a model to which effects of known size are added."""
     near = {item.name: item for item in starts.watched} if starts else {}
     both = (*free, *effects)
-    watched = tuple(
-        _followed(model, recording, both, near.get(recording.trial.name)) for recording in recordings
-    )
+
+    def followed(recording: Recording) -> Watched:
+        return _followed(model, recording, both, near.get(recording.trial.name))
+
+    watched = tuple(each(followed, recordings))
     made = Account(model, tuple(free), tuple(effects), watched, starts.weighed if starts else ())
     return reweighed(made, recordings)
 
@@ -99,18 +102,18 @@ def _followed(
 
 def reweighed(now: Account, recordings: Sequence[Recording]) -> Account:
     """The same motion with its forces as the effects have them by now, floors as they were."""
-    floors = {item.name: item.floor for item in now.weighed}
+    noise = {item.name: item.covariance for item in now.weighed}
     weighed = tuple(
-        _weighed(item, now, recording.footing, floors.get(item.name))
+        _weighed(item, now, recording.footing, noise.get(item.name))
         for item, recording in zip(now.watched, recordings, strict=True)
         if recording.footing is not None
     )
     return replace(now, weighed=weighed)
 
 
-def _weighed(item: Watched, now: Account, footing: Footing, floor: Array | None) -> Weighed:
+def _weighed(item: Watched, now: Account, footing: Footing, noise: Array | None) -> Weighed:
     made = weigh(item, now.model_in(item.name), footing, now.everything)
-    made = replace(made, known_floor=floor)
+    made = replace(made, known_covariance=noise)
     for effect in now.effects:
         contact = effect.candidate.change
         if isinstance(contact, Contact) and effect.candidate.holds_in(item.name):

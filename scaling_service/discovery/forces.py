@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.evidence import Evidence, Layout, Stretch, stretches_of
 from scaling_service.discovery.loads import (
@@ -62,8 +63,8 @@ def gather_forces(
     edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
     layout = Layout.plain(len(columns), count, None if together else edges)
     loads = [column.load for column in columns]
-    stretches, raw = [], np.zeros(len(columns))
-    for item in weighed:
+
+    def passed(item: Weighed) -> tuple[list[Stretch], Array]:
         here = [c.holds_in(item.name) for c in every for _ in c.columns]
         active = [load if on else None for load, on in zip(loads, here, strict=True)]
         parts = [
@@ -76,10 +77,13 @@ def gather_forces(
             m, g = _whitened(other, active, item.floor)
             chance = [_stretch(item, m[used] - made[used], g[used] - gap[used], layout) for used in parts]
             found = [_less(f, c, 1.0 / _DRAWS) for f, c in zip(found, chance, strict=True)]
-        stretches += found
-        raw += sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
+        return found, sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
+
+    sums = each(passed, weighed)
+    stretches = tuple(stretch for found, _ in sums for stretch in found)
+    raw = sum((own for _, own in sums), np.zeros(len(columns)))
     spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
-    return Evidence(tuple(stretches), raw, count, spans)
+    return Evidence(stretches, raw, count, spans)
 
 
 def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array) -> tuple[Array, Array]:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from scipy import stats
 
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import FreeMotion
 from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.evidence import Generators, span, stretches_of
@@ -78,7 +80,7 @@ def freedoms(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
     """Every joint that turns, with its best direction of turning and of shifting."""
     spots = [JointSpot(s.name, at, kind, k) for s in scene.jointed for at, kind in _PLACES for k in range(3)]
     joints = [(s, *place) for s in scene.jointed for place in _PLACES]
-    courses = [courses_of(item, spots) for item in watched]
+    courses = each(partial(courses_of, spots=spots), watched)
     shares = _shares(courses)
     found = []
     for k, (segment, at, kind) in enumerate(joints):

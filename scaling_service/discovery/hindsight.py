@@ -76,7 +76,8 @@ def _settled(now: Account, recordings: Sequence[Recording], stretch_s: float) ->
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
     others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
-    return refined(replace(now, effects=others), recordings, [], stretch_s, ROUGHLY)
+    bare = replace(now, effects=others)
+    return refined(bare, recordings, [], stretch_s, ROUGHLY, of_forces=n.effect.candidate.of_forces)
 
 
 def _squares(now: Account) -> float:

@@ -32,6 +32,8 @@ class Options:
     count : int
     columns : list of Option
         Those of them that are sums of columns among the markers.
+    motions : list of Option
+        Those that were searched for among the markers.
     watched : tuple of Watched
         The recordings that these were told from.
     """
@@ -39,6 +41,7 @@ class Options:
     best: list[Option]
     count: int
     columns: list[Option]
+    motions: list[Option]
     watched: tuple[Watched, ...]
 
 
@@ -55,16 +58,17 @@ def look(
         From the last look; what the same motion shows among the markers is not told anew.
     """
     taken = {s.candidate.key for s in now.everything}
-    others = list(catalogue.options(now, scene, stretch_s))
     every = [c for c in catalogue.candidates(scene) if c.key not in taken]
     if before is not None and before.watched is now.watched:
-        columns = before.columns
+        columns, motions = before.columns, before.motions
     else:
         columns = compared(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
+        motions = list(catalogue.options(now, scene, stretch_s, of_forces=False))
     loads = compared(now, [c for c in every if c.of_forces], stretch_s, shortlist)
+    others = [*motions, *catalogue.options(now, scene, stretch_s, of_forces=True)]
     new = [o for o in others if o.candidate.key not in taken]
     best = sorted((*columns, *loads, *new), key=lambda o: -o.fitted.expected)
-    return Options(best, len(every) + len(others), columns, now.watched)
+    return Options(best, len(every) + len(others), columns, motions, now.watched)
 
 
 def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:

@@ -37,7 +37,7 @@ def two_of_one_plate(named: Sequence[Named], now: Account, naming: Naming) -> tu
     sized = _best(bare, settings)
     if sized is None:
         return list(named), now
-    tried = refined(bare, recordings, sized, settings.stretch_s, ROUGHLY)
+    tried = refined(bare, recordings, sized, settings.stretch_s, ROUGHLY, of_forces=True)
     if misfit(tried) >= misfit(now):
         return list(named), now
     made = [_beside(one, other, bare, naming) for one, other in (sized, sized[::-1])]

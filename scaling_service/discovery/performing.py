@@ -49,7 +49,7 @@ def performed_on_plates(like: Weighed, movement: str) -> Weighed | None:
         footing=replace(like.footing, usable=np.ones(len(item.q), dtype=bool)),
         swinging=(),
         touched=None,
-        known_floor=like.floor,
+        known_covariance=like.covariance,
     )
     ground = _shared(made, feet, sides)
     return replace(made, footing=Footing(ground, made.footing.usable, like.cutoff_hz))

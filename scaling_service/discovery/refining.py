@@ -7,7 +7,7 @@ disagreement larger is shortened, and not taken where no part of it helps.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +40,9 @@ def refined(
     added: Sequence[Sized],
     stretch_s: float,
     settled: float = SETTLED,
+    *,
+    of_forces: bool = False,
+    hopeless: Callable[[Account], object] = lambda _: False,
 ) -> Account:
     """Estimate what is free and the effects, with some more of them, on the recordings that are to fit.
 
@@ -47,29 +50,31 @@ def refined(
     ----------
     settled : float
         Share of the cost below which a round's gain ends the rounds.
+    of_forces : bool
+        Whether only what shows in the forces has changed: the motion does not follow from forces and stays.
+    hopeless : callable
+        Whether an account need not be brought to its end; it is returned as it is.
     """
-    now = _with(start, recordings, added)
+    if of_forces:
+        now = reweighed(replace(start, effects=(*start.effects, *added)), recordings)
+    else:
+        now = account(start.model, recordings, start.free, (*start.effects, *added), start)
     if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
         unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
         now = account(start.model, recordings, start.free, (*start.effects, *unsized), start)
     reached = misfit(now)
     for _round in range(_ROUNDS):
+        if hopeless(now):
+            break
         before = reached
-        now = _stepped(now, recordings, stretch_s, of_forces=False)
-        now = _aligned(now, recordings, stretch_s)
+        if not of_forces:
+            now = _stepped(now, recordings, stretch_s, of_forces=False)
+            now = _aligned(now, recordings, stretch_s)
         now = _stepped(now, recordings, stretch_s, of_forces=True)
         reached = misfit(now)
         if before - reached < settled * before:
             break
     return now
-
-
-def _with(start: Account, recordings: Sequence[Recording], added: Sequence[Sized]) -> Account:
-    """The account with more effects; those of forces leave the motion as it is. With none it is made anew."""
-    effects = (*start.effects, *added)
-    if added and all(effect.candidate.of_forces for effect in added):
-        return reweighed(replace(start, effects=effects), recordings)
-    return account(start.model, recordings, start.free, effects, start)
 
 
 def _misfit(now: Account, of: Account, *, of_forces: bool) -> float:

@@ -47,7 +47,10 @@ def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[lis
             made = None if better is None else naming.name(better, without)
             if made is not None:
                 kept[k] = replace(made, rivals=n.rivals)
-                now = refined(without, recordings, [made.effect], settings.stretch_s, ROUGHLY)
+                of_forces = n.effect.candidate.of_forces
+                now = refined(
+                    without, recordings, [made.effect], settings.stretch_s, ROUGHLY, of_forces=of_forces
+                )
     return kept, now
 
 

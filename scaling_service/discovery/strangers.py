@@ -9,10 +9,12 @@ is told as unexplained.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate, Masked
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.fitting import Account, scene_of
@@ -63,7 +65,7 @@ def _strange(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list
     """Every marker in all trials that are to fit, and in each trial by itself."""
     spots = [MarkerSpot(marker, k) for marker in scene.markers for k in range(3)]
     shown = [item for item in watched if set(scene.markers) <= set(item.markers)]
-    courses = [courses_of(item, spots)[0] for item in shown]
+    courses = [found for found, _ in each(partial(courses_of, spots=spots), shown)]
     found = []
     for m, marker in enumerate(scene.markers):
         by_trial = {

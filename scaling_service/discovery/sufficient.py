@@ -51,7 +51,7 @@ def without_the_insufficient(
     if not loads or sufficient(before, now, scene, stretch_s):
         return list(named), now, ()
     kept = tuple(e for e in now.effects if not e.candidate.of_forces)
-    now = refined(replace(now, effects=kept), recordings, [], stretch_s)
+    now = refined(replace(now, effects=kept), recordings, [], stretch_s, of_forces=True)
     names = ", ".join(n.effect.candidate.name for n in loads)
     return [n for n in named if n not in loads], now, (REFUSED.format(names=names),)
 

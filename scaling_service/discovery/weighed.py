@@ -76,8 +76,8 @@ class Weighed:
         Masses (kg) that swing.
     touched : ndarray, shape (n, 6), optional
         What touches the body beside the plates, moment about the ground origin.
-    known_floor : ndarray, shape (6,), optional
-        The floor, where it is known from before.
+    known_covariance : ndarray, shape (6, 6), optional
+        That of the noise, where it is known from before.
     """
 
     item: Watched
@@ -87,7 +87,7 @@ class Weighed:
     cutoff_hz: float = CUTOFF_HZ
     swinging: tuple[tuple[Wobbling, float], ...] = ()
     touched: Array | None = None
-    known_floor: Array | None = None
+    known_covariance: Array | None = None
 
     @property
     def name(self) -> str:
@@ -181,15 +181,13 @@ class Weighed:
     @cached_property
     def floor(self) -> Array:
         """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
-        if self.known_floor is not None:
-            return self.known_floor
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @cached_property
     def covariance(self) -> Array:
         """Of what marker noise and plates leave, (6, 6), N and N m, the moment about :attr:`about`."""
-        if self.known_floor is not None:
-            return np.diag(self.known_floor**2)
+        if self.known_covariance is not None:
+            return self.known_covariance
         own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
         changes = [
             self.moved(self.smoothed(np.nan_to_num(other.needed[0] - self.needed[0])))[self.usable]

@@ -135,8 +135,16 @@ def _added(
     refused: set[str] = set()
     left = list(found)
     while left:
-        tried = refined(now, recordings, [n.effect for n in left], settings.stretch_s, ROUGHLY)
-        strange = [n for n in left if not keeps_to_its_range(n, tried)]
+        tried = refined(
+            now,
+            recordings,
+            [n.effect for n in left],
+            settings.stretch_s,
+            ROUGHLY,
+            of_forces=all(n.effect.candidate.of_forces for n in left),
+            hopeless=partial(_strange, left),
+        )
+        strange = _strange(left, tried)
         broken = [group for group in _sorts(left) if not _keep_their_promise(group, now, tried)]
         if not strange and not broken:
             return tried, left, refused
@@ -144,6 +152,11 @@ def _added(
         refused |= {n.effect.candidate.key for n in gone if n in strange or [n] in broken}
         left = [n for n in left if n not in gone]
     return now, [], refused
+
+
+def _strange(named: Sequence[Named], now: Account) -> list[Named]:
+    """Those whose numbers no laboratory could meet."""
+    return [n for n in named if not keeps_to_its_range(n, now)]
 
 
 def _sorts(named: Sequence[Named]) -> list[list[Named]]:

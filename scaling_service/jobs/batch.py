@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.threads import cores
 from scaling_service.jobs.cohort_documents import statistics_document
 from scaling_service.jobs.cohort_members import Member, read_members
 from scaling_service.jobs.cohort_run import CohortRun, Item, Outcome, possible_methods, run_cohort
@@ -244,11 +244,6 @@ def _content(file: Path) -> object:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-
-
-def cores() -> int:
-    """The processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _document(

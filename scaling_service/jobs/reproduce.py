@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scaling_service.core.errors import InputError
+from scaling_service.core.threads import cores
 from scaling_service.evaluation.cohort import CohortStatistics, cohort_statistics
-from scaling_service.jobs.batch import Watcher, cores
+from scaling_service.jobs.batch import Watcher
 from scaling_service.jobs.cohort_documents import statistics_document
 from scaling_service.jobs.cohort_run import CohortRun, VirtualPerson, run_cohort
 from scaling_service.jobs.documents import code_version

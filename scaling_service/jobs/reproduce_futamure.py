@@ -14,7 +14,7 @@ from scaling_service.calibration.consistent import Followed
 from scaling_service.calibration.consistent import consistent as identify
 from scaling_service.calibration.consistent_settings import ConsistentSettings
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.batch import cores
+from scaling_service.core.threads import cores
 from scaling_service.jobs.consistent import read
 from scaling_service.jobs.documents import code_version
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import InputError
+from scaling_service.core.threads import cores
 from scaling_service.evaluation.uncertainty import UncertaintySettings, WrenchUncertainty
-from scaling_service.jobs.batch import cores
 from scaling_service.jobs.documents import code_version
 from scaling_service.jobs.dynamics import dynamics
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings

@@ -82,5 +82,5 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
     above = sum(i.square - i.freedom for i in now.watched if i.role == "fit")
     law = Foreign(("markers",), "any law", share * above, 0.0, 0.0, of_forces=False)
     monkeypatch.setattr(foreign, "_found", lambda *_: iter([law]))
-    found = foreign.foreign(now, Options([], 1, [], now.watched), DiscoverySettings())
+    found = foreign.foreign(now, Options([], 1, [], [], now.watched), DiscoverySettings())
     assert found is (law if told else None)

@@ -75,3 +75,15 @@ def test_the_wider_of_two_scopes_stays_where_gains_do_not_compare(
 ) -> None:
     found = widest([option(*trials) for trials in passing], "abcd", "ab")
     assert [o.candidate.trials for o in found] == kept
+
+
+@pytest.mark.parametrize(("in_first", "kept"), [(1.02, [("b", "c")]), (1.2, [("a",), ("b", "c")])])
+def test_what_is_in_the_first_trial_alone_or_reversed_in_all_others_is_in_the_others(
+    in_first: float, kept: list[tuple[str, ...]]
+) -> None:
+    """Where it explains as much there, reversed: its value in all trials is free. Else the two differ."""
+    both = [option("a"), option("b", "c")]
+    both = [
+        replace(o, fitted=replace(NOTHING, gain=gain)) for o, gain in zip(both, (in_first, 1.0), strict=True)
+    ]
+    assert [o.candidate.trials for o in widest(both, "abc", "ab")] == kept

@@ -17,6 +17,7 @@ from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.weighed import Weighed
 
 KIND = "external_contact"
+OF_FORCES = True
 MEANING = "something touches the segment that no plate measures"
 
 

@@ -150,10 +150,19 @@ def _best(spells: Sequence[Spell], trials: tuple[str, ...], stretch_s: float) ->
     best = fits[order[0]]
     square = sum(float(np.square(s.item.gap[s.item.usable] / s.item.floor).sum()) for s in spells)
     p = _p(spells, order[0], stretch_s)
-    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gap - best.left, best.left, p, 1.0)
+    fitting = [s for s in spells if s.item.role == "fit"] or spells  # as all other effects are judged
+    taken = [_taken(s, order[0], best.point) for s in fitting]
+    gain, left = np.sum(taken, axis=0).tolist()
+    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gain, left, p, 1.0)
     near = [n for n in order[1:] if _not_told_apart(_parts(spells, stretch_s), best, fits[n])]
     contact, *others = (_contact(spells, n, fits[n].point) for n in (order[0], *near))
     return Touch(contact, trials, fitted, (gap - best.left) / square, tuple(others))
+
+
+def _taken(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
+    """Whitened squares that a contact takes off, and those that it leaves."""
+    left = float(solved(spell.item, segment, spell.rows, point)[2].sum())
+    return float(np.square(spell.item.gap[spell.rows] / spell.item.floor).sum()) - left, left
 
 
 def _beside_plates(spell: Spell, foot: str) -> bool:

@@ -27,7 +27,7 @@ from scaling_service.kernels.tree import Tree, forward, jacobian, positions
 from scaling_service.models.compile import compile_model, parameter_values
 
 _FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
-_BLOCK = 48  # frames at once: 42 rows by 1,000 columns by 48 frames are 16 MB
+_BLOCK, _FRAMES = 4e6, 48  # numbers of all columns and frames at once: 32 MB, and frames at most (chosen)
 _MOST = 2e8  # numbers of all columns together; chosen: some ten seconds on one core
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
@@ -293,8 +293,9 @@ def _sums(
     scores, raw, own = np.zeros(count), np.zeros(count), np.zeros(layout.own_shape)
     cross = np.zeros((layout.nuisances, count))
     square = freedom = 0.0
-    for start in range(rows.start, rows.stop, _BLOCK * step):
-        block = slice(start, min(start + _BLOCK * step, rows.stop), step)
+    frames = step * max(1, min(_FRAMES, int(_BLOCK / (3 * len(item.markers) * max(count, 1)))))
+    for start in range(rows.start, rows.stop, frames):
+        block = slice(start, min(start + frames, rows.stop), step)
         gap, pose, spots = generators.at(item, block)
         basis = span(pose)
         made = layout.columns(spots, shapes[:, block])

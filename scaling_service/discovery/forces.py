@@ -37,6 +37,7 @@ from scaling_service.models.massive import inertias_of, with_inertias
 
 _FEWEST = 5  # frames of a stretch; chosen: fewer say nothing of a stretch of half a second
 _UNIT = np.eye(3)
+_RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
 _DRAWS = 4  # of noise; chosen: its products' own spread grows by an eighth
 _CARRIED = 4
 """Columns of a carried load: its mass and its first moments."""
@@ -67,17 +68,20 @@ def gather_forces(
     def passed(item: Weighed) -> tuple[list[Stretch], Array]:
         here = [c.holds_in(item.name) for c in every for _ in c.columns]
         active = [load if on else None for load, on in zip(loads, here, strict=True)]
+        thin = max(1, int(item.item.trial.rate_hz / (_RATE * item.cutoff_hz)))
         parts = [
             np.flatnonzero(item.usable[rows]) + rows.start for rows in stretches_of(item.item, stretch_s)
         ]
-        parts = [used for used in parts if len(used) >= _FEWEST]
-        made, gap = _whitened(item, active, item.floor)
-        found = [_stretch(item, made[used], gap[used], layout) for used in parts]
+        parts = [used[used % thin == 0] // thin for used in parts if len(used) >= _FEWEST]
+        made, gap = _whitened(item, active, item.floor, thin)
+        found = [_stretch(item, made[used], gap[used], layout, thin) for used in parts]
         for other in item.shaken(_DRAWS):
-            m, g = _whitened(other, active, item.floor)
-            chance = [_stretch(item, m[used] - made[used], g[used] - gap[used], layout) for used in parts]
+            m, g = _whitened(other, active, item.floor, thin)
+            stray, by = m - made, g - gap
+            chance = [_stretch(item, stray[used], by[used], layout, thin) for used in parts]
             found = [_less(f, c, 1.0 / _DRAWS) for f, c in zip(found, chance, strict=True)]
-        return found, sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
+        raw = sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
+        return found, thin * raw
 
     sums = each(passed, weighed)
     stretches = tuple(stretch for found, _ in sums for stretch in found)
@@ -86,15 +90,19 @@ def gather_forces(
     return Evidence(stretches, raw, count, spans)
 
 
-def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array) -> tuple[Array, Array]:
-    """Columns (n, 6, n_columns), zero where there is no load, and gap (n, 6) about the trunk's origin."""
+def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array, thin: int) -> tuple[Array, Array]:
+    """Columns (n, 6, n_columns), zero where there is no load, and gap (n, 6) about the trunk's origin.
+
+    In every frame whose number ``thin`` divides.
+    """
     known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
     raw = np.zeros((len(item.times), 6, len(known) + 1))
     for load, k in known.items():
         raw[:, :, k] = load.column(item)
-    smooth = np.moveaxis(item.smoothed(raw), 2, 0)
-    made = np.stack([item.moved(wrench) for wrench in smooth], axis=2) / floor[:, None]
-    return made[:, :, [-1 if load is None else known[load] for load in loads]], item.gap / floor
+    made = item.smoothed(raw)[::thin]
+    made[:, 3:] -= np.cross(item.about[::thin, None], made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
+    made /= floor[:, None]
+    return made[:, :, [-1 if load is None else known[load] for load in loads]], item.gap[::thin] / floor
 
 
 def _less(found: Stretch, chance: Stretch, share: float) -> Stretch:
@@ -107,16 +115,17 @@ def _less(found: Stretch, chance: Stretch, share: float) -> Stretch:
     )
 
 
-def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout) -> Stretch:
+def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout, thin: int) -> Stretch:
+    """Sums of frames that stand for ``thin`` ones each."""
     flat = made.reshape(-1, made.shape[2])
     return Stretch(
         item.name,
         item.role,
-        flat.T @ gap.ravel(),
-        flat[:, : layout.nuisances].T @ flat,
-        layout.own(made),
-        float(np.square(gap).sum()),
-        float(gap.size),
+        thin * (flat.T @ gap.ravel()),
+        thin * (flat[:, : layout.nuisances].T @ flat),
+        thin * layout.own(made),
+        thin * float(np.square(gap).sum()),
+        float(thin * gap.size),
     )
 
 

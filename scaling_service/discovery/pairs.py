@@ -2,8 +2,8 @@
 
 Effects are named one after the other. Where two at one plate partly cancel, what is left looks like neither,
 and several others may be named in their stead: a plate that measures too little and has something added looks
-like another plate that measures too much. So once several effects of forces are named, every two faults of
-one plate are tried in the stead of all of them.
+like another plate that measures too much. So once effects of forces are named, be it one, every two faults of
+one plate are tried in their stead.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ Two = tuple[Candidate, Candidate]
 
 
 def two_of_one_plate(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
-    """Two faults of one plate in place of several effects of forces, where the two explain more."""
+    """Two faults of one plate in place of the effects of forces, where the two explain more."""
     recordings, settings = naming.recordings, naming.settings
     several = [n for n in named if n.effect.candidate.of_forces]
-    if len(several) < 2:
+    if not several:
         return list(named), now
+    tries = 1 if len(several) > 1 else naming.count  # one more effect than is named must stand as any other
     bare = replace(now, effects=tuple(e for e in now.effects if not e.candidate.of_forces))
     bare = reweighed(bare, recordings)
     sized = _best(bare, settings)
@@ -40,7 +41,7 @@ def two_of_one_plate(named: Sequence[Named], now: Account, naming: Naming) -> tu
     tried = refined(bare, recordings, sized, settings.stretch_s, ROUGHLY, of_forces=True)
     if misfit(tried) >= misfit(now):
         return list(named), now
-    made = [_beside(one, other, bare, naming) for one, other in (sized, sized[::-1])]
+    made = [_beside(one, other, bare, naming, tries) for one, other in (sized, sized[::-1])]
     sure = [n for n in made if n is not None]
     if len(sure) < len(made):
         return list(named), now
@@ -68,10 +69,10 @@ def _both(one: Candidate, other: Candidate) -> Candidate:
     return Candidate("pair", one.where, (*one.columns, *other.columns), note=note)
 
 
-def _beside(one: Sized, other: Sized, bare: Account, naming: Naming) -> Named | None:
+def _beside(one: Sized, other: Sized, bare: Account, naming: Naming, tries: int) -> Named | None:
     """One of the two as a named effect where the other is known, if it stands by itself then."""
     known = reweighed(replace(bare, effects=(*bare.effects, other)), naming.recordings)
     for option in compared(known, [one.candidate], naming.settings.stretch_s, 1):
-        if max(option.fitted.p, option.unseen.p) <= naming.settings.level:
+        if max(tries * option.fitted.p, option.unseen.p) <= naming.settings.level:
             return naming.name(option, known)
     return None

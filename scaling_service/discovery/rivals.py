@@ -26,12 +26,15 @@ class Naming:
     ----------
     recordings : sequence of Recording
     settings : DiscoverySettings
+    count : int
+        Of the options among which names are chosen.
     name : callable
         Makes a named effect of an option, in an account.
     """
 
     recordings: Sequence[Recording]
     settings: DiscoverySettings
+    count: int
     name: Callable[[Option, Account], Named | None]
 
 

@@ -1,4 +1,4 @@
-"""Find what is missing, effect after effect, until nothing that is left passes."""
+"""Find what is missing, round after round, until nothing that is left passes."""
 
 from __future__ import annotations
 
@@ -111,7 +111,9 @@ def discover(
 
 
 def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:
-    return Naming(recordings, settings, partial(tuned_name, options=options, settings=settings))
+    return Naming(
+        recordings, settings, options.count, partial(tuned_name, options=options, settings=settings)
+    )
 
 
 def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, Account]:

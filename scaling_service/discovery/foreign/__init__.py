@@ -37,6 +37,10 @@ MAINLY = 0.25
 must be most of what is wrong; where much else is, a few numbers more explain more than the right effect)."""
 
 
+SOMETHING, LITTLE = 0.05, 0.25
+"""Of what stands above the noise, what the effects must leave, and of that, what the law may leave (chosen:
+an effect that is there leaves nothing; where one explains most, no law could explain clearly more)."""
+
 Told = Callable[[Option], tuple[tuple[str, ...], str]]
 """Where, and in words and numbers."""
 
@@ -59,9 +63,16 @@ def foreign(now: Account, options: Options, settings: DiscoverySettings) -> Fore
     """The law that explains most, if it does so clearly better than any effect."""
     found = _found(now, settings.stretch_s)
     sure = [law for law in found if max(law.p * options.count, law.unseen) <= settings.level]
-    main = [law for law in sure if law.expected > MAINLY * _standing_out(now, of_forces=law.of_forces)]
-    clear = [law for law in main if law.expected > _rivals(law, options)]
+    above = {of_forces: _standing_out(now, of_forces=of_forces) for of_forces in (False, True)}
+    main = [law for law in sure if law.expected > MAINLY * above[law.of_forces]]
+    clear = [law for law in main if _clear(law, _rivals(law, options), above[law.of_forces])]
     return max(clear, key=lambda law: law.expected, default=None)
+
+
+def _clear(law: Foreign, rivals: float, above: float) -> bool:
+    """Whether a law explains clearly more than any effect, or leaves little where they leave something."""
+    lead = above - rivals / CLEARLY
+    return law.expected > rivals or (lead > SOMETHING * above and above - law.expected < LITTLE * lead)
 
 
 def _found(now: Account, stretch_s: float) -> Iterator[Foreign]:

@@ -17,6 +17,9 @@ from scaling_service.discovery.weighed import Weighed
 from scaling_service.kernels.laws import Array
 
 _AT_LIMIT = 0.95  # of the highest reading, from which a filtered one may have been cut off (chosen)
+_FLAT, _STANDS = 0.005, 0.6
+"""By how much readings at the limit differ from their median, and the share of the highest that must differ
+by no more (both chosen: it is 0.2 at the top of a parabola)."""
 _FORWARD, _UP, _RIGHT = np.eye(3)
 
 
@@ -25,13 +28,24 @@ def found(now: Account) -> Iterator[Foreign]:
     plates = dict.fromkeys(plate for item in now.weighed for plate in item.footing.ground.plates)
     for plate in plates:
         fit, held = (_spells(now, plate, role) for role in ("fit", "held_out"))
-        if len(fit) and (fit[:, 2] > 0.0).all():
+        if len(fit) and (fit[:, 2] > 0.0).all() and _stands(now, plate):
             gain, chance = fit[:, 0].sum(), fit[:, 1].sum()
             limits = [float(item.plate(plate)[:, 1].max()) for item in now.weighed]
             law = f"the vertical force of {plate} stops at {np.median(limits):.0f} N: more is missing there"
             p = _by_chance(fit)
             unseen = _by_chance(held) if len(held) else p
             yield Foreign((plate, "fy"), law, float(gain - 2.0 * chance), p, unseen, of_forces=True)
+
+
+def _stands(now: Account, plate: str) -> bool:
+    """Whether the force stands still where it is highest."""
+    near = at = 0
+    for item in now.weighed:
+        force = item.plate(plate)[:, 1]
+        highest = force[force > _AT_LIMIT * force.max()]
+        near += len(highest)
+        at += int((np.abs(highest - np.median(highest)) < _FLAT * force.max()).sum()) if len(highest) else 0
+    return at > _STANDS * near
 
 
 def _by_chance(spells: Array) -> float:

@@ -28,24 +28,24 @@ def found(now: Account) -> Iterator[Foreign]:
     plates = dict.fromkeys(plate for item in now.weighed for plate in item.footing.ground.plates)
     for plate in plates:
         fit, held = (_spells(now, plate, role) for role in ("fit", "held_out"))
-        if len(fit) and (fit[:, 2] > 0.0).all() and _stands(now, plate):
+        limit = _limit(now, plate)
+        if limit is not None and len(fit) and (fit[:, 2] > 0.0).all():
             gain, chance = fit[:, 0].sum(), fit[:, 1].sum()
-            limits = [float(item.plate(plate)[:, 1].max()) for item in now.weighed]
-            law = f"the vertical force of {plate} stops at {np.median(limits):.0f} N: more is missing there"
+            law = f"the vertical force of {plate} stops at {limit:.0f} N: more is missing there"
             p = _by_chance(fit)
             unseen = _by_chance(held) if len(held) else p
             yield Foreign((plate, "fy"), law, float(gain - 2.0 * chance), p, unseen, of_forces=True)
 
 
-def _stands(now: Account, plate: str) -> bool:
-    """Whether the force stands still where it is highest."""
-    near = at = 0
-    for item in now.weighed:
-        force = item.plate(plate)[:, 1]
-        highest = force[force > _AT_LIMIT * force.max()]
-        near += len(highest)
-        at += int((np.abs(highest - np.median(highest)) < _FLAT * force.max()).sum()) if len(highest) else 0
-    return at > _STANDS * near
+def _limit(now: Account, plate: str) -> float | None:
+    """Where the force stands still when it is highest, N, the median of all trials; None if it does not."""
+    forces = [item.plate(plate)[:, 1] for item in now.weighed]
+    highest = [force[force > _AT_LIMIT * force.max()] for force in forces if force.max() > 0.0]
+    if not highest:
+        return None
+    limits = [float(np.median(each)) for each in highest]
+    at = sum(int((np.abs(f - limit) < _FLAT * limit).sum()) for f, limit in zip(highest, limits, strict=True))
+    return float(np.median(limits)) if at > _STANDS * sum(map(len, highest)) else None
 
 
 def _by_chance(spells: Array) -> float:
@@ -81,12 +81,10 @@ def _vertical(item: Weighed, rows: NDArray[np.bool_]) -> Array:
 
     It acts where the moments of these frames say: where one channel is cut off, that is no foot's place.
     """
-    levers = np.stack(
-        [np.broadcast_to(np.cross(axis, _UP), item.about.shape) for axis in (_FORWARD, _RIGHT)], 2
-    )
     force, moment = item.gap[rows, 1], item.gap[rows, 3:]
     about = moment + np.cross(item.about[rows], _UP) * force[:, None]
-    lever = (force[:, None, None] * levers[rows] / item.floor[3:, None]).reshape(-1, 2)
+    arms = np.stack([np.cross(_FORWARD, _UP), np.cross(_RIGHT, _UP)], axis=1) / item.floor[3:, None]
+    lever = (force[:, None, None] * arms).reshape(-1, 2)
     x, z = np.linalg.lstsq(lever, (about / item.floor[3:]).ravel())[0]
     place = np.array([x, 0.0, z]) - item.about
     return np.concatenate([np.broadcast_to(_UP, place.shape), np.cross(place, _UP)], axis=1)

@@ -1,0 +1,26 @@
+"""Something on a spring against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scaling_service.discovery.oscillator import oscillate
+
+STEP, FREQUENCY, DAMPING = 0.01, 3.0, 0.2
+W = 2.0 * np.pi * FREQUENCY
+
+
+def test_a_steady_pull_holds_it_still_from_the_first_frame_on() -> None:
+    place, speed = oscillate(np.full((200, 3), 2.5), STEP, FREQUENCY, DAMPING)
+    np.testing.assert_allclose(place, 2.5 / W**2, rtol=1e-9)
+    np.testing.assert_allclose(speed, 0.0, atol=1e-12)
+
+
+def test_a_wave_makes_it_swing_as_the_closed_form_says() -> None:
+    """u = Re(e^{i v t} / (w^2 - v^2 + 2 i z w v)) once what it began with has died away."""
+    times, v = STEP * np.arange(1000), 2.0 * np.pi * 2.2
+    place, speed = oscillate(np.cos(v * times), STEP, FREQUENCY, DAMPING)
+    steady = np.exp(1j * v * times) / (W**2 - v**2 + 2j * DAMPING * W * v)
+    late = times > 4.0
+    np.testing.assert_allclose(place[late], steady.real[late], atol=2e-3 * np.abs(steady[0]))
+    np.testing.assert_allclose(speed[late], (1j * v * steady).real[late], atol=2e-3 * v * np.abs(steady[0]))

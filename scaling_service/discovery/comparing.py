@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -27,12 +27,15 @@ class Explained:
         Of the candidate's columns, SI.
     along : ndarray, shape (n_nuisances,)
         How the nuisances move with it.
+    step : ndarray, shape (n_nuisances,)
+        How they move without it.
     gains : ndarray, shape (n_stretches,)
         Of the whitened sum of squares.
     """
 
     size: Array
     along: Array
+    step: Array
     gains: Array
 
 
@@ -49,23 +52,26 @@ def explained(evidence: Evidence, index: int, stretches: Sequence[Stretch]) -> E
     rows, count = evidence.groups[index], evidence.nuisances
     total = np.sum([s.own for s in stretches], axis=0)
     score = np.sum([s.scores for s in stretches], axis=0)
-    follow = inverse_of(total[:count, :count], evidence.raw[:count])[0] @ total[:count, rows]
+    inverse = inverse_of(total[:count, :count], evidence.raw[:count])[0]
+    follow, step = inverse @ total[:count, rows], inverse @ score[:count]
     curvature = total[rows, rows] - total[rows, :count] @ follow
     size = inverse_of(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
     along = -follow @ size
-    return Explained(size, along, gains_of(evidence, index, size, along, stretches))
+    found = Explained(size, along, step, np.zeros(0))
+    return replace(found, gains=gains_of(evidence, index, found, stretches))
 
 
-def gains_of(
-    evidence: Evidence, index: int, size: Array, along: Array, stretches: Sequence[Stretch]
-) -> Array:
-    """What a candidate of given size takes off stretches, (n_stretches,)."""
-    rows = evidence.groups[index]
-    chosen = np.r_[0 : evidence.nuisances, rows.start : rows.stop]
-    change = np.concatenate([along, size])
-    return np.array(
-        [2.0 * change @ s.scores[chosen] - change @ s.own[np.ix_(chosen, chosen)] @ change for s in stretches]
-    )
+def gains_of(evidence: Evidence, index: int, found: Explained, stretches: Sequence[Stretch]) -> Array:
+    """What a candidate takes off stretches beyond what nuisances by themselves do, (n_stretches,)."""
+    count, rows = evidence.nuisances, evidence.groups[index]
+    chosen = np.r_[0:count, rows.start : rows.stop]
+    change = np.concatenate([found.along, found.size])
+
+    def gain(s: Stretch) -> float:
+        own = s.own[np.ix_(chosen, chosen)]
+        return float(change @ (2.0 * (s.scores[chosen] - own[:, :count] @ found.step) - own @ change))
+
+    return np.array([gain(s) for s in stretches])
 
 
 def no_worse(best: Array, other: Array, penalty: float) -> float:
@@ -128,7 +134,7 @@ def unseen(evidence: Evidence, index: int, candidate: Candidate) -> Unseen:
     gains, square = [], 0.0
     for known, new in rounds:
         found = explained(evidence, index, [*others, *known])
-        gains.append(gains_of(evidence, index, found.size, found.along, new))
+        gains.append(gains_of(evidence, index, found, new))
         square += sum(s.square for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0

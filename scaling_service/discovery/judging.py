@@ -101,17 +101,22 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
 
 
 def _without_nuisances(evidence: Evidence, chosen: Sequence[Stretch]) -> tuple[Array, Array]:
-    """Scores (B, n_columns) and own products (B, n_groups, w, w) where the nuisances follow."""
+    """Scores (B, n_columns) and own products (B, n_groups, w, w) where the nuisances follow.
+
+    Columns and residuals are both freed of the nuisances (Frisch & Waugh 1933, Econometrica 1:387): the sum
+    of the scores would be the same without the latter, but they would stray from stretch to stretch.
+    """
     scores, own = np.array([s.scores for s in chosen]), np.array([s.own for s in chosen])
     count = evidence.nuisances
     if not count:
         return scores, own
     cross = np.array([s.cross for s in chosen])
     total = cross.sum(axis=0)
-    follow = inverse_of(total[:, :count], evidence.raw[:count])[0] @ total
-    scores = scores - scores[:, :count] @ follow
-    own = own.copy()
+    inverse = inverse_of(total[:, :count], evidence.raw[:count])[0]
+    follow, step = inverse @ total, inverse @ scores[:, :count].sum(axis=0)
     inner = cross[:, :, :count]
+    scores = scores - scores[:, :count] @ follow - step @ (cross - inner @ follow)
+    own = own.copy()
     for k, rows in enumerate(evidence.groups):
         width = rows.stop - rows.start
         f = follow[:, rows]

@@ -9,11 +9,11 @@ is told as unexplained.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate, Masked
 from scaling_service.discovery.evidence import stretches_of
@@ -34,7 +34,23 @@ CLEARLY = 1.3
 but noise, and the free course takes that too)."""
 
 
-def stranger(now: Account, options: Options, settings: DiscoverySettings) -> Sized | None:
+@dataclass(frozen=True, slots=True)
+class Odd:
+    """A marker that seems to go its own way.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The marker left out, where it does.
+    expected : float
+        What a free course of it explains, as :attr:`scaling_service.discovery.judging.Fitted.expected`.
+    """
+
+    candidate: Candidate
+    expected: float
+
+
+def stranger(now: Account, options: Options, settings: DiscoverySettings) -> Odd | None:
     """A marker that goes its own way, if that explains clearly more than any law, be it sure or not.
 
     One of a segment at most: where two do, it is the segment that the model does not follow. None that has an
@@ -49,16 +65,14 @@ def stranger(now: Account, options: Options, settings: DiscoverySettings) -> Siz
     }
     lawful = {name for e in now.effects for name in e.candidate.where}
     odd = [
-        (fitted.expected, candidate)
+        Odd(candidate, fitted.expected)
         for candidate, fitted in _strange(scene_of(now), now.watched, settings.stretch_s)
         if fitted.p * options.count <= settings.level
         and model.marker(candidate.where[0]).segment not in known
         and candidate.where[0] not in lawful
     ]
-    best = max(odd, key=lambda each: each[0], default=None)
-    if best is None or best[0] <= CLEARLY * max(laws, default=0.0):
-        return None
-    return Sized(best[1], np.zeros(0))
+    best = max(odd, key=lambda one: one.expected, default=None)
+    return best if best is not None and best.expected > CLEARLY * max(laws, default=0.0) else None
 
 
 def _strange(scene: Scene, watched: Sequence[Watched], stretch_s: float) -> list[tuple[Candidate, Fitted]]:

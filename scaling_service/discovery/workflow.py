@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Masked
 from scaling_service.discovery.choosing import chosen, tuned_name
@@ -15,7 +17,7 @@ from scaling_service.discovery.fitting import Account, Recording, account, scene
 from scaling_service.discovery.foreign import foreign
 from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back
 from scaling_service.discovery.options import Options, look
-from scaling_service.discovery.pairs import two_of_one_plate
+from scaling_service.discovery.pairs import two_of_one_marker, two_of_one_plate
 from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.rivals import Naming, revisited
 from scaling_service.discovery.strangers import stranger
@@ -87,17 +89,21 @@ def discover(
             break
         masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
         odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
-        if odd is not None:
-            now = account(model, recordings, now.free, (*now.effects, odd), now)
+        naming = _naming(recordings, options, settings)
+        pair = [] if odd is None else two_of_one_marker(odd, now, naming, refused)
+        if odd is not None and not pair:
+            left_out = Sized(odd.candidate, np.zeros(0))
+            now = account(model, recordings, now.free, (*now.effects, left_out), now)
             continue
+        found = pair or found
         if not found:
             break
         now, added, poor = _added(now, found, recordings, settings)
         refused |= poor
         if added:
-            named, now = revisited([*named, *added], now, _naming(recordings, options, settings))
+            named, now = revisited([*named, *added], now, naming)
     report("looking back", 0.85)
-    named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
+    named, now = two_of_one_plate(named, now, naming)
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s

@@ -28,7 +28,7 @@ from scaling_service.models.compile import compile_model, parameter_values
 
 _FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
 _BLOCK, _FRAMES = 4e6, 48  # numbers of all columns and frames at once: 32 MB, and frames at most (chosen)
-_MOST = 2e8  # numbers of all columns together; chosen: some ten seconds on one core
+_MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
 
@@ -91,6 +91,19 @@ class Evidence:
     raw: Array
     nuisances: int
     groups: tuple[slice, ...]
+
+    def apart(self) -> Evidence:
+        """The same with the products of each group only, also where all were gathered together."""
+        if not self.stretches or self.stretches[0].own.ndim == 3:
+            return self
+        edges = np.array([self.nuisances, *(rows.stop for rows in self.groups)])
+        table = _padded(edges)
+
+        def of_groups(own: Array) -> Array:
+            wide = np.pad(own, (0, 1))
+            return np.asarray(wide[table[:, :, None], table[:, None, :]])
+
+        return replace(self, stretches=tuple(replace(s, own=of_groups(s.own)) for s in self.stretches))
 
 
 def gather(

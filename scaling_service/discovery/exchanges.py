@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Exchange
 from scaling_service.discovery.evidence import Generators, span
 from scaling_service.discovery.watched import Watched
@@ -41,7 +42,7 @@ class Swap:
 
 def swaps(watched: Sequence[Watched]) -> list[Swap]:
     """The best pair and span of every trial, if any helps."""
-    found = [swap for item in watched if (swap := _best(item)) is not None]
+    found = [swap for swap in each(_best, watched) if swap is not None]
     together = _together(found)
     return found if together is None or len(found) < len(watched) else [*found, together]
 

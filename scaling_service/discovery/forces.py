@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from scaling_service.discovery.additions import Sized
@@ -65,36 +66,55 @@ def gather_forces(
     layout = Layout.plain(len(columns), count, None if together else edges)
     loads = [column.load for column in columns]
 
-    def passed(item: Weighed) -> tuple[list[Stretch], Array]:
+    def whitened(item: Weighed, shaken: Weighed | None = None) -> _White:
         here = [c.holds_in(item.name) for c in every for _ in c.columns]
         active = [load if on else None for load, on in zip(loads, here, strict=True)]
-        thin = max(1, int(item.item.trial.rate_hz / (_RATE * item.cutoff_hz)))
-        parts = [
-            np.flatnonzero(item.usable[rows]) + rows.start for rows in stretches_of(item.item, stretch_s)
-        ]
-        parts = [used[used % thin == 0] // thin for used in parts if len(used) >= _FEWEST]
-        made, gap = _whitened(item, active, item.floor, thin)
-        found = [_stretch(item, made[used], gap[used], layout, thin) for used in parts]
-        for other in item.shaken(_DRAWS):
-            m, g = _whitened(other, active, item.floor, thin)
-            stray, by = m - made, g - gap
-            chance = [_stretch(item, stray[used], by[used], layout, thin) for used in parts]
-            found = [_less(f, c, 1.0 / _DRAWS) for f, c in zip(found, chance, strict=True)]
-        raw = sum((np.square(made[used]).sum(axis=(0, 1)) for used in parts), np.zeros(len(columns)))
-        return found, thin * raw
+        return _whitened(shaken or item, active, item.floor, _thin(item))
 
-    sums = each(passed, weighed)
-    stretches = tuple(stretch for found, _ in sums for stretch in found)
-    raw = sum((own for _, own in sums), np.zeros(len(columns)))
+    def by_chance(drawn: tuple[Weighed, _White, Weighed]) -> list[Stretch]:
+        item, own, shaken = drawn
+        other = whitened(item, shaken)
+        strays = _White(other.columns - own.columns, other.gap - own.gap)
+        return list(_stretches(item, strays, layout, stretch_s))
+
+    made = each(whitened, weighed)
+    draws = [(item, own, s) for item, own in zip(weighed, made, strict=True) for s in item.shaken(_DRAWS)]
+    chances = iter(each(by_chance, draws))
+    stretches: list[Stretch] = []
+    raw = np.zeros(len(columns))
+    for item, own in zip(weighed, made, strict=True):
+        plain = list(_stretches(item, own, layout, stretch_s))
+        drawn = [next(chances) for _ in range(_DRAWS)]
+        stretches += [_less(found, chance) for found, *chance in zip(plain, *drawn, strict=True)]
+        for used in _parts(item, stretch_s):
+            raw += _thin(item) * np.square(own.columns[used]).sum(axis=(0, 1))
     spans = tuple(slice(a, b) for a, b in pairwise(edges.tolist()))
-    return Evidence(stretches, raw, count, spans)
+    return Evidence(tuple(stretches), raw, count, spans)
 
 
-def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array, thin: int) -> tuple[Array, Array]:
-    """Columns (n, 6, n_columns), zero where there is no load, and gap (n, 6) about the trunk's origin.
+class _White(NamedTuple):
+    """Columns (n, 6, n_columns) and gap (n, 6), in floors, in the frames that are looked at."""
 
-    In every frame whose number ``thin`` divides.
-    """
+    columns: Array
+    gap: Array
+
+
+def _thin(item: Weighed) -> int:
+    """Every how many frames to look at."""
+    return max(1, int(item.item.trial.rate_hz / (_RATE * item.cutoff_hz)))
+
+
+def _parts(item: Weighed, stretch_s: float) -> Iterator[NDArray[np.intp]]:
+    """Of each stretch the frames that count, as numbers among those looked at."""
+    thin = _thin(item)
+    for rows in stretches_of(item.item, stretch_s):
+        used = np.flatnonzero(item.usable[rows]) + rows.start
+        if len(used) >= _FEWEST:
+            yield used[used % thin == 0] // thin
+
+
+def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array, thin: int) -> _White:
+    """Columns, zero where there is no load, and gap about the trunk's origin, where ``thin`` divides."""
     known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
     raw = np.zeros((len(item.times), 6, len(known) + 1))
     for load, k in known.items():
@@ -102,31 +122,35 @@ def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array, thin: i
     made = item.smoothed(raw)[::thin]
     made[:, 3:] -= np.cross(item.about[::thin, None], made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
     made /= floor[:, None]
-    return made[:, :, [-1 if load is None else known[load] for load in loads]], item.gap[::thin] / floor
+    columns = made[:, :, [-1 if load is None else known[load] for load in loads]]
+    return _White(columns, item.gap[::thin] / floor)
 
 
-def _less(found: Stretch, chance: Stretch, share: float) -> Stretch:
-    """Sums without a share of those that noise alone makes of what it is in on both sides."""
+def _less(found: Stretch, chance: Sequence[Stretch]) -> Stretch:
+    """Sums without what noise alone makes, on average, of what it is in on both sides."""
     return replace(
         found,
-        scores=found.scores - share * chance.scores,
-        cross=found.cross - share * chance.cross,
-        own=found.own - share * chance.own,
+        scores=found.scores - np.mean([c.scores for c in chance], axis=0),
+        cross=found.cross - np.mean([c.cross for c in chance], axis=0),
+        own=found.own - np.mean([c.own for c in chance], axis=0),
     )
 
 
-def _stretch(item: Weighed, made: Array, gap: Array, layout: Layout, thin: int) -> Stretch:
-    """Sums of frames that stand for ``thin`` ones each."""
-    flat = made.reshape(-1, made.shape[2])
-    return Stretch(
-        item.name,
-        item.role,
-        thin * (flat.T @ gap.ravel()),
-        thin * (flat[:, : layout.nuisances].T @ flat),
-        thin * layout.own(made),
-        thin * float(np.square(gap).sum()),
-        float(thin * gap.size),
-    )
+def _stretches(item: Weighed, white: _White, layout: Layout, stretch_s: float) -> Iterator[Stretch]:
+    """Sums of frames that stand for several ones each."""
+    thin = _thin(item)
+    for used in _parts(item, stretch_s):
+        made, gap = white.columns[used], white.gap[used]
+        flat = made.reshape(-1, made.shape[2])
+        yield Stretch(
+            item.name,
+            item.role,
+            thin * (flat.T @ gap.ravel()),
+            thin * (flat[:, : layout.nuisances].T @ flat),
+            thin * layout.own(made),
+            thin * float(np.square(gap).sum()),
+            float(thin * gap.size),
+        )
 
 
 def weigh(item: Watched, model: BodyModel, footing: Footing, effects: Sequence[Sized]) -> Weighed:

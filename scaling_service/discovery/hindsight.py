@@ -16,8 +16,10 @@ from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
 from scaling_service.discovery.refining import ROUGHLY, SETTLED, misfit, refined
 from scaling_service.discovery.scene import Scene
+from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.tallies import floors_of
 from scaling_service.discovery.watched import Role
+from scaling_service.discovery.withdrawn import Withdrawable
 
 LACK = 0.3
 """Of what an effect explains at its place: when the movement or the time predicts more than this of what is
@@ -30,19 +32,20 @@ def looked_back(
     before: Account,
     recordings: Sequence[Recording],
     scene: Scene,
-    stretch_s: float,
+    settings: DiscoverySettings,
 ) -> tuple[list[Named], Account]:
     """Drop what does no good on recordings that were not fitted, and what does not fit where it is.
 
     An effect of a single trial shows in no other, so other trials say nothing of it.
     """
+    stretch_s = settings.stretch_s
     kept = list(named)
     for n in named:
         if not keeps_to_its_range(n, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    for n in list(kept):
-        if len(kept) > 1 and n.effect.candidate.change is None and not n.effect.candidate.trials:
+    for n in _doubtful(kept, now, settings):
+        if len(kept) > 1:
             without = _without(n, now, recordings, stretch_s)
             if _squares(without) <= _squares(now):
                 kept = [m for m in kept if m is not n]
@@ -57,6 +60,21 @@ def looked_back(
     return [
         replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
     ], now
+
+
+def _doubtful(named: Sequence[Named], now: Account, settings: DiscoverySettings) -> list[Named]:
+    """Effects of all recordings that do not surely do good on those that were not fitted."""
+    everywhere = [n for n in named if n.effect.candidate.change is None and not n.effect.candidate.trials]
+    found = []
+    for of_forces in (False, True):
+        sort = [n for n in everywhere if n.effect.candidate.of_forces == of_forces]
+        known = Withdrawable.of(now, [], settings.stretch_s, of_forces=of_forces) if sort else None
+        for n in sort:
+            assert known is not None
+            (option,) = known.without(n.effect, []) or (None,)
+            if option is None or option.unseen.p > settings.level or option.unseen.gain <= 0.0:
+                found.append(n)
+    return found
 
 
 def keeps_to_its_range(n: Named, now: Account) -> bool:

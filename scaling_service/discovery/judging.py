@@ -80,10 +80,10 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
     Parameters
     ----------
     evidence : Evidence
-        Gathered one by one.
     candidates : sequence of Candidate
         In the evidence's order.
     """
+    evidence = evidence.apart()
     fits = [s for s in evidence.stretches if s.role == "fit"]
     nothing = np.zeros((0, len(evidence.raw))), np.zeros((0, *evidence.stretches[0].own.shape))
     fitting = _without_nuisances(evidence, fits) if fits else nothing

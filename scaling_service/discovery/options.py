@@ -76,24 +76,36 @@ def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
     if not choice:
         return []
     of_forces = choice[0].of_forces
+    rough = gathered(now, choice, stretch_s, of_forces=of_forces, together=False)
+    picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
+    return options_of(gathered(now, picked, stretch_s, of_forces=of_forces, together=True), picked)
+
+
+def gathered(
+    now: Account, candidates: Sequence[Candidate], stretch_s: float, *, of_forces: bool, together: bool
+) -> Evidence:
+    """Candidates beside all that is known of their sort."""
     known = [s.candidate for s in now.everything if s.candidate.columns]
     known = [c for c in known if c.of_forces == of_forces]
+    if of_forces:
+        return gather_forces(now.weighed, known, candidates, stretch_s, together=together)
+    return gather(now.watched, known, candidates, stretch_s, together=together)
 
-    def passed(candidates: Sequence[Candidate], *, together: bool) -> Evidence:
-        if of_forces:
-            return gather_forces(now.weighed, known, candidates, stretch_s, together=together)
-        return gather(now.watched, known, candidates, stretch_s, together=together)
 
-    fitted = fit_each(passed(choice, together=False), choice)
-    likely = [k for k, c in enumerate(choice) if _plausible(c, fitted[k])]
-    order = sorted(likely, key=lambda k: -fitted[k].expected)[:shortlist]
-    picked = [choice[k] for k in order]
-    detail = passed(picked, together=True)
+def options_of(evidence: Evidence, choice: Sequence[Candidate]) -> list[Option]:
+    """The likely ones of candidates whose evidence was gathered together, the best first."""
     found = []
-    for at, k in enumerate(order):
-        gains = explained(detail, at, deciding(detail.stretches, choice[k])).gains
-        found.append(Option(choice[k], fitted[k], gains, unseen(detail, at, choice[k])))
+    for k, fitted in _likely(evidence, choice):
+        gains = explained(evidence, k, deciding(evidence.stretches, choice[k])).gains
+        found.append(Option(choice[k], fitted, gains, unseen(evidence, k, choice[k])))
     return found
+
+
+def _likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, Fitted]]:
+    """Which of them have plausible numbers, the best first."""
+    fitted = fit_each(evidence, choice)
+    likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _plausible(c, f)]
+    return sorted(likely, key=lambda one: -one[1].expected)
 
 
 def _plausible(candidate: Candidate, fitted: Fitted) -> bool:

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, account, reweighed
 from scaling_service.discovery.option import Option
-from scaling_service.discovery.options import ALIKE, compared
+from scaling_service.discovery.options import ALIKE
 from scaling_service.discovery.refining import ROUGHLY, refined
 from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.discovery.withdrawn import Withdrawable
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,21 +42,30 @@ class Naming:
 
 def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
     """Give every name but the last of its sort to the rival that explains clearly more, if one does."""
-    recordings, settings = naming.recordings, naming.settings
+    recordings, stretch_s = naming.recordings, naming.settings.stretch_s
     kept = list(named)
-    for k, n in enumerate(named):
-        later = [m for m in named[k + 1 :] if m.effect.candidate.of_forces == n.effect.candidate.of_forces]
-        if later and n.rivals and n.effect.candidate.columns:
-            without = _without(n, now, recordings)
-            better = _better(n, without, settings)
-            made = None if better is None else naming.name(better, without)
-            if made is not None:
-                kept[k] = replace(made, rivals=n.rivals)
-                of_forces = n.effect.candidate.of_forces
-                now = refined(
-                    without, recordings, [made.effect], settings.stretch_s, ROUGHLY, of_forces=of_forces
-                )
+    for of_forces in (False, True):
+        sort = [k for k, n in enumerate(named) if n.effect.candidate.of_forces == of_forces]
+        early = [k for k in sort[:-1] if named[k].effect.candidate.columns and _rivals(named[k])]
+        rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
+        known: Withdrawable | None = None
+        for k in early:
+            n = named[k]
+            known = known or Withdrawable.of(now, rivals, stretch_s, of_forces=of_forces)
+            better = _better(n, known.without(n.effect, _rivals(n)), naming.settings)
+            if better is not None:
+                without = _without(n, now, recordings)
+                made = naming.name(better, without)
+                if made is not None:
+                    kept[k] = replace(made, rivals=n.rivals)
+                    now = refined(without, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=of_forces)
+                    known = None
     return kept, now
+
+
+def _rivals(n: Named) -> list[Candidate]:
+    own = n.effect.candidate
+    return [c for c in n.rivals if c.key != own.key and c.trials == own.trials]
 
 
 def _without(n: Named, now: Account, recordings: Sequence[Recording]) -> Account:
@@ -64,13 +75,10 @@ def _without(n: Named, now: Account, recordings: Sequence[Recording]) -> Account
     return account(now.model, recordings, now.free, others, now)
 
 
-def _better(n: Named, without: Account, settings: DiscoverySettings) -> Option | None:
-    """The best of the rivals, if chance does not make the difference."""
-    own = n.effect.candidate
-    choice = [own, *(c for c in n.rivals if c.key != own.key and c.trials == own.trials)]
-    options = compared(without, choice, settings.stretch_s, len(choice))
-    best = max(options, key=lambda o: o.fitted.expected, default=None)
-    mine = next((o for o in options if o.candidate.key == own.key), None)
+def _better(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:
+    """The best of a name and its rivals, if it is a rival and chance does not make the difference."""
+    best = next(iter(options), None)
+    mine = next((o for o in options if o.candidate.key == n.effect.candidate.key), None)
     if best is None or best is mine or best.unseen.p > settings.level or best.unseen.gain <= 0.0:
         return None
     if mine is None:

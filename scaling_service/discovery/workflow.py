@@ -76,20 +76,21 @@ def discover(
     """
     report = progress or _silent
     report("following the recordings", 0.0)
-    before = now = account(model, recordings, free)
+    before = account(model, recordings, free)
+    now = refined(before, recordings, [], settings.stretch_s, ROUGHLY) if free else before
     named: list[Named] = []
     refused: set[str] = set()
     options: Options | None = None
     while True:
         report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
         options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, options)
+        naming = _naming(recordings, options, settings)
         found = chosen(now, options, named, refused, settings)
         odd_law = foreign(now, options, settings)
         if odd_law is not None:
             break
         masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
         odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
-        naming = _naming(recordings, options, settings)
         pair = [] if odd is None else two_of_one_marker(odd, now, naming, refused)
         if odd is not None and not pair:
             left_out = Sized(odd.candidate, np.zeros(0))
@@ -103,8 +104,9 @@ def discover(
         if added:
             named, now = revisited([*named, *added], now, naming)
     report("looking back", 0.85)
-    named, now = two_of_one_plate(named, now, naming)
-    named, now = looked_back(named, now, before, recordings, scene_of(before), settings.stretch_s)
+    if named or odd_law is None:
+        named, now = two_of_one_plate(named, now, naming)
+    named, now = looked_back(named, now, before, recordings, scene_of(before), settings)
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s
     )

@@ -205,7 +205,10 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
 def _shared_runs(flags: Mask) -> dict[tuple[int, int], list[int]]:
     """Every run of True in any column, with the columns that have exactly this run."""
     found: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
-    for column in range(flags.shape[1]):
+    whole = flags.all(axis=0) & (len(flags) > 0)
+    if whole.any():
+        found[(0, len(flags))] = np.flatnonzero(whole).tolist()
+    for column in np.flatnonzero(~whole).tolist():
         for start, stop in runs(flags[:, column]).tolist():
             found[(start, stop)].append(column)
     return found

@@ -12,7 +12,7 @@ from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Masked
 from scaling_service.discovery.choosing import chosen, tuned_name
 from scaling_service.discovery.demands import forget
-from scaling_service.discovery.findings import Findings, Named
+from scaling_service.discovery.findings import Findings, Foreign, Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
 from scaling_service.discovery.foreign import foreign
 from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back
@@ -78,34 +78,10 @@ def discover(
     report("following the recordings", 0.0)
     before = account(model, recordings, free)
     now = refined(before, recordings, [], settings.stretch_s, ROUGHLY) if free else before
-    named: list[Named] = []
-    refused: set[str] = set()
-    options: Options | None = None
-    while True:
-        report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
-        options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, options)
-        naming = _naming(recordings, options, settings)
-        found = chosen(now, options, named, refused, settings)
-        odd_law = foreign(now, options, settings)
-        if odd_law is not None:
-            break
-        masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
-        odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
-        pair = [] if odd is None else two_of_one_marker(odd, now, naming, refused)
-        if odd is not None and not pair:
-            left_out = Sized(odd.candidate, np.zeros(0))
-            now = account(model, recordings, now.free, (*now.effects, left_out), now)
-            continue
-        found = pair or found
-        if not found:
-            break
-        now, added, poor = _added(now, found, recordings, settings)
-        refused |= poor
-        if added:
-            named, now = revisited([*named, *added], now, naming)
+    named, now, options, odd_law = _searched(now, recordings, settings, report)
     report("looking back", 0.85)
     if named or odd_law is None:
-        named, now = two_of_one_plate(named, now, naming)
+        named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings)
     named, now, said = without_the_insufficient(
         named, now, before, recordings, scene_of(before), settings.stretch_s
@@ -116,6 +92,37 @@ def discover(
     forget()
     report("done", 1.0)
     return Discovery(findings, before, now)
+
+
+def _searched(
+    now: Account, recordings: Sequence[Recording], settings: DiscoverySettings, report: Progress
+) -> tuple[list[Named], Account, Options, Foreign | None]:
+    """Round after round: what was named, the account with it, and what the last round saw."""
+    named: list[Named] = []
+    refused: set[str] = set()
+    options: Options | None = None
+    while True:
+        report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
+        options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, options)
+        naming = _naming(recordings, options, settings)
+        found = chosen(now, options, named, refused, settings)
+        odd_law = foreign(now, options, settings)
+        if odd_law is not None:
+            return named, now, options, odd_law
+        masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
+        odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
+        pair = [] if odd is None else two_of_one_marker(odd, now, naming, refused)
+        if odd is not None and not pair:
+            left_out = Sized(odd.candidate, np.zeros(0))
+            now = account(now.model, recordings, now.free, (*now.effects, left_out), now)
+            continue
+        found = pair or found
+        if not found:
+            return named, now, options, None
+        now, added, poor = _added(now, found, recordings, settings)
+        refused |= poor
+        if added:
+            named, now = revisited([*named, *added], now, naming)
 
 
 def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:

@@ -7,6 +7,7 @@ Cases that have a result, or failed before (``failed.txt``), are not run again.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import subprocess
 import sys
@@ -14,6 +15,10 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import scaling_service
+
+_SEARCH = ("discovery", "kernels", "models")
 
 TIMEOUT_S = 900.0
 """Chosen: three times what a full body with forces may take."""
@@ -31,16 +36,25 @@ def main(arguments: list[str] | None = None) -> int:
     subjects = sorted((given.bank / "subjects").glob("*/subject.yaml"))
     waiting = [s for s in subjects if not _done(given.out / s.parent.name, again=given.again)]
     sys.stdout.write(f"{len(subjects)} cases, {len(waiting)} to run\n")
-    command = [sys.executable, "-m", "scaling_service", "discover"]
+    command, code = [sys.executable, "-m", "scaling_service", "discover"], fingerprint()
     with ThreadPoolExecutor(given.workers) as pool:
-        jobs = [pool.submit(run_one, command, s, given.out / s.parent.name, given.start) for s in waiting]
+        jobs = [
+            pool.submit(run_one, command, s, given.out / s.parent.name, given.start, code) for s in waiting
+        ]
         for k, (subject, job) in enumerate(zip(waiting, jobs, strict=True), start=1):
             sys.stdout.write(f"{k}/{len(waiting)} {subject.parent.name} {job.result()}\n")
             sys.stdout.flush()
     return 0
 
 
-def run_one(command: Sequence[str], subject: Path, out: Path, start: str) -> str:
+def fingerprint() -> str:
+    """Eight letters that change with the code of the search and what it stands on."""
+    package = Path(scaling_service.__path__[0])
+    files = sorted(f for part in _SEARCH for f in (package / part).rglob("*.py"))
+    return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:8]
+
+
+def run_one(command: Sequence[str], subject: Path, out: Path, start: str, code: str = "") -> str:
     """Run one case; leaves ``discovery.json``, or ``failed.txt`` with what the program said.
 
     Returns
@@ -49,6 +63,7 @@ def run_one(command: Sequence[str], subject: Path, out: Path, start: str) -> str
         What became of it, and the seconds that it took.
     """
     out.mkdir(parents=True, exist_ok=True)
+    (out / "code.txt").write_text(f"{code}\n", encoding="utf-8")
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     begun = time.monotonic()
     try:

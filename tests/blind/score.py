@@ -2,6 +2,7 @@
 
 Reads ``discovery.json`` of each case and its label; prints the table of what must be reached, the confusion
 matrix and the power of each kind. Cases that were not run yet do not count, and their number is told.
+Runs of many hours can be put together: with ``--records`` every case is kept in one line of a table.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import sys
 from pathlib import Path
 
 from tests.blind.scoring.outcomes import outcomes
+from tests.blind.scoring.records import joined, read_records, write_records
 from tests.blind.scoring.tables import TABLES, markdown, remarks, text
 
 
@@ -19,9 +21,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.blind.score", description=__doc__)
     parser.add_argument("--bank", type=Path, required=True)
     parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--records", type=Path, help="table of cases that were run before; these are added")
     parser.add_argument("--out", type=Path, help="Markdown file to write")
     given = parser.parse_args(arguments)
-    found = list(outcomes(given.bank, given.results))
+    found = [o.record for o in outcomes(given.bank, given.results)]
+    if given.records:
+        found = joined(read_records(given.records), found)
+        write_records(found, given.records)
     total = len(list((given.bank / "labels").glob("*.json")))
     head = f"{len(found)} of {total} cases were run."
     if not found:

@@ -16,6 +16,7 @@ from tests.blind.cases import OPPOSED, PAIRS, Case
 from tests.blind.making import make
 from tests.blind.run import run_one
 from tests.blind.scoring.outcomes import Outcome
+from tests.blind.scoring.records import Record
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
@@ -39,14 +40,14 @@ STRANGE = [
 ]
 
 
-def outcome(case: Case, folder: Path) -> Outcome:
+def outcome(case: Case, folder: Path) -> Record:
     """What the command line says of a case."""
     subject = make(case, folder / "subjects", folder / "labels")
     said = run_one([sys.executable, "-m", "scaling_service", "discover"], subject, folder / "out", "none")
     assert said.startswith("done"), (folder / "out" / "failed.txt").read_text(encoding="utf-8")
     truth = json.loads((folder / "labels" / f"{case.id}.json").read_text(encoding="utf-8"))
     result = json.loads((folder / "out" / "discovery.json").read_text(encoding="utf-8"))
-    return Outcome(truth, result, None)
+    return Outcome(truth, result, None).record
 
 
 def title(case: Case) -> str:
@@ -57,24 +58,22 @@ def title(case: Case) -> str:
 @pytest.mark.parametrize("case", HIDDEN, ids=title)
 def test_what_is_hidden_is_named_and_the_gap_closes(case: Case, tmp_path: Path) -> None:
     found = outcome(case, tmp_path)
-    assert found.right, found.effects
-    assert not found.superfluous, found.effects
-    closed = found.closed()
-    assert closed is not None
-    assert closed > 0.9
+    assert found.right, found.named
+    assert not found.superfluous, found.named
+    assert found.closed is not None
+    assert found.closed > 0.9
 
 
 @pytest.mark.parametrize("case", NOTHING, ids=title)
 def test_where_nothing_is_hidden_nothing_is_named(case: Case, tmp_path: Path) -> None:
-    assert not outcome(case, tmp_path).effects
+    assert not outcome(case, tmp_path).named
 
 
 @pytest.mark.parametrize("case", STRANGE, ids=title)
 def test_what_the_catalogue_does_not_have_is_told_as_unexplained(case: Case, tmp_path: Path) -> None:
     found = outcome(case, tmp_path)
     assert found.stranger_seen, found.first_name
-    assert found.result is not None
-    assert found.result["verdict"] == "unexplained"
+    assert found.verdict == "unexplained"
 
 
 def test_a_foot_whose_plate_is_nowhere_in_the_recordings_is_named(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from tests.blind.run import run_one
 from tests.blind.score import main
 from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable
 from tests.blind.scoring.outcomes import Outcome, outcomes
+from tests.blind.scoring.records import joined, read_records, write_records
 from tests.blind.scoring.tables import confusion, detection, must_reach, upper_bound
 
 OFFSET = {
@@ -120,7 +121,7 @@ def test_the_table_counts_what_it_says() -> None:
             {"where": ["RLFE"], "rms": 5.0, "floor": 1.0},
         ],
     }
-    all_ = [
+    judged = [
         outcome("effect", [OFFSET], right),
         outcome("effect", [OFFSET], wrong),
         outcome("effect", [OFFSET], None),
@@ -131,6 +132,7 @@ def test_the_table_counts_what_it_says() -> None:
         outcome("stranger", [stranger], seen),
         outcome("stranger", [stranger], wrong),
     ]
+    all_ = [o.record for o in judged]
     table = {row[0]: row for row in must_reach(all_)[1:]}
     assert table["named right, size >= 3 x smallest nameable"][2:] == ["33 %", "3"]
     assert table["something named on null recordings"][2].startswith("50 %")
@@ -189,7 +191,9 @@ def test_the_force_of_a_foot_without_plate_is_compared_in_the_worst_trial(tmp_pa
         write_sto(folder / f"{name}_contact.sto", table)
     (found,) = outcomes(tmp_path, tmp_path / "results")
     assert found.withheld == pytest.approx(0.1)
-    assert ["the withheld foot's vertical force, RMSE", "<= 5 % BW", "10.0 % BW", "1"] in must_reach([found])
+    assert ["the withheld foot's vertical force, RMSE", "<= 5 % BW", "10.0 % BW", "1"] in must_reach(
+        [found.record]
+    )
     (folder / "two_contact.sto").unlink()
     (found,) = outcomes(tmp_path, tmp_path / "results")
     assert found.withheld == np.inf
@@ -210,3 +214,18 @@ def test_running_keeps_results_and_failures_apart(tmp_path: Path) -> None:
     assert not (good / "failed.txt").exists()
     assert "cannot be used" in (bad / "failed.txt").read_text()
     assert float((bad / "seconds.txt").read_text()) > 0
+
+
+def test_records_outlive_their_results(tmp_path: Path) -> None:
+    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.5, "floor": 1.0}}}
+    result = {"verdict": "found", "effects": [named(OFFSET, smallest_nameable=2.5)], "gap": gap}
+    first = outcome("effect", [OFFSET], result, id="case_b", movement="gait").record
+    other = outcome("null", [], None, id="case_a").record
+    table = tmp_path / "records.csv"
+    write_records([first, other], table)
+    assert read_records(table) == [other, first]
+    assert (first.ratio, first.closed, first.right, first.first_name) == (2.0, 0.875, True, "marker_offset")
+    again = outcome("effect", [OFFSET], {"verdict": "nothing", "effects": []}, id="case_b").record
+    both = joined(read_records(table), [again])
+    assert sorted(both, key=lambda r: r.id) == [other, again]
+    assert read_records(tmp_path / "none.csv") == []

@@ -12,6 +12,7 @@ import numpy as np
 
 from scaling_service.formats.sto import read_sto
 from tests.blind.scoring.matching import best, opposite, parameters_right, size, smallest_nameable
+from tests.blind.scoring.records import Record
 
 Json = dict[str, Any]
 
@@ -31,12 +32,15 @@ class Outcome:
     withheld : float, optional
         RMS error of the vertical force inferred for a foot whose plate was withheld, share of body weight, in
         the worst trial; infinite where none was inferred.
+    code : str
+        Fingerprint of the search.
     """
 
     truth: Json
     result: Json | None
     seconds: float | None
     withheld: float | None = None
+    code: str = ""
 
     @property
     def effects(self) -> list[Json]:
@@ -49,23 +53,9 @@ class Outcome:
         return list(self.truth["hidden"])
 
     @property
-    def first_name(self) -> str:
-        """For the confusion matrix: the first kind named, else the verdict, else ``failed``."""
-        if self.result is None:
-            return "failed"
-        if self.effects:
-            return str(self.effects[0]["kind"])
-        return str(self.result.get("verdict", "failed"))
-
-    @property
     def matches(self) -> list[str]:
         """For each hidden thing: exact, class or no."""
         return [best(thing, self.effects)[0] for thing in self.hidden]
-
-    @property
-    def right(self) -> bool:
-        """Whether everything hidden was named."""
-        return bool(self.hidden) and all(m != "no" for m in self.matches)
 
     @property
     def superfluous(self) -> int:
@@ -94,6 +84,33 @@ class Outcome:
         found = [(thing, *best(thing, self.effects)) for thing in self.hidden]
         return any(kind == "exact" and effect and opposite(thing, effect) for thing, kind, effect in found)
 
+    @property
+    def record(self) -> Record:
+        """In one line."""
+        truth = self.truth
+        return Record(
+            id=truth.get("id", ""),
+            group=truth["group"],
+            kinds=tuple(truth["kinds"]),
+            size=truth.get("size", ""),
+            movement=truth.get("movement", ""),
+            forces=truth["forces"],
+            hidden=tuple(map(_named, self.hidden)),
+            everywhere=bool(self.hidden) and self.hidden[0].get("trials") is None,
+            verdict=str((self.result or {}).get("verdict", "failed")),
+            named=tuple(map(_named, self.effects)),
+            matches=tuple(self.matches),
+            ratio=self.ratio,
+            closed=self.closed(),
+            parameters=tuple(self.parameters),
+            opposite=self.opposite_sign,
+            superfluous=self.superfluous,
+            stranger_seen=self.stranger_seen,
+            seconds=self.seconds,
+            withheld=self.withheld,
+            code=self.code,
+        )
+
     def closed(self) -> float | None:
         """Share of the held-out gap from before to the floor that was closed (whitened)."""
         gap = ((self.result or {}).get("gap") or {}).get("held_out") or {}
@@ -121,7 +138,16 @@ def outcomes(bank: Path, results: Path) -> Iterator[Outcome]:
         if (folder / "discovery.json").is_file() or (folder / "failed.txt").is_file():
             truth = json.loads(label.read_text(encoding="utf-8"))
             withheld = _withheld(label.with_suffix(""), folder, truth)
-            yield Outcome(truth, _result(folder), _seconds(folder), withheld)
+            yield Outcome(truth, _result(folder), _seconds(folder), withheld, _code(folder))
+
+
+def _named(thing: Json) -> str:
+    return " ".join([thing["kind"], *thing["where"]])
+
+
+def _code(folder: Path) -> str:
+    file = folder / "code.txt"
+    return file.read_text(encoding="utf-8").strip() if file.is_file() else ""
 
 
 def _result(folder: Path) -> Json | None:

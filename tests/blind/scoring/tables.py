@@ -11,7 +11,7 @@ from scipy.stats import beta
 
 from tests.blind.cases import SIZES
 from tests.blind.effects import EFFECTS
-from tests.blind.scoring.outcomes import Outcome
+from tests.blind.scoring.records import Record
 
 Rows = list[list[str]]
 
@@ -21,18 +21,16 @@ def upper_bound(hits: int, n: int, confidence: float = 0.95) -> float:
     return 1.0 if hits >= n else float(beta.ppf(confidence, hits + 1, n - hits))
 
 
-def must_reach(all_: Sequence[Outcome]) -> Rows:
+def must_reach(all_: Sequence[Record]) -> Rows:
     """What, at least, reached, of how many."""
     effects = _group(all_, "effect")
     nulls = _group(all_, "null")
-    named = [o for o in nulls if o.effects]
+    named = [o for o in nulls if o.named]
     rows = [["what", "at least", "reached", "cases"]]
     rows.append(_share("named right, size >= 3 x smallest nameable", "95 %", _sized(effects, 3.0, "large")))
     rows.append(_share("named right, size 1.5 to 3 x", "70 %", _sized(effects, 1.5, "middle", below=3.0)))
     bound = f", upper bound {100 * upper_bound(len(named), len(nulls)):.1f} %" if nulls else ""
-    row = _share(
-        "something named on null recordings", "<= 5 %, bound <= 7 %", [bool(o.effects) for o in nulls]
-    )
+    row = _share("something named on null recordings", "<= 5 %, bound <= 7 %", [bool(o.named) for o in nulls])
     rows.append([row[0], row[1], row[2] + bound, row[3]])
     rows.append(_closed(effects))
     judged = [o.parameters for o in effects if o.parameters]
@@ -52,13 +50,13 @@ def must_reach(all_: Sequence[Outcome]) -> Rows:
         if o.withheld is not None
     ]
     for forces, text, limit in ((False, "time, markers only", "60 s"), (True, "time, with forces", "300 s")):
-        seconds = [o.seconds for o in all_ if o.truth["forces"] == forces and o.seconds is not None]
+        seconds = [o.seconds for o in all_ if o.forces == forces and o.seconds is not None]
         reached = f"median {np.median(seconds):.0f} s, longest {max(seconds):.0f} s" if seconds else "-"
         rows.append([text, limit, reached, str(len(seconds))])
     return rows
 
 
-def remarks(all_: Sequence[Outcome]) -> list[str]:
+def remarks(all_: Sequence[Record]) -> list[str]:
     """What the table does not show."""
     effects = _group(all_, "effect")
     lines = []
@@ -66,19 +64,19 @@ def remarks(all_: Sequence[Outcome]) -> list[str]:
         lines.append(
             "No result states a smallest nameable size: 'large' and 'middle' stand for 3 x and 1.5 x."
         )
-    failed = Counter(o.truth["group"] for o in all_ if o.result is None)
+    failed = Counter(o.group for o in all_ if o.verdict == "failed")
     if failed:
         lines.append(
             "Failed, counted as not named: " + ", ".join(f"{n} {g}" for g, n in failed.items()) + "."
         )
     extra = sum(o.superfluous > 0 for o in effects)
     lines.append(f"Something that is not hidden was named beside in {extra} of {len(effects)} effect cases.")
-    opposed = Counter(o.truth["kinds"][0] for o in effects if o.opposite_sign)
+    opposed = Counter(o.kinds[0] for o in effects if o.opposite)
     if opposed:
         kinds = ", ".join(f"{kind} {n}" for kind, n in opposed.items())
         lines.append(f"Parameters with the opposite sign, right in size: {kinds}.")
     lines += _intervals(effects)
-    verdicts = Counter(o.truth["kinds"][0] + " " + o.first_name for o in _group(all_, "null"))
+    verdicts = Counter(o.kinds[0] + " " + o.first_name for o in _group(all_, "null"))
     if verdicts:
         lines.append(
             "Null recordings: " + ", ".join(f"{n} x {name}" for name, n in sorted(verdicts.items())) + "."
@@ -90,14 +88,13 @@ def remarks(all_: Sequence[Outcome]) -> list[str]:
     return lines
 
 
-def _intervals(effects: Sequence[Outcome]) -> list[str]:
+def _intervals(effects: Sequence[Record]) -> list[str]:
     """An interval in one fitted trial cannot be seen on the held-out ones, so these are told apart."""
     lines = []
     for kind in ("marker_swap", "external_contact"):
-        here = [o for o in effects if o.truth["kinds"] == [kind]]
+        here = [o for o in effects if o.kinds == (kind,)]
         everywhere, once = (
-            _percent([o.right for o in here if (o.hidden[0]["trials"] is None) == wanted])
-            for wanted in (True, False)
+            _percent([o.right for o in here if o.everywhere == wanted]) for wanted in (True, False)
         )
         if here:
             lines.append(
@@ -106,9 +103,9 @@ def _intervals(effects: Sequence[Outcome]) -> list[str]:
     return lines
 
 
-def confusion(all_: Sequence[Outcome]) -> Rows:
+def confusion(all_: Sequence[Record]) -> Rows:
     """Hidden kind (rows) against the first kind named (columns), all sizes."""
-    chosen = [o for o in all_ if o.truth["group"] in {"effect", "null", "stranger"}]
+    chosen = [o for o in all_ if o.group in {"effect", "null", "stranger"}]
     counts = Counter((_row_name(o), o.first_name) for o in chosen)
     names = sorted({r for r, _ in counts}, key=_order)
     columns = sorted({c for _, c in counts}, key=_order)
@@ -123,31 +120,28 @@ def confusion(all_: Sequence[Outcome]) -> Rows:
     return rows
 
 
-def real_cases(all_: Sequence[Outcome]) -> Rows:
+def real_cases(all_: Sequence[Record]) -> Rows:
     """Each real recording: what was hidden and what was named."""
     rows = [["real recording", "hidden", "verdict", "named", "right"]]
     for o in _group(all_, "real"):
-        hidden = "; ".join(f"{h['kind']} {' '.join(h['where'])}" for h in o.hidden) or "nothing"
-        named = "; ".join(f"{e['kind']} {' '.join(e['where'])}" for e in o.effects) or "-"
+        hidden, named = "; ".join(o.hidden) or "nothing", "; ".join(o.named) or "-"
         right = "" if not o.hidden else "yes" if o.right else "no"
-        rows.append(
-            [o.truth["kinds"][0], hidden, str((o.result or {}).get("verdict", "failed")), named, right]
-        )
+        rows.append([o.kinds[0], hidden, o.verdict, named, right])
     return rows
 
 
-def detection(all_: Sequence[Outcome]) -> Rows:
+def detection(all_: Sequence[Record]) -> Rows:
     """Power by kind: share named right by the bank's sizes, and by ratios to the smallest nameable size."""
     edges = (0.0, 1.0, 1.5, 3.0, np.inf)
     rows = [["kind", "unit", *SIZES, "< 1 x", "1-1.5 x", "1.5-3 x", ">= 3 x"]]
     effects = _group(all_, "effect")
     for kind, effect in EFFECTS.items():
-        here = [o for o in effects if o.truth["kinds"] == [kind]]
+        here = [o for o in effects if o.kinds == (kind,)]
         if not here:
             continue
         cells = []
         for name, amount in zip(SIZES, effect.sizes, strict=True):
-            rights = [o.right for o in here if o.truth["size"] == name]
+            rights = [o.right for o in here if o.size == name]
             cells.append(f"{amount:.3g}: {_percent(rights)}")
         for low, high in pairwise(edges):
             cells.append(_percent([o.right for o in here if o.ratio is not None and low <= o.ratio < high]))
@@ -168,22 +162,22 @@ def markdown(rows: Rows) -> str:
     return "\n".join([head, "|" + "---|" * len(rows[0]), *body])
 
 
-def _group(all_: Sequence[Outcome], group: str) -> list[Outcome]:
-    return [o for o in all_ if o.truth["group"] == group]
+def _group(all_: Sequence[Record], group: str) -> list[Record]:
+    return [o for o in all_ if o.group == group]
 
 
-def _sized(effects: Sequence[Outcome], least: float, named: str, below: float = np.inf) -> list[bool]:
+def _sized(effects: Sequence[Record], least: float, named: str, below: float = np.inf) -> list[bool]:
     """Whether named right, of those at least so large; by the bank's size where the result states nothing."""
 
-    def counts(o: Outcome) -> bool:
-        return o.truth["size"] == named if o.ratio is None else least <= o.ratio < below
+    def counts(o: Record) -> bool:
+        return o.size == named if o.ratio is None else least <= o.ratio < below
 
     return [o.right for o in effects if counts(o)]
 
 
-def _closed(effects: Sequence[Outcome]) -> list[str]:
+def _closed(effects: Sequence[Record]) -> list[str]:
     """How much of the gap from before to the floor was closed where the effect was named right."""
-    shares = [share for o in effects if o.right and (share := o.closed()) is not None]
+    shares = [share for o in effects if o.right and (share := o.closed) is not None]
     reached = "-"
     if shares:
         reached = (
@@ -200,8 +194,8 @@ def _percent(hits: Sequence[bool]) -> str:
     return f"{100 * float(np.mean(hits)):.0f} %" if hits else "-"
 
 
-def _row_name(o: Outcome) -> str:
-    return str(o.truth["kinds"][0]) if o.truth["group"] != "null" else f"null {o.truth['kinds'][0]}"
+def _row_name(o: Record) -> str:
+    return o.kinds[0] if o.group != "null" else f"null {o.kinds[0]}"
 
 
 def _order(name: str) -> tuple[int, str]:
@@ -209,7 +203,7 @@ def _order(name: str) -> tuple[int, str]:
     return (0 if name in EFFECTS else 2 if name in {"nothing", "unexplained", "failed"} else 1, name)
 
 
-Table = Callable[[Sequence[Outcome]], Rows]
+Table = Callable[[Sequence[Record]], Rows]
 
 TABLES: dict[str, Table] = {
     "Must reach": must_reach,

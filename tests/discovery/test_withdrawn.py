@@ -1,0 +1,33 @@
+"""An effect taken back by its columns is as one that was never put in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import with_effects
+from scaling_service.discovery.fitting import account
+from scaling_service.discovery.options import compared
+from scaling_service.discovery.withdrawn import Withdrawable
+from tests.discovery.hidden import candidate, person, recorded, sized
+
+
+def test_taking_back_is_to_first_order_what_following_anew_says() -> None:
+    offset = sized("marker_offset", "RFH", numbers=(3.0, 0.0, 3.0))
+    artefact = sized("soft_tissue_artefact", "RLFE", driver="knee_angle_r", numbers=(0.1, 0.1, 0.0))
+    rival = candidate("joint_centre_offset", "hip_r")
+    recordings = recorded(person(), with_effects(person().model, [offset, artefact], ""))
+    model = person().model
+    now = account(model, recordings, (), [offset, artefact])
+    without = account(model, recordings, (), [artefact])
+
+    known = Withdrawable.of(now, [rival], 0.5, of_forces=False)
+    quick = {o.candidate.key: o for o in known.without(offset, [rival])}
+    anew = {o.candidate.key: o for o in compared(without, [offset.candidate, rival], 0.5, 2)}
+    assert set(quick) == set(anew)
+    for key, option in anew.items():
+        assert quick[key].fitted.expected == pytest.approx(option.fitted.expected, rel=0.02)
+        assert quick[key].unseen.gain == pytest.approx(option.unseen.gain, rel=0.05)
+    own = quick[offset.candidate.key]
+    np.testing.assert_allclose(own.fitted.size, offset.size, atol=2e-4)
+    assert own.unseen.p < 1e-3

@@ -18,7 +18,7 @@ from scaling_service.discovery.evidence import Evidence, gather
 from scaling_service.discovery.fitting import Account, Recording
 from scaling_service.discovery.judging import fit_each, inverse_of
 from scaling_service.discovery.profiles import ALWAYS, Following, Profile
-from scaling_service.discovery.refining import ROUGHLY, refined
+from scaling_service.discovery.refining import SOON, refined
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import MarkerSpot
 from scaling_service.discovery.watched import Role
@@ -84,4 +84,4 @@ def absorbed(before: Account, recordings: Sequence[Recording], scene: Scene, str
         for c in candidates(scene)
         if c.kind in _ABSORBING and not c.trials and c.name not in taken
     ]
-    return refined(before, recordings, added, stretch_s, ROUGHLY)
+    return refined(before, recordings, added, stretch_s, SOON)

@@ -75,9 +75,10 @@ def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortl
     """The likely ones of candidates that all show among the markers, or all in the wrench, the best first."""
     if not choice:
         return []
-    of_forces = choice[0].of_forces
-    rough = gathered(now, choice, stretch_s, of_forces=of_forces, together=False)
-    picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
+    of_forces, picked = choice[0].of_forces, choice
+    if len(choice) > shortlist:
+        rough = gathered(now, choice, stretch_s, of_forces=of_forces, together=False)
+        picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
     return options_of(gathered(now, picked, stretch_s, of_forces=of_forces, together=True), picked)
 
 

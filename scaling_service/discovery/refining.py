@@ -29,9 +29,13 @@ _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
 _OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
 
-SETTLED, ROUGHLY = 1e-4, 3e-3
+SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
-that gained so little; roughly is enough to compare effects, not to tell their numbers."""
+that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what
+is left to the hundredth."""
+
+_WORTH = 0.1
+"""Share of what ends the rounds that a step must promise, where numbers are not told (chosen)."""
 
 
 def refined(
@@ -67,10 +71,11 @@ def refined(
         if hopeless(now):
             break
         before = reached
+        least = _WORTH * settled * before if settled > SETTLED else 0.0
         if not of_forces:
-            now = _stepped(now, recordings, stretch_s, of_forces=False)
+            now = _stepped(now, recordings, stretch_s, least, of_forces=False)
             now = _aligned(now, recordings, stretch_s)
-        now = _stepped(now, recordings, stretch_s, of_forces=True)
+        now = _stepped(now, recordings, stretch_s, least, of_forces=True)
         reached = misfit(now)
         if before - reached < settled * before:
             break
@@ -87,8 +92,10 @@ def misfit(now: Account) -> float:
     return _misfit(now, now, of_forces=False) + _misfit(now, now, of_forces=True)
 
 
-def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float, *, of_forces: bool) -> Account:
-    """One step of everything shared that shows among the markers, or in the forces."""
+def _stepped(
+    now: Account, recordings: Sequence[Recording], stretch_s: float, least: float, *, of_forces: bool
+) -> Account:
+    """One step of everything shared that shows among the markers, or in the forces, if it promises enough."""
     moving = [s for s in now.everything if s.candidate.columns and s.candidate.of_forces == of_forces]
     if not moving:
         return now
@@ -98,7 +105,9 @@ def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float, *,
         evidence = gather_forces(now.weighed, [], chosen, stretch_s, together=True)
     else:
         evidence = gather(now.watched, [], chosen, stretch_s, together=True)
-    step = _step(evidence, chosen)
+    step, promised = _step(evidence, chosen)
+    if promised < least:
+        return now
     before = _misfit(now, now, of_forces=of_forces)
     for share in _SHARES:
         sized = {
@@ -116,7 +125,8 @@ def _stepped(now: Account, recordings: Sequence[Recording], stretch_s: float, *,
     return now
 
 
-def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> Array:
+def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, float]:
+    """Where everything fits best to first order, and what that takes off the squares."""
     decided = {c.trials: {id(s) for s in deciding(evidence.stretches, c)} for c in chosen}
     owners = [c.trials for c in chosen for _ in c.columns]
     curvature, score = np.zeros((len(owners),) * 2), np.zeros(len(owners))
@@ -124,7 +134,8 @@ def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> Array:
         counts = np.array([id(stretch) in decided[trials] for trials in owners], dtype=float)
         curvature += stretch.own * np.outer(counts, counts)
         score += stretch.scores * counts
-    return np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)
+    step = np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)
+    return step, float(step @ score)
 
 
 def _aligned(now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:

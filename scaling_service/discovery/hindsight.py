@@ -44,10 +44,10 @@ def looked_back(
         if not keeps_to_its_range(n, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    for n in _doubtful(kept, now, settings):
+    for n, by_chance in _doubtful(kept, now, settings):
         if len(kept) > 1:
             without = _without(n, now, recordings, stretch_s)
-            if _squares(without) <= _squares(now):
+            if by_chance or _squares(without) <= _squares(now):
                 kept = [m for m in kept if m is not n]
                 now = without
     for n in list(kept):
@@ -62,8 +62,8 @@ def looked_back(
     ], now
 
 
-def _doubtful(named: Sequence[Named], now: Account, settings: DiscoverySettings) -> list[Named]:
-    """Effects of all recordings that do not surely do good on those that were not fitted."""
+def _doubtful(named: Sequence[Named], now: Account, settings: DiscoverySettings) -> list[tuple[Named, bool]]:
+    """Effects of all recordings that do not surely do good, and whether chance does as much as they do."""
     everywhere = [n for n in named if n.effect.candidate.change is None and not n.effect.candidate.trials]
     found = []
     for of_forces in (False, True):
@@ -72,8 +72,10 @@ def _doubtful(named: Sequence[Named], now: Account, settings: DiscoverySettings)
         for n in sort:
             assert known is not None
             (option,) = known.without(n.effect, []) or (None,)
-            if option is None or option.unseen.p > settings.level or option.unseen.gain <= 0.0:
-                found.append(n)
+            by_chance = option is None or option.fitted.p > settings.level
+            unseen = None if option is None else option.unseen
+            if by_chance or unseen is None or unseen.p > settings.level or unseen.gain <= 0.0:
+                found.append((n, by_chance))
     return found
 
 

@@ -9,8 +9,9 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
 - ``python -m tests.blind.real.make --out BANK`` adds real recordings with something hidden; with ``--bones``
   the walking person with imaged bones, for a bank of its own, run with ``--start EB_am``;
 - ``python -m tests.blind.run --bank BANK --out RESULTS`` lets the product look for what is hidden;
-- ``python -m tests.blind.score --bank BANK --results RESULTS`` prints how well it did; with ``--records FILE``
-  every case is kept in one line of that file, with a fingerprint of the search, so that runs can be put together.
+- ``python -m tests.blind.score --bank BANK --results RESULTS`` prints how well it did; with
+  ``--records FILE`` every case is kept in one line of that file, with a fingerprint of the search, so that
+  runs can be put together.
 
 Each goes on where it stopped. ``results.md`` is what the last wrote of the first 431 cases of the full bank
 in the order of their names, which are hashes and so a random choice of its 2,020, and of the real recording

@@ -44,12 +44,15 @@ def looked_back(
         if not keeps_to_its_range(n, now):
             kept = [m for m in kept if m is not n]
             now = _without(n, now, recordings, stretch_s)
-    for n, by_chance in _doubtful(kept, now, settings):
-        if len(kept) > 1:
-            without = _without(n, now, recordings, stretch_s)
-            if by_chance or _squares(without) <= _squares(now):
-                kept = [m for m in kept if m is not n]
-                now = without
+    spared: list[Named] = []
+    while len(kept) > 1 and (doubtful := _most_doubtful(kept, spared, now, settings)) is not None:
+        n, by_chance = doubtful
+        without = _without(n, now, recordings, stretch_s)
+        if by_chance or _squares(without) <= _squares(now):
+            kept = [m for m in kept if m is not n]
+            now = without
+        else:
+            spared.append(n)
     for n in list(kept):
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
@@ -62,21 +65,34 @@ def looked_back(
     ], now
 
 
-def _doubtful(named: Sequence[Named], now: Account, settings: DiscoverySettings) -> list[tuple[Named, bool]]:
-    """Effects of all recordings that do not surely do good, and whether chance does as much as they do."""
-    everywhere = [n for n in named if n.effect.candidate.change is None and not n.effect.candidate.trials]
-    found = []
+def _most_doubtful(
+    named: Sequence[Named], spared: Sequence[Named], now: Account, settings: DiscoverySettings
+) -> tuple[Named, bool] | None:
+    """Of effects in all recordings that do not surely do good on held-out ones the least sure.
+
+    And whether chance does as much as it does. One at a time: of two that stand for the same thing neither
+    does anything beside the other.
+    """
+    found: list[tuple[float, Named]] = []
     for of_forces in (False, True):
-        sort = [n for n in everywhere if n.effect.candidate.of_forces == of_forces]
+        sort = [
+            n
+            for n in named
+            if n.effect.candidate.of_forces == of_forces
+            and n.effect.candidate.change is None
+            and not n.effect.candidate.trials
+            and n not in spared
+        ]
         known = Withdrawable.of(now, [], settings.stretch_s, of_forces=of_forces) if sort else None
         for n in sort:
             assert known is not None
-            (option,) = known.without(n.effect, []) or (None,)
-            by_chance = option is None or option.fitted.p > settings.level
-            unseen = None if option is None else option.unseen
-            if by_chance or unseen is None or unseen.p > settings.level or unseen.gain <= 0.0:
-                found.append((n, by_chance))
-    return found
+            option = next(iter(known.without(n.effect, [])), None)
+            good = option is not None and option.unseen.p <= settings.level and option.unseen.gain > 0.0
+            p = 1.0 if option is None else option.fitted.p
+            if p > settings.level or not good:
+                found.append((p, n))
+    p, least = max(found, key=lambda each: each[0], default=(0.0, None))
+    return None if least is None else (least, p > settings.level)
 
 
 def keeps_to_its_range(n: Named, now: Account) -> bool:

@@ -80,7 +80,7 @@ def discover(
     now = refined(before, recordings, [], settings.stretch_s, ROUGHLY) if free else before
     named, now, options, odd_law = _searched(now, recordings, settings, report)
     report("looking back", 0.85)
-    if named or odd_law is None:
+    if named or odd_law is None:  # nothing is named in the stead of a law that no effect has
         named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
     named, now = looked_back(named, now, before, recordings, scene_of(before), settings)
     named, now, said = without_the_insufficient(

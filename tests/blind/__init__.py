@@ -16,7 +16,8 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
 Each goes on where it stopped. ``results.md`` is what the last wrote of the first 431 cases of the full bank
 in the order of their names, which are hashes and so a random choice of its 2,020, and of the real recording
 with a plate withheld; two at a time on two cores that did more besides. It was measured before biases
-were held to readings, swings started at rest, and several effects were named in one round.
+were held to readings, swings started at rest, several effects were named in one round, and candidates were
+judged on every frame.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

@@ -18,7 +18,8 @@ from pathlib import Path
 
 import scaling_service
 
-_SEARCH = ("discovery", "kernels", "models")
+_SEARCH = ("core", "discovery", "estimation", "formats", "jobs", "kernels", "models", "processing")
+"""Packages that decide what is found with a model that is scaled already."""
 
 TIMEOUT_S = 900.0
 """Chosen: three times what a full body with forces may take."""

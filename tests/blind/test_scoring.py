@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from tests.blind.score import main
 from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable
 from tests.blind.scoring.outcomes import Outcome, outcomes
 from tests.blind.scoring.records import joined, read_records, write_records
-from tests.blind.scoring.tables import confusion, detection, must_reach, upper_bound
+from tests.blind.scoring.tables import confusion, detection, must_reach, remarks, upper_bound
 
 OFFSET = {
     "kind": "marker_offset",
@@ -35,6 +36,7 @@ def named(truth: dict[str, Any], factor: float = 1.0, sd: float = 0.0, **more: A
 
 def outcome(group: str, hidden: list[dict[str, Any]], result: dict[str, Any] | None, **truth: Any) -> Outcome:
     label = {
+        "id": "case",
         "group": group,
         "kinds": [h["kind"] for h in hidden] or ["white"],
         "size": "large",
@@ -229,3 +231,6 @@ def test_records_outlive_their_results(tmp_path: Path) -> None:
     both = joined(read_records(table), [again])
     assert sorted(both, key=lambda r: r.id) == [other, again]
     assert read_records(tmp_path / "none.csv") == []
+    versions = [replace(first, code="aaaa"), replace(other, code="bbbb")]
+    assert any("2 versions of the search, cases each: aaaa 1, bbbb 1" in line for line in remarks(versions))
+    assert not any("versions" in line for line in remarks([first, other]))

@@ -89,7 +89,7 @@ class Outcome:
         """In one line."""
         truth = self.truth
         return Record(
-            id=truth.get("id", ""),
+            id=truth["id"],
             group=truth["group"],
             kinds=tuple(truth["kinds"]),
             size=truth.get("size", ""),
@@ -136,7 +136,7 @@ def outcomes(bank: Path, results: Path) -> Iterator[Outcome]:
     for label in sorted((bank / "labels").glob("*.json")):
         folder = results / label.stem
         if (folder / "discovery.json").is_file() or (folder / "failed.txt").is_file():
-            truth = json.loads(label.read_text(encoding="utf-8"))
+            truth = {**json.loads(label.read_text(encoding="utf-8")), "id": label.stem}
             withheld = _withheld(label.with_suffix(""), folder, truth)
             yield Outcome(truth, _result(folder), _seconds(folder), withheld, _code(folder))
 

@@ -81,6 +81,10 @@ def remarks(all_: Sequence[Record]) -> list[str]:
         lines.append(
             "Null recordings: " + ", ".join(f"{n} x {name}" for name, n in sorted(verdicts.items())) + "."
         )
+    searches = Counter(o.code or "not told" for o in all_)
+    if len(searches) > 1:
+        each = ", ".join(f"{code} {n}" for code, n in sorted(searches.items()))
+        lines.append(f"Run by {len(searches)} versions of the search, cases each: {each}.")
     classes = sum("class" in o.matches for o in effects)
     lines.append(
         f"Right by the declared class only: {classes} of {sum(o.right for o in effects)} named right."

@@ -1,0 +1,57 @@
+"""What is superfluous is dropped, and no more than that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.discovery.additions import Sized, with_effects
+from scaling_service.discovery.comparing import Unseen
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import account, scene_of
+from scaling_service.discovery.hindsight import looked_back
+from scaling_service.discovery.judging import NOTHING
+from scaling_service.discovery.strictness import DiscoverySettings
+from tests.discovery.hidden import person, recorded, sized
+
+
+def named(effect: Sized) -> Named:
+    """As if it had passed."""
+    count = len(effect.size)
+    return Named(effect, np.eye(count), {}, {}, {}, NOTHING, 0.01, Unseen(0.1, 0.01, folds=False), (), "")
+
+
+def test_of_one_thing_that_was_named_twice_one_is_kept() -> None:
+    """Beside each other neither does anything."""
+    offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
+    artefact = sized("soft_tissue_artefact", "RLFE", driver="knee_angle_r", numbers=(0.1, 0.1, 0.0))
+    model, recordings = (
+        person().model,
+        recorded(person(), with_effects(person().model, [offset, artefact], "")),
+    )
+    half = replace(offset, size=0.5 * offset.size)
+    again = replace(half, candidate=replace(half.candidate, note="again"))
+    before, now = account(model, recordings), account(model, recordings, (), [half, again, artefact])
+    kept, after = looked_back(
+        [named(half), named(again), named(artefact)],
+        now,
+        before,
+        recordings,
+        scene_of(before),
+        DiscoverySettings(),
+    )
+    assert len(kept) == len(after.effects) == 2
+    sizes = {n.effect.candidate.kind: n.effect.size for n in kept}
+    np.testing.assert_allclose(sizes["marker_offset"], offset.size, atol=3e-4)
+
+
+def test_what_chance_explains_as_well_is_dropped() -> None:
+    offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
+    nothing = sized("marker_offset", "LFH", numbers=(0.0, 0.0, 0.0))
+    model, recordings = person().model, recorded(person(), with_effects(person().model, [offset], ""))
+    before, now = account(model, recordings), account(model, recordings, (), [offset, nothing])
+    kept, _ = looked_back(
+        [named(nothing), named(offset)], now, before, recordings, scene_of(before), DiscoverySettings()
+    )
+    assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]

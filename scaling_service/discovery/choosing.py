@@ -22,8 +22,8 @@ from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.tuning import tuned
 from scaling_service.discovery.widest import widest
 
-_COMPANIONS = 2  # named along with the best effect of the motion at most (chosen)
-_AS_MUCH = 0.9  # chosen: of what a companion explains, what it must explain beside the others
+_COMPANIONS = 3  # named along with the best effect of the motion at most (chosen)
+_AS_MUCH = 0.5  # chosen: of what a companion explains, what it must explain beside the others
 _WORTH = 0.1
 """Of what the best explains, what a companion must (chosen: what the law of a large effect misses, being one
 of small effects, is less: of 12 degrees 1 %)."""

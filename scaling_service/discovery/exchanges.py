@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Exchange
@@ -78,30 +79,38 @@ def _best(item: Watched) -> Swap | None:
 
 def _gains(item: Watched, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
     """Of every frame what exchanging each pair would take off, (n, n_pairs); its square; its freedom."""
-    n, count = len(item.q), len(item.markers)
-    generators = Generators.of(item, ())
-    gains, square, freedom = np.empty((n, len(pairs))), np.empty(n), np.empty(n)
+    n, generators = len(item.q), Generators.of(item, ())
     a, b = np.array(pairs, dtype=np.intp).T
-    for start in range(0, n, _BLOCK):
-        block = slice(start, min(start + _BLOCK, n))
-        gap, pose, _ = generators.at(item, block)
-        basis = span(pose)
-        gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
-        measured = item.task.measured[block]
-        apart = np.nan_to_num(measured[:, b] - measured[:, a])
-        to_a, to_b = apart / item.floor[a][:, None], -apart / item.floor[b][:, None]
-        by_marker = gap.reshape(-1, count, 3)
-        hidden = basis.reshape(len(gap), count, 3, -1)
-        slope = (by_marker[:, a] * to_a).sum(axis=2) + (by_marker[:, b] * to_b).sum(axis=2)
-        along = np.einsum("npc,npcq->npq", to_a, hidden[:, a]) + np.einsum(
-            "npc,npcq->npq", to_b, hidden[:, b]
-        )
-        size = (to_a**2).sum(axis=2) + (to_b**2).sum(axis=2) - (along**2).sum(axis=2)
-        known = item.seen[block]
-        gains[block] = np.where(known[:, a] & known[:, b], -2.0 * slope - size, 0.0)
-        square[block] = (gap**2).sum(axis=1)
-        freedom[block] = 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
-    return gains, square, freedom
+
+    def of(start: int) -> tuple[Array, Array, Array]:
+        return _gains_in(slice(start, min(start + _BLOCK, n)), item, generators, a, b)
+
+    gains, square, freedom = zip(*each(of, range(0, n, _BLOCK)), strict=True)
+    return np.concatenate(gains), np.concatenate(square), np.concatenate(freedom)
+
+
+def _gains_in(
+    block: slice, item: Watched, generators: Generators, a: NDArray[np.intp], b: NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
+    """The same in some frames.
+
+    An exchange moves the first by d and the second by -d. What the pose hides of that is the square of
+    (H_a / f_a - H_b / f_b)' d, with H the rows of a marker in the pose's basis and f the floors.
+    """
+    gap, pose, _ = generators.at(item, block)
+    basis = span(pose)
+    gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+    known, n, count = item.seen[block], len(gap), len(item.markers)
+    apart = np.nan_to_num(item.task.measured[block][:, b] - item.task.measured[block][:, a])
+    pull = gap.reshape(n, count, 3) / item.floor[:, None]
+    slope = ((pull[:, a] - pull[:, b]) * apart).sum(axis=2)
+    rows = basis / np.repeat(item.floor, 3)[:, None]
+    hidden = (rows @ rows.transpose(0, 2, 1)).reshape(n, count, 3, count, 3)
+    both = hidden[:, a, :, a] + hidden[:, b, :, b] - hidden[:, a, :, b] - hidden[:, b, :, a]
+    size = (apart**2).sum(axis=2) * (item.floor[a] ** -2 + item.floor[b] ** -2)
+    size -= np.einsum("npc,pncd,npd->np", apart, both, apart, optimize=True)
+    gains = np.where(known[:, a] & known[:, b], -2.0 * slope - size, 0.0)
+    return gains, (gap**2).sum(axis=1), 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
 
 
 def _span(gain: Array) -> tuple[float, slice]:

@@ -138,6 +138,13 @@ def squares(now: Account, *, of_forces: bool, of: Sequence[Candidate] = ()) -> f
     return float(sum(item.square for item in items if item.name in fitting | alone))
 
 
+def unseen_squares(now: Account) -> float:
+    """Whitened sum of squares of markers and forces together in what is held out, else in everything."""
+    items: list[Watched | Weighed] = [*now.watched, *now.weighed]
+    held_out = [item.square for item in items if item.role == "held_out"]
+    return float(sum(held_out or (item.square for item in items)))
+
+
 def scene_of(now: Account) -> Scene:
     """What the recordings show of the body."""
     model = now.model

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import FreeMotion
@@ -108,26 +108,28 @@ def courses_of(item: Watched, spots: Sequence[JointSpot | MarkerSpot]) -> tuple[
     n, groups = len(item.q), len(spots) // 3
     generators = Generators.of(item, spots)
     rows = 3 * len(item.markers)
-    gaps, made = np.empty((n, rows)), np.empty((n, rows, len(spots)))
-    freedom, raw = np.empty(n), np.zeros(groups)
-    for start in range(0, n, _BLOCK):
+    gaps, made = np.empty((n, rows)), np.empty((n, len(spots), rows))
+    freedom, raw = np.empty(n), np.empty((n, len(spots)))
+
+    def fill(start: int) -> None:
         block = slice(start, min(start + _BLOCK, n))
         gap, pose, columns = generators.at(item, block)
         basis = span(pose)
-        raw += np.square(columns).sum(axis=(0, 1)).reshape(groups, 3).max(axis=1)
-        made[block] = columns - basis @ (basis.transpose(0, 2, 1) @ columns)
+        raw[block] = np.square(columns).sum(axis=1)
+        made[block] = (columns - basis @ (basis.transpose(0, 2, 1) @ columns)).transpose(0, 2, 1)
         gaps[block] = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
         freedom[block] = 3.0 * item.seen[block].sum(axis=1) - np.square(basis).sum(axis=(1, 2))
+
+    each(fill, range(0, n, _BLOCK))
     rate = 1.0 / float(np.median(np.diff(item.trial.times)))
     if rate > 2.5 * _CUTOFF_HZ:
         gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=_CUTOFF_HZ, order=4).values
     square = np.square(gaps).sum(axis=1)
-    found = []
-    for g in range(groups):
-        own = made[:, :, 3 * g : 3 * g + 3]
-        slope = np.einsum("nrk,nr->nk", own, gaps)
-        found.append(Course(slope, np.einsum("nrk,nrl->nkl", own, own), square, freedom))
-    return found, raw
+    slopes = (made @ gaps[:, :, None]).reshape(n, groups, 3)
+    of_groups = made.reshape(n, groups, 3, rows)
+    curvatures = of_groups @ of_groups.transpose(0, 1, 3, 2)
+    found = [Course(slopes[:, g], curvatures[:, g], square, freedom) for g in range(groups)]
+    return found, raw.sum(axis=0).reshape(groups, 3).max(axis=1)
 
 
 def _freedom(
@@ -285,4 +287,4 @@ def above(values: Array) -> float:
     spread = float(values.std(ddof=1))
     if spread == 0.0:
         return 1.0
-    return float(stats.t.sf(values.mean() / (spread / np.sqrt(len(values))), len(values) - 1))
+    return float(special.stdtr(len(values) - 1, -values.mean() / (spread / np.sqrt(len(values)))))

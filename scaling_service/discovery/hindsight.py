@@ -11,14 +11,13 @@ from scaling_service.discovery.additions import freedom_name
 from scaling_service.discovery.candidates import FreeMotion
 from scaling_service.discovery.catalogue import details, plausible, spreads
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording
+from scaling_service.discovery.fitting import Account, Recording, unseen_squares
 from scaling_service.discovery.freedoms import MOST, course_rms
 from scaling_service.discovery.predictable import marker_names
-from scaling_service.discovery.refining import ROUGHLY, SETTLED, misfit, refined
+from scaling_service.discovery.refining import SETTLED, misfit, refined, taken_back
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.tallies import floors_of
-from scaling_service.discovery.watched import Role
 from scaling_service.discovery.withdrawn import Withdrawable
 
 LACK = 0.3
@@ -43,12 +42,12 @@ def looked_back(
     for n in named:
         if not keeps_to_its_range(n, now):
             kept = [m for m in kept if m is not n]
-            now = _without(n, now, recordings, stretch_s)
+            now = taken_back([n.effect], now, recordings, stretch_s)
     spared: list[Named] = []
     while len(kept) > 1 and (doubtful := _most_doubtful(kept, spared, now, settings)) is not None:
         n, by_chance = doubtful
-        without = _without(n, now, recordings, stretch_s)
-        if by_chance or _squares(without) <= _squares(now):
+        without = taken_back([n.effect], now, recordings, stretch_s)
+        if by_chance or unseen_squares(without) <= unseen_squares(now):
             kept = [m for m in kept if m is not n]
             now = without
         else:
@@ -56,7 +55,7 @@ def looked_back(
     for n in list(kept):
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
-            now = _without(n, now, recordings, stretch_s)
+            now = taken_back([n.effect], now, recordings, stretch_s)
     now = _settled(now, recordings, stretch_s)
     by_name = {e.candidate.key: e for e in now.effects}
     found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
@@ -108,19 +107,6 @@ def _settled(now: Account, recordings: Sequence[Recording], stretch_s: float) ->
     """Everything estimated to its last digit, if that helps: skin near resonance may come to no rest."""
     settled = refined(now, recordings, [], stretch_s)
     return settled if misfit(settled) <= misfit(now) * (1.0 + SETTLED) else now
-
-
-def _without(n: Named, now: Account, recordings: Sequence[Recording], stretch_s: float) -> Account:
-    others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
-    bare = replace(now, effects=others)
-    return refined(bare, recordings, [], stretch_s, ROUGHLY, of_forces=n.effect.candidate.of_forces)
-
-
-def _squares(now: Account) -> float:
-    """Whitened squares of what is held out, else of everything."""
-    roles: tuple[Role, ...] = ("held_out",) if any(i.role == "held_out" for i in now.watched) else ("fit",)
-    markers = sum(item.square for item in now.watched if item.role in roles)
-    return float(markers + sum(item.square for item in now.weighed if item.role in roles))
 
 
 def _lack(n: Named, before: Account, now: Account, scene: Scene, stretch_s: float) -> float:

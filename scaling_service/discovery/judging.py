@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.evidence import Evidence, Stretch
@@ -154,7 +154,7 @@ def fit(scores: Array, own: Array, raw: Array) -> Fitted:
     value, vector = np.linalg.eigh(variance)
     value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
     hotelling = float(((vector.T @ total) ** 2 / value).sum())
-    p = float(stats.f.sf(hotelling * freedom / (rank * (counting - 1.0)), rank, freedom))
+    p = float(special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
     covariance = directions @ variance @ directions.T
     return Fitted(
         inverse @ scores.sum(axis=0), covariance, gain, float(np.trace(variance)), p, shown, freedom

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.discovery import catalogue
+from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Candidate, FreeMotion
 from scaling_service.discovery.comparing import explained, no_worse, unseen
 from scaling_service.discovery.evidence import Evidence, deciding, gather
@@ -59,16 +60,19 @@ def look(
     """
     taken = {s.candidate.key for s in now.everything}
     every = [c for c in catalogue.candidates(scene) if c.key not in taken]
+
+    def seen(of_forces: bool) -> tuple[list[Option], list[Option]]:
+        sums = compared(now, [c for c in every if c.of_forces == of_forces], stretch_s, shortlist)
+        return sums, list(catalogue.options(now, scene, stretch_s, of_forces=of_forces))
+
     if before is not None and before.watched is now.watched:
-        columns, motions = before.columns, before.motions
+        columns, motions, (loads, others) = before.columns, before.motions, seen(True)
     else:
-        columns = compared(now, [c for c in every if not c.of_forces], stretch_s, shortlist)
-        motions = list(catalogue.options(now, scene, stretch_s, of_forces=False))
-    loads = compared(now, [c for c in every if c.of_forces], stretch_s, shortlist)
-    others = [*motions, *catalogue.options(now, scene, stretch_s, of_forces=True)]
-    new = [o for o in others if o.candidate.key not in taken]
+        (columns, motions), (loads, others) = each(seen, (False, True))
+    searched = [*motions, *others]
+    new = [o for o in searched if o.candidate.key not in taken]
     best = sorted((*columns, *loads, *new), key=lambda o: -o.fitted.expected)
-    return Options(best, len(every) + len(others), columns, motions, now.watched)
+    return Options(best, len(every) + len(searched), columns, motions, now.watched)
 
 
 def compared(now: Account, choice: Sequence[Candidate], stretch_s: float, shortlist: int) -> list[Option]:

@@ -82,6 +82,16 @@ def refined(
     return now
 
 
+def taken_back(
+    gone: Sequence[Sized], now: Account, recordings: Sequence[Recording], stretch_s: float
+) -> Account:
+    """Everything else estimated roughly, with some of the effects taken back."""
+    keys = {effect.candidate.key for effect in gone}
+    bare = replace(now, effects=tuple(e for e in now.effects if e.candidate.key not in keys))
+    of_forces = all(effect.candidate.of_forces for effect in gone)
+    return refined(bare, recordings, [], stretch_s, ROUGHLY, of_forces=of_forces)
+
+
 def _misfit(now: Account, of: Account, *, of_forces: bool) -> float:
     """Whitened squares of the trials that decide for an account: those to fit, those with own effects."""
     return squares(now, of_forces=of_forces, of=[e.candidate for e in of.effects])

@@ -13,9 +13,9 @@ from scaling_service.discovery.candidates import Masked
 from scaling_service.discovery.choosing import chosen, tuned_name
 from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings, Foreign, Named
-from scaling_service.discovery.fitting import Account, Recording, account, scene_of, squares
+from scaling_service.discovery.fitting import Account, Recording, account, scene_of
 from scaling_service.discovery.foreign import foreign
-from scaling_service.discovery.hindsight import keeps_to_its_range, looked_back
+from scaling_service.discovery.hindsight import looked_back
 from scaling_service.discovery.options import Options, look
 from scaling_service.discovery.pairs import two_of_one_marker, two_of_one_plate
 from scaling_service.discovery.refining import ROUGHLY, refined
@@ -24,13 +24,10 @@ from scaling_service.discovery.strangers import stranger
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.sufficient import without_the_insufficient
 from scaling_service.discovery.telling import told
+from scaling_service.discovery.trying import tried_in_full
 from scaling_service.models.body import BodyModel
 
 Progress = Callable[[str, float], None]
-
-KEPT = 0.3
-"""Share of what an effect promised to explain that it must explain when everything is estimated anew with it
-(chosen: the promise is that of a small change; a law that is only right for small ones keeps little)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +97,7 @@ def _searched(
     """Round after round: what was named, the account with it, and what the last round saw."""
     named: list[Named] = []
     refused: set[str] = set()
+    early: set[str] = set()  # refused until more is known of the forces
     options: Options | None = None
     while True:
         report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
@@ -119,10 +117,15 @@ def _searched(
         found = pair or found
         if not found:
             return named, now, options, None
-        now, added, poor = _added(now, found, recordings, settings)
-        refused |= poor
-        if added:
-            named, now = revisited([*named, *added], now, naming)
+        tried = tried_in_full(now, found, recordings, settings)
+        now = tried.account
+        early |= tried.early
+        refused |= tried.refused | early
+        if any(n.effect.candidate.of_forces for n in tried.added):
+            refused -= early
+            early.clear()
+        if tried.added:
+            named, now = revisited([*named, *tried.added], now, naming)
 
 
 def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:
@@ -143,47 +146,3 @@ def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, A
 
 def _silent(what: str, share: float) -> None:
     """No progress is shown."""
-
-
-def _added(
-    now: Account, found: Sequence[Named], recordings: Sequence[Recording], settings: DiscoverySettings
-) -> tuple[Account, list[Named], set[str]]:
-    """The effects that hold once everything is estimated anew with them, and keys of those that do not."""
-    refused: set[str] = set()
-    left = list(found)
-    while left:
-        tried = refined(
-            now,
-            recordings,
-            [n.effect for n in left],
-            settings.stretch_s,
-            ROUGHLY,
-            of_forces=all(n.effect.candidate.of_forces for n in left),
-            hopeless=partial(_strange, left),
-        )
-        strange = _strange(left, tried)
-        broken = [group for group in _sorts(left) if not _keep_their_promise(group, now, tried)]
-        if not strange and not broken:
-            return tried, left, refused
-        gone = strange or [n for group in broken for n in group[1:] or group]
-        refused |= {n.effect.candidate.key for n in gone if n in strange or [n] in broken}
-        left = [n for n in left if n not in gone]
-    return now, [], refused
-
-
-def _strange(named: Sequence[Named], now: Account) -> list[Named]:
-    """Those whose numbers no laboratory could meet."""
-    return [n for n in named if not keeps_to_its_range(n, now)]
-
-
-def _sorts(named: Sequence[Named]) -> list[list[Named]]:
-    """Effects of the motion and of the forces apart."""
-    sorts = [[n for n in named if n.effect.candidate.of_forces == kind] for kind in (False, True)]
-    return [sort for sort in sorts if sort]
-
-
-def _keep_their_promise(group: Sequence[Named], before: Account, after: Account) -> bool:
-    """Whether the disagreement fell about as much as was expected of effects of one sort."""
-    of = [n.effect.candidate for n in group]
-    was, left = (squares(a, of_forces=of[0].of_forces, of=of) for a in (before, after))
-    return was - left > KEPT * sum(n.fitted.expected for n in group)

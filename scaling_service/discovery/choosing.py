@@ -1,8 +1,8 @@
 """What is named next: the best effect of the motion with its companions, and the best of the forces.
 
 One effect after the other would be slow where much is missing, and would leave no room for small ones. So
-others of the motion are named along with the best if they explain as much beside it as without it: then they
-are no shadows of it.
+others of the motion are named along with the best if they pass beside it and explain most of what they do
+without it: then they are no shadows of it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from scaling_service.discovery.tuning import tuned
 from scaling_service.discovery.widest import widest
 
 _COMPANIONS = 3  # named along with the best effect of the motion at most (chosen)
-_AS_MUCH = 0.5  # chosen: of what a companion explains, what it must explain beside the others
+_MOST = 0.5  # chosen: of what a companion explains, what it must explain beside the others
 _WORTH = 0.1
 """Of what the best explains, what a companion must (chosen: what the law of a large effect misses, being one
 of small effects, is less: of 12 degrees 1 %)."""
@@ -64,7 +64,7 @@ def chosen(
 def _companions(
     first: Named, passing: Sequence[Option], options: Options, now: Account, settings: DiscoverySettings
 ) -> list[Named]:
-    """Effects that explain as much beside the first, and beside each other, as each does alone."""
+    """Effects that explain beside the first, and beside each other, most of what each does alone."""
     worth = _WORTH * first.fitted.expected
     plain = [o for o in passing if o.candidate.columns and o.candidate.swing is None]
     left = {o.candidate.key: o for o in plain if o.fitted.expected > worth}
@@ -76,7 +76,7 @@ def _companions(
         still = [
             left[o.candidate.key]
             for o in again
-            if o.fitted.expected > _AS_MUCH * left[o.candidate.key].fitted.expected
+            if o.fitted.expected > _MOST * left[o.candidate.key].fitted.expected
             and _passes(o, options, settings)
         ]
         left = {o.candidate.key: o for o in still[1:]}

@@ -1,0 +1,105 @@
+"""Effects tried in full are added only if markers and forces agree better where they were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized, with_effects
+from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery.catalogue import candidates
+from scaling_service.discovery.comparing import Unseen
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import Recording, account, scene_of
+from scaling_service.discovery.judging import NOTHING
+from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.discovery.trying import Tried, tried_in_full
+from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
+from scaling_service.jobs.discover_start import prepare, read
+from scaling_service.models.body import BodyModel
+from tests.jobs.force_laboratory import force_laboratory
+
+GAIN = 1.1
+TRUNK = ("T10", "C7", "CLAV", "STRN", "RSHO", "LSHO")
+
+
+def named(candidate: Candidate, *numbers: float) -> Named:
+    """As if it had passed, with numbers as in the results."""
+    size = [(n - c.neutral) / c.unit for n, c in zip(numbers, candidate.columns, strict=True)]
+    unseen = Unseen(0.1, 0.01, folds=False)
+    effect = Sized(candidate, np.array(size))
+    return Named(effect, np.eye(len(size)), {}, {}, {}, NOTHING, 0.01, unseen, (), "")
+
+
+class Laboratory:
+    """Recordings in which the skin of the trunk moves as it bends, and the same without."""
+
+    def __init__(self, folder: Path) -> None:
+        self.model, self.bare = _laboratory(folder, None)
+        self.choice = tuple(candidates(scene_of(account(self.model, self.bare))))
+        self.skin = self.of("soft_tissue_artefact", *TRUNK, driver="thoracic_extension")
+        truth = with_effects(self.model, [named(self.skin, 3.0, 0.0, 0.0).effect], "")
+        _, self.moved = _laboratory(folder, truth)
+
+    def of(self, kind: str, *where: str, driver: str | None = None) -> Candidate:
+        """A candidate in all recordings."""
+        return next(
+            c
+            for c in self.choice
+            if c.kind == kind and c.where == where and not c.trials and driver in (None, *c.driver)
+        )
+
+    def tried(self, recordings: Sequence[Recording], *found: Named) -> Tried:
+        """Effects in full."""
+        return tried_in_full(account(self.model, recordings), found, recordings, DiscoverySettings())
+
+
+def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple[Recording, ...]]:
+    file = force_laboratory(folder, truth=truth)
+    prepared = prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    return prepared.model, tuple(prepared.recordings)
+
+
+def _stronger(recording: Recording) -> Recording:
+    """With plates that measure too much, if it is to fit."""
+    assert recording.footing is not None
+    ground = recording.footing.ground
+    ground = replace(ground, force=GAIN * ground.force, moment=GAIN * ground.moment)
+    footing = replace(recording.footing, ground=ground)
+    return replace(recording, footing=footing) if recording.role == "fit" else recording
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Laboratory:
+    return Laboratory(tmp_path_factory.mktemp("trying"))
+
+
+def test_what_all_recordings_show_is_added(laboratory: Laboratory) -> None:
+    skin = named(laboratory.skin, 3.0, 0.0, 0.0)
+    tried = laboratory.tried(laboratory.moved, skin)
+    assert tried.added == [skin]
+    assert not tried.refused | tried.early
+
+
+def test_what_only_the_recording_to_fit_shows_is_not(laboratory: Laboratory) -> None:
+    one = [m if m.role == "fit" else b for m, b in zip(laboratory.moved, laboratory.bare, strict=True)]
+    tried = laboratory.tried(one, named(laboratory.skin, 3.0, 0.0, 0.0))
+    assert tried.added == []
+    assert tried.early == {laboratory.skin.key}
+    assert not tried.account.effects
+
+
+def test_a_load_that_other_recordings_do_not_show_is_left_out_by_itself(laboratory: Laboratory) -> None:
+    """The motion stays as it was estimated."""
+    skin = named(laboratory.skin, 3.0, 0.0, 0.0)
+    gain = named(laboratory.of("plate_gain", "plate_1"), GAIN)
+    recordings = [_stronger(r) for r in laboratory.moved]
+    tried, alone = laboratory.tried(recordings, skin, gain), laboratory.tried(recordings, skin)
+    assert tried.added == [skin]
+    assert tried.early == {gain.effect.candidate.key}
+    for one, other in zip(tried.account.watched, alone.account.watched, strict=True):
+        np.testing.assert_allclose(one.q, other.q, atol=1e-6)

@@ -13,6 +13,7 @@ from scaling_service.discovery.catalogue import details, plausible, spreads
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, unseen_squares
 from scaling_service.discovery.freedoms import MOST, course_rms
+from scaling_service.discovery.option import Option
 from scaling_service.discovery.predictable import marker_names
 from scaling_service.discovery.refining import SETTLED, misfit, refined, taken_back
 from scaling_service.discovery.scene import Scene
@@ -25,40 +26,54 @@ LACK = 0.3
 left there, the name does not fit (chosen: a law that is right leaves nothing to predict)."""
 
 
-def looked_back(
-    named: Sequence[Named],
-    now: Account,
-    before: Account,
-    recordings: Sequence[Recording],
-    scene: Scene,
-    settings: DiscoverySettings,
+def without_the_superfluous(
+    named: Sequence[Named], now: Account, recordings: Sequence[Recording], settings: DiscoverySettings
 ) -> tuple[list[Named], Account]:
-    """Drop what does no good on recordings that were not fitted, and what does not fit where it is.
+    """Drop what left its range, what chance explains as well, and what does no good where it was not fitted.
 
-    An effect of a single trial shows in no other, so other trials say nothing of it.
+    An effect of some recordings shows in no other, so these say nothing of it.
     """
-    stretch_s = settings.stretch_s
     kept = list(named)
     for n in named:
         if not keeps_to_its_range(n, now):
             kept = [m for m in kept if m is not n]
-            now = taken_back([n.effect], now, recordings, stretch_s)
+            now = taken_back([n.effect], now, recordings, settings.stretch_s)
     spared: list[Named] = []
     while len(kept) > 1 and (doubtful := _most_doubtful(kept, spared, now, settings)) is not None:
         n, by_chance = doubtful
-        without = taken_back([n.effect], now, recordings, stretch_s)
+        without = taken_back([n.effect], now, recordings, settings.stretch_s)
         if by_chance or unseen_squares(without) <= unseen_squares(now):
             kept = [m for m in kept if m is not n]
             now = without
         else:
             spared.append(n)
-    for n in list(kept):
+    return kept, now
+
+
+def without_the_ill_fitting(
+    named: Sequence[Named],
+    now: Account,
+    before: Account,
+    recordings: Sequence[Recording],
+    scene: Scene,
+    stretch_s: float,
+) -> tuple[list[Named], Account]:
+    """Drop names at whose place the movement or the time still predicts much of what is left."""
+    kept = list(named)
+    for n in named:
         if _lack(n, before, now, scene, stretch_s) > LACK:
             kept = [m for m in kept if m is not n]
             now = taken_back([n.effect], now, recordings, stretch_s)
+    return kept, now
+
+
+def at_rest(
+    named: Sequence[Named], now: Account, recordings: Sequence[Recording], stretch_s: float
+) -> tuple[list[Named], Account]:
+    """Names with their numbers where everything is estimated to its last digit."""
     now = _settled(now, recordings, stretch_s)
-    by_name = {e.candidate.key: e for e in now.effects}
-    found = [replace(n, effect=by_name[n.effect.candidate.key]) for n in kept]
+    by_key = {e.candidate.key: e for e in now.effects}
+    found = [replace(n, effect=by_key[n.effect.candidate.key]) for n in named]
     return [
         replace(n, details=details(n.effect, now), spreads=spreads(n.effect, now, stretch_s)) for n in found
     ], now
@@ -67,31 +82,29 @@ def looked_back(
 def _most_doubtful(
     named: Sequence[Named], spared: Sequence[Named], now: Account, settings: DiscoverySettings
 ) -> tuple[Named, bool] | None:
-    """Of effects in all recordings that do not surely do good on held-out ones the least sure.
+    """Of effects that chance explains as well, or that do no sure good where not fitted, the least sure.
 
     And whether chance does as much as it does. One at a time: of two that stand for the same thing neither
     does anything beside the other.
     """
     found: list[tuple[float, Named]] = []
     for of_forces in (False, True):
-        sort = [
-            n
-            for n in named
-            if n.effect.candidate.of_forces == of_forces
-            and n.effect.candidate.change is None
-            and not n.effect.candidate.trials
-            and n not in spared
-        ]
+        sort = [n for n in named if n.effect.candidate.of_forces == of_forces and n not in spared]
+        sort = [n for n in sort if n.effect.candidate.change is None]
         known = Withdrawable.of(now, [], settings.stretch_s, of_forces=of_forces) if sort else None
         for n in sort:
             assert known is not None
             option = next(iter(known.without(n.effect, [])), None)
-            good = option is not None and option.unseen.p <= settings.level and option.unseen.gain > 0.0
             p = 1.0 if option is None else option.fitted.p
-            if p > settings.level or not good:
+            if p > settings.level or (not n.effect.candidate.trials and not _does_good(option, settings)):
                 found.append((p, n))
     p, least = max(found, key=lambda each: each[0], default=(0.0, None))
     return None if least is None else (least, p > settings.level)
+
+
+def _does_good(option: Option | None, settings: DiscoverySettings) -> bool:
+    """Whether an effect surely lowers what recordings that did not fit it disagree."""
+    return option is not None and option.unseen.p <= settings.level and option.unseen.gain > 0.0
 
 
 def keeps_to_its_range(n: Named, now: Account) -> bool:

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from scaling_service.discovery.candidates import Candidate
+from scaling_service.discovery import catalogue
+from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, account, reweighed
+from scaling_service.discovery.fitting import Account, Recording, account, reweighed, scene_of
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE
-from scaling_service.discovery.refining import ROUGHLY, refined
+from scaling_service.discovery.refining import ROUGHLY, misfit, refined
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.withdrawn import Withdrawable
 
@@ -60,6 +61,26 @@ def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[lis
                     kept[k] = replace(made, rivals=n.rivals)
                     now = refined(without, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=of_forces)
                     known = None
+    return _touched_anew(kept, now, naming)
+
+
+def _touched_anew(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
+    """Look again for where something touches, now that more is known of the forces."""
+    recordings, stretch_s = naming.recordings, naming.settings.stretch_s
+    kept = list(named)
+    loads = [k for k, n in enumerate(named) if n.effect.candidate.of_forces]
+    for k in loads[:-1]:
+        own = kept[k].effect.candidate
+        if isinstance(own.change, Contact):
+            without = _without(kept[k], now, recordings)
+            again = catalogue.options(without, scene_of(without), stretch_s, of_forces=True)
+            same = (o for o in again if o.candidate.kind == own.kind and o.candidate.trials == own.trials)
+            best = next(same, None)
+            made = None if best is None else naming.name(best, without)
+            if made is not None:
+                tried = refined(without, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=True)
+                if misfit(tried) < misfit(now):
+                    kept[k], now = made, tried
     return kept, now
 
 

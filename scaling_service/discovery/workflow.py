@@ -1,33 +1,22 @@
-"""Find what is missing, round after round, until nothing that is left passes."""
+"""Find what is missing, and show what it was."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-
-import numpy as np
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Masked
-from scaling_service.discovery.choosing import chosen, tuned_name
 from scaling_service.discovery.demands import forget
-from scaling_service.discovery.findings import Findings, Foreign, Named
+from scaling_service.discovery.findings import Findings
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of
-from scaling_service.discovery.foreign import foreign
-from scaling_service.discovery.hindsight import looked_back
-from scaling_service.discovery.options import Options, look
-from scaling_service.discovery.pairs import two_of_one_marker, two_of_one_plate
+from scaling_service.discovery.hindsight import at_rest, without_the_ill_fitting
 from scaling_service.discovery.refining import ROUGHLY, refined
-from scaling_service.discovery.rivals import Naming, revisited
-from scaling_service.discovery.strangers import stranger
+from scaling_service.discovery.searching import Progress, Search
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.sufficient import without_the_insufficient
 from scaling_service.discovery.telling import told
-from scaling_service.discovery.trying import tried_in_full
 from scaling_service.models.body import BodyModel
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,63 +64,19 @@ def discover(
     report("following the recordings", 0.0)
     before = account(model, recordings, free)
     now = refined(before, recordings, [], settings.stretch_s, ROUGHLY) if free else before
-    named, now, options, odd_law = _searched(now, recordings, settings, report)
-    report("looking back", 0.85)
-    if named or odd_law is None:  # nothing is named in the stead of a law that no effect has
-        named, now = two_of_one_plate(named, now, _naming(recordings, options, settings))
-    named, now = looked_back(named, now, before, recordings, scene_of(before), settings)
-    named, now, said = without_the_insufficient(
-        named, now, before, recordings, scene_of(before), settings.stretch_s
-    )
+    search = Search(recordings, settings, report, now)
+    options = search.finish()
+    report("settling all numbers", 0.85)
+    scene, stretch_s = scene_of(before), settings.stretch_s
+    named, now = without_the_ill_fitting(search.named, search.now, before, recordings, scene, stretch_s)
+    named, now = at_rest(named, now, recordings, stretch_s)
+    named, now, said = without_the_insufficient(named, now, before, recordings, scene, stretch_s)
     now, seen = _unmasked(now, recordings)
     report("measuring the gap", 0.9)
-    findings = told(named, options, odd_law, before, now, seen, recordings, settings, (*notes, *said))
+    findings = told(named, options, search.odd_law, before, now, seen, recordings, settings, (*notes, *said))
     forget()
     report("done", 1.0)
     return Discovery(findings, before, now)
-
-
-def _searched(
-    now: Account, recordings: Sequence[Recording], settings: DiscoverySettings, report: Progress
-) -> tuple[list[Named], Account, Options, Foreign | None]:
-    """Round after round: what was named, the account with it, and what the last round saw."""
-    named: list[Named] = []
-    refused: set[str] = set()
-    early: set[str] = set()  # refused until more is known of the forces
-    options: Options | None = None
-    while True:
-        report(f"looking for effect {len(named) + 1}", min(0.8, 0.8 * len(named) / settings.most))
-        options = look(now, scene_of(now), settings.stretch_s, settings.shortlist, options)
-        naming = _naming(recordings, options, settings)
-        found = chosen(now, options, named, refused, settings)
-        odd_law = foreign(now, options, settings)
-        if odd_law is not None:
-            return named, now, options, odd_law
-        masked = [e for e in now.effects if isinstance(e.candidate.change, Masked)]
-        odd = stranger(now, options, settings) if len(masked) < settings.strangers else None
-        pair = [] if odd is None else two_of_one_marker(odd, now, naming, refused)
-        if odd is not None and not pair:
-            left_out = Sized(odd.candidate, np.zeros(0))
-            now = account(now.model, recordings, now.free, (*now.effects, left_out), now)
-            continue
-        found = pair or found
-        if not found:
-            return named, now, options, None
-        tried = tried_in_full(now, found, recordings, settings)
-        now = tried.account
-        early |= tried.early
-        refused |= tried.refused | early
-        if any(n.effect.candidate.of_forces for n in tried.added):
-            refused -= early
-            early.clear()
-        if tried.added:
-            named, now = revisited([*named, *tried.added], now, naming)
-
-
-def _naming(recordings: Sequence[Recording], options: Options, settings: DiscoverySettings) -> Naming:
-    return Naming(
-        recordings, settings, options.count, partial(tuned_name, options=options, settings=settings)
-    )
 
 
 def _unmasked(now: Account, recordings: Sequence[Recording]) -> tuple[Account, Account]:

@@ -9,11 +9,13 @@ import numpy as np
 from scaling_service.discovery.additions import Sized, with_effects
 from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import account, scene_of
-from scaling_service.discovery.hindsight import looked_back
+from scaling_service.discovery.fitting import account
+from scaling_service.discovery.hindsight import at_rest, without_the_superfluous
 from scaling_service.discovery.judging import NOTHING
 from scaling_service.discovery.strictness import DiscoverySettings
 from tests.discovery.hidden import person, recorded, sized
+
+SETTINGS = DiscoverySettings()
 
 
 def named(effect: Sized) -> Named:
@@ -32,15 +34,10 @@ def test_of_one_thing_that_was_named_twice_one_is_kept() -> None:
     )
     half = replace(offset, size=0.5 * offset.size)
     again = replace(half, candidate=replace(half.candidate, note="again"))
-    before, now = account(model, recordings), account(model, recordings, (), [half, again, artefact])
-    kept, after = looked_back(
-        [named(half), named(again), named(artefact)],
-        now,
-        before,
-        recordings,
-        scene_of(before),
-        DiscoverySettings(),
-    )
+    now = account(model, recordings, (), [half, again, artefact])
+    found = [named(half), named(again), named(artefact)]
+    kept, after = without_the_superfluous(found, now, recordings, SETTINGS)
+    kept, after = at_rest(kept, after, recordings, SETTINGS.stretch_s)
     assert len(kept) == len(after.effects) == 2
     sizes = {n.effect.candidate.kind: n.effect.size for n in kept}
     np.testing.assert_allclose(sizes["marker_offset"], offset.size, atol=3e-4)
@@ -50,8 +47,6 @@ def test_what_chance_explains_as_well_is_dropped() -> None:
     offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
     nothing = sized("marker_offset", "LFH", numbers=(0.0, 0.0, 0.0))
     model, recordings = person().model, recorded(person(), with_effects(person().model, [offset], ""))
-    before, now = account(model, recordings), account(model, recordings, (), [offset, nothing])
-    kept, _ = looked_back(
-        [named(nothing), named(offset)], now, before, recordings, scene_of(before), DiscoverySettings()
-    )
+    now = account(model, recordings, (), [offset, nothing])
+    kept, _ = without_the_superfluous([named(nothing), named(offset)], now, recordings, SETTINGS)
     assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]

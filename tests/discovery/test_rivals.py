@@ -1,0 +1,78 @@
+"""What was named early is looked at again when more is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.candidates import Candidate, Contact
+from scaling_service.discovery.catalogue import candidates
+from scaling_service.discovery.comparing import Unseen
+from scaling_service.discovery.findings import Named
+from scaling_service.discovery.fitting import Account, Recording, account, scene_of
+from scaling_service.discovery.judging import NOTHING
+from scaling_service.discovery.option import Option
+from scaling_service.discovery.refining import misfit
+from scaling_service.discovery.rivals import Naming, revisited
+from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
+from scaling_service.jobs.discover_start import Prepared, prepare, read
+from scaling_service.models.body import Vector
+from tests.jobs.force_laboratory import force_laboratory
+
+POINT = (0.08, 0.25, -0.1)
+START_S, END_S = 0.5, 1.9
+
+
+def named(option: Option, _: Account) -> Named:
+    """As if it had passed."""
+    effect, unseen = Sized(option.candidate, option.fitted.size), Unseen(0.1, 0.01, folds=False)
+    return Named(effect, np.zeros((0, 0)), {}, {}, {}, NOTHING, 0.01, unseen, (), "")
+
+
+def touching(segment: str, point: Vector) -> Named:
+    """A contact that was named."""
+    change = Contact(segment, START_S, END_S, point)
+    candidate = Candidate("external_contact", (segment,), (), trials=("sway",), change=change)
+    return named(Option(candidate, NOTHING, None, Unseen(0.1, 0.01, folds=False)), None)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    file = force_laboratory(tmp_path_factory.mktemp("forces"))
+    return prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+
+
+def pushed(prepared: Prepared) -> list[Recording]:
+    """Recordings in one of which something pushes the trunk, by what the plates bear less."""
+    (item,) = (w for w in account(prepared.model, prepared.recordings).weighed if w.name == "sway")
+    course = np.clip(np.minimum(item.times - START_S, END_S - item.times) / 0.2, 0.0, 1.0)
+    angle = 2.0 * np.pi * (item.times - START_S)
+    force = 30.0 * course[:, None] * np.stack([np.cos(angle), 0.3 + 0.0 * angle, np.sin(angle)], axis=1)
+    origin, axes = item.segment_frame("torso")
+    place = origin + np.einsum("njk,j->nk", axes, np.array(POINT))
+    ground = item.footing.ground
+    half = 0.5 * force[:, None]
+    borne = replace(ground, force=ground.force - half, moment=ground.moment - np.cross(place[:, None], half))
+    footing = replace(item.footing, ground=borne)
+    return [replace(r, footing=footing) if r.trial.name == "sway" else r for r in prepared.recordings]
+
+
+@pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])
+def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vector) -> None:
+    recordings = pushed(prepared)
+    scene = scene_of(account(prepared.model, recordings))
+    load = next(c for c in candidates(scene) if c.kind == "plate_gain" and not c.trials)
+    early = touching(segment, point)
+    later = named(Option(load, replace(NOTHING, size=np.zeros(1)), None, early.unseen), None)  # type: ignore[arg-type]
+    now = account(prepared.model, recordings, (), [early.effect, later.effect])
+    kept, after = revisited([early, later], now, Naming(recordings, DiscoverySettings(), 100, named))
+    contact = kept[0].effect.candidate.change
+    assert isinstance(contact, Contact)
+    assert contact.segment == "torso"
+    assert np.linalg.norm(np.subtract(contact.point, POINT)) < 0.02
+    assert len(after.effects) == len(kept) == 2
+    assert misfit(after) < misfit(now)

@@ -13,11 +13,10 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
   ``--records FILE`` every case is kept in one line of that file, with a fingerprint of the search, so that
   runs can be put together.
 
-Each goes on where it stopped. ``results.md`` is what the last wrote of the first 431 cases of the full bank
-in the order of their names, which are hashes and so a random choice of its 2,020, and of the real recording
-with a plate withheld; two at a time on two cores that did more besides. It was measured before biases
-were held to readings, swings started at rest, several effects were named in one round, and candidates were
-judged on every frame.
+Each goes on where it stopped. ``records.csv`` holds a line for each case that was run, and ``results.md`` is
+what the last wrote of them: so far the first 254 of the full bank in the order of their names, which are
+hashes and so a random choice of its 2,020, and the real recording with a plate withheld; two at a time on
+two cores.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

@@ -28,8 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     if given.records:
         found = joined(read_records(given.records), found)
         write_records(found, given.records)
-    total = len(list((given.bank / "labels").glob("*.json")))
-    head = f"{len(found)} of {total} cases were run."
+    bank = {label.stem for label in (given.bank / "labels").glob("*.json")}
+    here = sum(record.id in bank for record in found)
+    head = f"{here} of {len(bank)} cases were run{_besides(len(found) - here)}."
     if not found:
         sys.stdout.write(head + "\n")
         return 1
@@ -42,6 +43,10 @@ def main(arguments: list[str] | None = None) -> int:
         page = "\n\n".join(f"## {title}\n\n{markdown(rows)}" for title, rows in tables.items())
         given.out.write_text(f"# The blind bank\n\n{head}\n\n{page}\n\n{notes}\n", encoding="utf-8")
     return 0
+
+
+def _besides(others: int) -> str:
+    return f", and {others} of other banks" if others else ""
 
 
 if __name__ == "__main__":

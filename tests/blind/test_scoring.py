@@ -175,6 +175,10 @@ def test_the_command_reads_folders_and_says_how_many(
     assert said.startswith("3 of 4 cases were run.")
     assert "67 %" in said
     assert "| marker_offset |" in page.read_text()
+    records = str(tmp_path / "records.csv")
+    for bank, head in (("bank", "3 of 4 cases were run."), ("none", "0 of 0 cases were run, and 3 of other")):
+        main(["--bank", str(tmp_path / bank), "--results", str(results), "--records", records])
+        assert capsys.readouterr().out.startswith(head)
 
 
 def test_the_force_of_a_foot_without_plate_is_compared_in_the_worst_trial(tmp_path: Path) -> None:

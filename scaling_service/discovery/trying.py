@@ -35,7 +35,8 @@ class Tried:
     refused : set of str
         Keys of candidates that do not hold.
     early : set of str
-        Keys of candidates that disagree with the forces as far as these are known by now.
+        Keys of candidates that raise what markers and forces disagree where they were not fitted, as far as
+        the forces are known by now.
     """
 
     account: Account

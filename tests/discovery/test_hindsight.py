@@ -6,36 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.findings import Named
+from scaling_service.discovery.additions import with_effects
 from scaling_service.discovery.fitting import account
 from scaling_service.discovery.hindsight import at_rest, without_the_superfluous
-from scaling_service.discovery.judging import NOTHING
 from scaling_service.discovery.strictness import DiscoverySettings
-from tests.discovery.hidden import person, recorded, sized
+from tests.discovery.hidden import passed, person, recorded, sized
 
 SETTINGS = DiscoverySettings()
-
-
-def named(effect: Sized) -> Named:
-    """As if it had passed."""
-    count = len(effect.size)
-    return Named(effect, np.eye(count), {}, {}, {}, NOTHING, 0.01, Unseen(0.1, 0.01, folds=False), (), "")
 
 
 def test_of_one_thing_that_was_named_twice_one_is_kept() -> None:
     """Beside each other neither does anything."""
     offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
     artefact = sized("soft_tissue_artefact", "RLFE", driver="knee_angle_r", numbers=(0.1, 0.1, 0.0))
-    model, recordings = (
-        person().model,
-        recorded(person(), with_effects(person().model, [offset, artefact], "")),
-    )
+    model = person().model
+    recordings = recorded(person(), with_effects(model, [offset, artefact], ""))
     half = replace(offset, size=0.5 * offset.size)
     again = replace(half, candidate=replace(half.candidate, note="again"))
     now = account(model, recordings, (), [half, again, artefact])
-    found = [named(half), named(again), named(artefact)]
+    found = [passed(half), passed(again), passed(artefact)]
     kept, after = without_the_superfluous(found, now, recordings, SETTINGS)
     kept, after = at_rest(kept, after, recordings, SETTINGS.stretch_s)
     assert len(kept) == len(after.effects) == 2
@@ -48,5 +37,5 @@ def test_what_chance_explains_as_well_is_dropped() -> None:
     nothing = sized("marker_offset", "LFH", numbers=(0.0, 0.0, 0.0))
     model, recordings = person().model, recorded(person(), with_effects(person().model, [offset], ""))
     now = account(model, recordings, (), [offset, nothing])
-    kept, _ = without_the_superfluous([named(nothing), named(offset)], now, recordings, SETTINGS)
+    kept, _ = without_the_superfluous([passed(nothing), passed(offset)], now, recordings, SETTINGS)
     assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]

@@ -10,10 +10,8 @@ import pytest
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of
-from scaling_service.discovery.judging import NOTHING
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.refining import misfit
 from scaling_service.discovery.rivals import Naming, revisited
@@ -21,23 +19,23 @@ from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
 from scaling_service.jobs.discover_start import Prepared, prepare, read
 from scaling_service.models.body import Vector
+from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
 
 POINT = (0.08, 0.25, -0.1)
 START_S, END_S = 0.5, 1.9
 
 
-def named(option: Option, _: Account) -> Named:
+def named_anew(option: Option, _: Account) -> Named:
     """As if it had passed."""
-    effect, unseen = Sized(option.candidate, option.fitted.size), Unseen(0.1, 0.01, folds=False)
-    return Named(effect, np.zeros((0, 0)), {}, {}, {}, NOTHING, 0.01, unseen, (), "")
+    return passed(Sized(option.candidate, option.fitted.size))
 
 
 def touching(segment: str, point: Vector) -> Named:
     """A contact that was named."""
     change = Contact(segment, START_S, END_S, point)
     candidate = Candidate("external_contact", (segment,), (), trials=("sway",), change=change)
-    return named(Option(candidate, NOTHING, None, Unseen(0.1, 0.01, folds=False)), None)  # type: ignore[arg-type]
+    return passed(Sized(candidate, np.zeros(0)))
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +65,9 @@ def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vecto
     scene = scene_of(account(prepared.model, recordings))
     load = next(c for c in candidates(scene) if c.kind == "plate_gain" and not c.trials)
     early = touching(segment, point)
-    later = named(Option(load, replace(NOTHING, size=np.zeros(1)), None, early.unseen), None)  # type: ignore[arg-type]
+    later = passed(Sized(load, np.zeros(1)))
     now = account(prepared.model, recordings, (), [early.effect, later.effect])
-    kept, after = revisited([early, later], now, Naming(recordings, DiscoverySettings(), 100, named))
+    kept, after = revisited([early, later], now, Naming(recordings, DiscoverySettings(), 100, named_anew))
     contact = kept[0].effect.candidate.change
     assert isinstance(contact, Contact)
     assert contact.segment == "torso"

@@ -12,15 +12,14 @@ import pytest
 from scaling_service.discovery.additions import Sized, with_effects
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Recording, account, scene_of
-from scaling_service.discovery.judging import NOTHING
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.trying import Tried, tried_in_full
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
 from scaling_service.jobs.discover_start import prepare, read
 from scaling_service.models.body import BodyModel
+from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
 
 GAIN = 1.1
@@ -30,9 +29,7 @@ TRUNK = ("T10", "C7", "CLAV", "STRN", "RSHO", "LSHO")
 def named(candidate: Candidate, *numbers: float) -> Named:
     """As if it had passed, with numbers as in the results."""
     size = [(n - c.neutral) / c.unit for n, c in zip(numbers, candidate.columns, strict=True)]
-    unseen = Unseen(0.1, 0.01, folds=False)
-    effect = Sized(candidate, np.array(size))
-    return Named(effect, np.eye(len(size)), {}, {}, {}, NOTHING, 0.01, unseen, (), "")
+    return passed(Sized(candidate, np.array(size)))
 
 
 class Laboratory:

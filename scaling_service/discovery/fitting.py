@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,6 +109,14 @@ def reweighed(now: Account, recordings: Sequence[Recording]) -> Account:
         if recording.footing is not None
     )
     return replace(now, weighed=weighed)
+
+
+def without(gone: Collection[str], now: Account, recordings: Sequence[Recording]) -> Account:
+    """Followed without the effects of some keys, all others as they are."""
+    kept = tuple(e for e in now.effects if e.candidate.key not in gone)
+    if all(e.candidate.of_forces for e in now.effects if e.candidate.key in gone):
+        return reweighed(replace(now, effects=kept), recordings)
+    return account(now.model, recordings, now.free, kept, now)
 
 
 def _weighed(item: Watched, now: Account, footing: Footing, noise: Array | None) -> Weighed:

@@ -29,10 +29,11 @@ _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
 _OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
 
-SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
+SETTLED, ROUGHLY, SOON, AT_FIRST = 1e-4, 3e-3, 1e-2, 1e-1
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
-that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what
-is left to the hundredth."""
+that gained so little; roughly is enough to compare effects, not to tell their numbers, soon to tell what is
+left to the hundredth, and at first to go on with what changes once more. Where numbers are not told, a step
+that took off what it promised, to that share, was the last: it led where it was to lead."""
 
 _WORTH = 0.1
 """Share of what ends the rounds that a step must promise, where numbers are not told (chosen)."""
@@ -70,14 +71,16 @@ def refined(
     for _round in range(_ROUNDS):
         if hopeless(now):
             break
-        before = reached
+        before, missed, turned = reached, 0.0, False
         least = _WORTH * settled * before if settled > SETTLED else 0.0
         if not of_forces:
-            now = _stepped(now, recordings, stretch_s, least, of_forces=False)
-            now = _aligned(now, recordings, stretch_s)
-        now = _stepped(now, recordings, stretch_s, least, of_forces=True)
+            moved, missed = _stepped(now, recordings, stretch_s, least, of_forces=False)
+            now = _aligned(moved, recordings, stretch_s)
+            turned = now is not moved
+        now, more = _stepped(now, recordings, stretch_s, least, of_forces=True)
         reached = misfit(now)
-        if before - reached < settled * before:
+        kept = settled > SETTLED and not turned and missed + more < settled * before
+        if kept or before - reached < settled * before:
             break
     return now
 
@@ -104,11 +107,14 @@ def misfit(now: Account) -> float:
 
 def _stepped(
     now: Account, recordings: Sequence[Recording], stretch_s: float, least: float, *, of_forces: bool
-) -> Account:
-    """One step of everything shared that shows among the markers, or in the forces, if it promises enough."""
+) -> tuple[Account, float]:
+    """One step of everything shared that shows among the markers, or in the forces, if it promises enough.
+
+    And by how much what it takes off differs from what it promises.
+    """
     moving = [s for s in now.everything if s.candidate.columns and s.candidate.of_forces == of_forces]
     if not moving:
-        return now
+        return now, 0.0
     scene = scene_of(now)
     chosen = [shaped(s, scene) for s in moving]
     if of_forces:
@@ -117,7 +123,7 @@ def _stepped(
         evidence = gather(now.watched, [], chosen, stretch_s, together=True)
     step, promised = _step(evidence, chosen)
     if promised < least:
-        return now
+        return now, promised
     before = _misfit(now, now, of_forces=of_forces)
     for share in _SHARES:
         sized = {
@@ -130,9 +136,10 @@ def _stepped(
             tried = reweighed(replace(now, free=free, effects=effects), recordings)
         else:
             tried = account(now.model, recordings, free, effects, now)
-        if _misfit(tried, tried, of_forces=of_forces) < before:
-            return tried
-    return now
+        left = _misfit(tried, tried, of_forces=of_forces)
+        if left < before:
+            return tried, abs(promised - (before - left))
+    return now, promised
 
 
 def _step(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, float]:

@@ -13,10 +13,10 @@ from scaling_service.discovery import catalogue
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, account, reweighed, scene_of
+from scaling_service.discovery.fitting import Account, Recording, scene_of, without
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE
-from scaling_service.discovery.refining import ROUGHLY, misfit, refined
+from scaling_service.discovery.refining import AT_FIRST, ROUGHLY, misfit, refined
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.withdrawn import Withdrawable
 
@@ -50,17 +50,20 @@ def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[lis
         early = [k for k in sort[:-1] if named[k].effect.candidate.columns and _rivals(named[k])]
         rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
         known: Withdrawable | None = None
+        changed = False
         for k in early:
             n = named[k]
             known = known or Withdrawable.of(now, rivals, stretch_s, of_forces=of_forces)
             better = _better(n, known.without(n.effect, _rivals(n)), naming.settings)
             if better is not None:
-                without = _without(n, now, recordings)
-                made = naming.name(better, without)
+                bare = without({n.effect.candidate.key}, now, recordings)
+                made = naming.name(better, bare)
                 if made is not None:
                     kept[k] = replace(made, rivals=n.rivals)
-                    now = refined(without, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=of_forces)
-                    known = None
+                    now = refined(bare, recordings, [made.effect], stretch_s, AT_FIRST, of_forces=of_forces)
+                    known, changed = None, True
+        if changed:
+            now = refined(now, recordings, [], stretch_s, ROUGHLY, of_forces=of_forces)
     return _touched_anew(kept, now, naming)
 
 
@@ -72,13 +75,13 @@ def _touched_anew(named: Sequence[Named], now: Account, naming: Naming) -> tuple
     for k in loads[:-1]:
         own = kept[k].effect.candidate
         if isinstance(own.change, Contact):
-            without = _without(kept[k], now, recordings)
-            again = catalogue.options(without, scene_of(without), stretch_s, of_forces=True)
+            bare = without({own.key}, now, recordings)
+            again = catalogue.options(bare, scene_of(bare), stretch_s, of_forces=True)
             same = (o for o in again if o.candidate.kind == own.kind and o.candidate.trials == own.trials)
             best = next(same, None)
-            made = None if best is None else naming.name(best, without)
+            made = None if best is None else naming.name(best, bare)
             if made is not None:
-                tried = refined(without, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=True)
+                tried = refined(bare, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=True)
                 if misfit(tried) < misfit(now):
                     kept[k], now = made, tried
     return kept, now
@@ -87,13 +90,6 @@ def _touched_anew(named: Sequence[Named], now: Account, naming: Naming) -> tuple
 def _rivals(n: Named) -> list[Candidate]:
     own = n.effect.candidate
     return [c for c in n.rivals if c.key != own.key and c.trials == own.trials]
-
-
-def _without(n: Named, now: Account, recordings: Sequence[Recording]) -> Account:
-    others = tuple(e for e in now.effects if e.candidate.key != n.effect.candidate.key)
-    if n.effect.candidate.of_forces:
-        return reweighed(replace(now, effects=others), recordings)
-    return account(now.model, recordings, now.free, others, now)
 
 
 def _better(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:

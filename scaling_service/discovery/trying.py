@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, reweighed, squares, unseen_squares
+from scaling_service.discovery.fitting import Account, Recording, reweighed, squares, unseen_squares, without
 from scaling_service.discovery.hindsight import keeps_to_its_range
 from scaling_service.discovery.refining import ROUGHLY, refined, taken_back
 from scaling_service.discovery.strictness import DiscoverySettings
@@ -64,18 +64,19 @@ def tried_in_full(
         broken = [] if strange else [g for g in _sorts(left) if not _keep_their_promise(g, now, tried)]
         sound = not strange and not broken
         harmful = [g for g in _sorts(left) if _do_harm(g, now, tried, recordings)] if sound else []
-        gone = strange or [n for group in broken or harmful for n in group[1:] or group]
+        worst = [_worst(group, tried, recordings) for group in harmful]
+        gone = strange or worst or [n for group in broken for n in group[1:] or group]
         if not gone:
             return Tried(tried, left, refused, early)
         refused |= {n.effect.candidate.key for n in gone if n in strange or [n] in broken}
-        early |= {n.effect.candidate.key for n in gone if [n] in harmful}
+        early |= {n.effect.candidate.key for n in worst}
         left = [n for n in left if n not in gone]
         if not left:
             return Tried(now, [], refused, early)
-        if strange or not all(n.effect.candidate.of_forces for n in gone):
-            tried = _with(left, now, recordings, settings)
-        else:
+        if worst or not (strange or any(not n.effect.candidate.of_forces for n in gone)):
             tried = taken_back([n.effect for n in gone], tried, recordings, settings.stretch_s)
+        else:
+            tried = _with(left, now, recordings, settings)
 
 
 def _with(
@@ -116,18 +117,27 @@ def _do_harm(
 ) -> bool:
     """Whether markers and forces together disagree more, where they were not fitted, for effects of one sort.
 
-    Effects of the motion are compared as if what is new in the forces were not known, those of the forces
-    with the motion as it is after.
+    Effects of the motion are compared with the forces as they were known before, those of the forces with
+    the motion as it is after.
     """
     unseen = [item.name for item in before.watched if item.role == "held_out"]
     if unseen and not any(n.effect.candidate.holds_in(trial) for n in group for trial in unseen):
         return False
-    known = {e.candidate.key for e in before.effects}
-    kept = [e for e in after.effects if not e.candidate.of_forces or e.candidate.key in known]
-    bare = (
-        after
-        if len(kept) == len(after.effects)
-        else reweighed(replace(after, effects=tuple(kept)), recordings)
-    )
-    was, left = (bare, after) if group[0].effect.candidate.of_forces else (before, bare)
-    return unseen_squares(left) > unseen_squares(was)
+    half_way = unseen_squares(_with_forces_of(before, after, recordings))
+    if group[0].effect.candidate.of_forces:
+        return unseen_squares(after) > half_way
+    return half_way > unseen_squares(before)
+
+
+def _with_forces_of(before: Account, after: Account, recordings: Sequence[Recording]) -> Account:
+    """The motion as it is after, and of the forces what was known before, all of it as large as it was."""
+    motion = [e for e in after.effects if not e.candidate.of_forces]
+    forces = [e for e in before.effects if e.candidate.of_forces]
+    return reweighed(replace(after, effects=(*motion, *forces)), recordings)
+
+
+def _worst(group: Sequence[Named], now: Account, recordings: Sequence[Recording]) -> Named:
+    """Of effects of one sort that do harm, the one without which least is left where nothing was fitted."""
+    if len(group) == 1:
+        return group[0]
+    return min(group, key=lambda n: unseen_squares(without({n.effect.candidate.key}, now, recordings)))

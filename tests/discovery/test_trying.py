@@ -14,6 +14,7 @@ from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.catalogue import candidates
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Recording, account, scene_of
+from scaling_service.discovery.refining import refined
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.trying import Tried, tried_in_full
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
@@ -39,8 +40,11 @@ class Laboratory:
         self.model, self.bare = _laboratory(folder, None)
         self.choice = tuple(candidates(scene_of(account(self.model, self.bare))))
         self.skin = self.of("soft_tissue_artefact", *TRUNK, driver="thoracic_extension")
-        truth = with_effects(self.model, [named(self.skin, 3.0, 0.0, 0.0).effect], "")
-        _, self.moved = _laboratory(folder, truth)
+        self.moved = self.with_(folder, named(self.skin, 3.0, 0.0, 0.0))
+
+    def with_(self, folder: Path, *found: Named) -> tuple[Recording, ...]:
+        """The recordings with effects in all of them."""
+        return _laboratory(folder, with_effects(self.model, [n.effect for n in found], ""))[1]
 
     def of(self, kind: str, *where: str, driver: str | None = None) -> Candidate:
         """A candidate in all recordings."""
@@ -50,9 +54,11 @@ class Laboratory:
             if c.kind == kind and c.where == where and not c.trials and driver in (None, *c.driver)
         )
 
-    def tried(self, recordings: Sequence[Recording], *found: Named) -> Tried:
-        """Effects in full."""
-        return tried_in_full(account(self.model, recordings), found, recordings, DiscoverySettings())
+    def tried(self, recordings: Sequence[Recording], *found: Named, known: Sequence[Sized] = ()) -> Tried:
+        """Effects in full, where others are known as well as they can be without them."""
+        settings = DiscoverySettings()
+        now = refined(account(self.model, recordings), recordings, known, settings.stretch_s)
+        return tried_in_full(now, found, recordings, settings)
 
 
 def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple[Recording, ...]]:
@@ -62,12 +68,18 @@ def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple
 
 
 def _stronger(recording: Recording) -> Recording:
-    """With plates that measure too much, if it is to fit."""
+    """With a first plate that measures too much."""
     assert recording.footing is not None
     ground = recording.footing.ground
-    ground = replace(ground, force=GAIN * ground.force, moment=GAIN * ground.moment)
+    factor = np.where(np.array(ground.plates) == "plate_1", GAIN, 1.0)[:, None]
+    ground = replace(ground, force=factor * ground.force, moment=factor * ground.moment)
     footing = replace(recording.footing, ground=ground)
-    return replace(recording, footing=footing) if recording.role == "fit" else recording
+    return replace(recording, footing=footing)
+
+
+def where_fitted(some: Sequence[Recording], others: Sequence[Recording]) -> list[Recording]:
+    """Some where they are to fit, and others where they are not."""
+    return [one if one.role == "fit" else other for one, other in zip(some, others, strict=True)]
 
 
 @pytest.fixture(scope="module")
@@ -83,20 +95,39 @@ def test_what_all_recordings_show_is_added(laboratory: Laboratory) -> None:
 
 
 def test_what_only_the_recording_to_fit_shows_is_not(laboratory: Laboratory) -> None:
-    one = [m if m.role == "fit" else b for m, b in zip(laboratory.moved, laboratory.bare, strict=True)]
+    one = where_fitted(laboratory.moved, laboratory.bare)
     tried = laboratory.tried(one, named(laboratory.skin, 3.0, 0.0, 0.0))
     assert tried.added == []
     assert tried.early == {laboratory.skin.key}
     assert not tried.account.effects
 
 
+def test_of_several_only_what_does_harm_is_left_out(laboratory: Laboratory, tmp_path: Path) -> None:
+    skin = named(laboratory.skin, 3.0, 0.0, 0.0)
+    apart = named(laboratory.of("marker_offset", "LWRA"), 0.0, 2.0, 0.0)
+    both, one = (laboratory.with_(tmp_path, *found) for found in ((skin, apart), (apart,)))
+    tried = laboratory.tried(where_fitted(both, one), skin, apart)
+    assert tried.added == [apart]
+    assert tried.early == {laboratory.skin.key}
+
+
 def test_a_load_that_other_recordings_do_not_show_is_left_out_by_itself(laboratory: Laboratory) -> None:
     """The motion stays as it was estimated."""
     skin = named(laboratory.skin, 3.0, 0.0, 0.0)
     gain = named(laboratory.of("plate_gain", "plate_1"), GAIN)
-    recordings = [_stronger(r) for r in laboratory.moved]
+    recordings = where_fitted([_stronger(r) for r in laboratory.moved], laboratory.moved)
     tried, alone = laboratory.tried(recordings, skin, gain), laboratory.tried(recordings, skin)
     assert tried.added == [skin]
     assert tried.early == {gain.effect.candidate.key}
     for one, other in zip(tried.account.watched, alone.account.watched, strict=True):
         np.testing.assert_allclose(one.q, other.q, atol=1e-6)
+
+
+def test_what_shares_the_forces_with_a_new_load_is_not_blamed_on_the_motion(laboratory: Laboratory) -> None:
+    """A bias stood for part of what a gain does, and is another one beside it."""
+    skin = named(laboratory.skin, 3.0, 0.0, 0.0)
+    gain = named(laboratory.of("plate_gain", "plate_1"), GAIN)
+    bias = laboratory.of("plate_bias", "plate_1")
+    recordings = [_stronger(r) for r in laboratory.moved]
+    known = [Sized(bias, np.zeros(len(bias.columns)))]
+    assert laboratory.tried(recordings, skin, gain, known=known).added == [skin, gain]

@@ -14,6 +14,7 @@ from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, scene_of, without
+from scaling_service.discovery.hindsight import keeps_to_its_range
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE
 from scaling_service.discovery.refining import AT_FIRST, ROUGHLY, misfit, refined
@@ -43,28 +44,37 @@ class Naming:
 
 def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
     """Give every name but the last of its sort to the rival that explains clearly more, if one does."""
-    recordings, stretch_s = naming.recordings, naming.settings.stretch_s
     kept = list(named)
     for of_forces in (False, True):
         sort = [k for k, n in enumerate(named) if n.effect.candidate.of_forces == of_forces]
         early = [k for k in sort[:-1] if named[k].effect.candidate.columns and _rivals(named[k])]
         rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
         known: Withdrawable | None = None
-        changed = False
+        before = now
         for k in early:
-            n = named[k]
-            known = known or Withdrawable.of(now, rivals, stretch_s, of_forces=of_forces)
-            better = _better(n, known.without(n.effect, _rivals(n)), naming.settings)
-            if better is not None:
-                bare = without({n.effect.candidate.key}, now, recordings)
-                made = naming.name(better, bare)
-                if made is not None:
-                    kept[k] = replace(made, rivals=n.rivals)
-                    now = refined(bare, recordings, [made.effect], stretch_s, AT_FIRST, of_forces=of_forces)
-                    known, changed = None, True
-        if changed:
-            now = refined(now, recordings, [], stretch_s, ROUGHLY, of_forces=of_forces)
+            known = known or Withdrawable.of(now, rivals, naming.settings.stretch_s, of_forces=of_forces)
+            given = _given_away(kept[k], known, now, naming)
+            if given is not None:
+                (kept[k], now), known = given, None
+        if now is not before:
+            now = refined(now, naming.recordings, [], naming.settings.stretch_s, ROUGHLY, of_forces=of_forces)
     return _touched_anew(kept, now, naming)
+
+
+def _given_away(n: Named, known: Withdrawable, now: Account, naming: Naming) -> tuple[Named, Account] | None:
+    """A better rival with the name, if there is one whose numbers a laboratory could meet."""
+    better = _better(n, known.without(n.effect, _rivals(n)), naming.settings)
+    if better is None:
+        return None
+    bare = without({n.effect.candidate.key}, now, naming.recordings)
+    made = naming.name(better, bare)
+    if made is None:
+        return None
+    of_forces = made.effect.candidate.of_forces
+    tried = refined(
+        bare, naming.recordings, [made.effect], naming.settings.stretch_s, AT_FIRST, of_forces=of_forces
+    )
+    return (replace(made, rivals=n.rivals), tried) if keeps_to_its_range(made, tried) else None
 
 
 def _touched_anew(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:

@@ -13,7 +13,7 @@ from scaling_service.discovery.catalogue import candidates
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of
 from scaling_service.discovery.option import Option
-from scaling_service.discovery.refining import misfit
+from scaling_service.discovery.refining import misfit, refined
 from scaling_service.discovery.rivals import Naming, revisited
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
@@ -57,6 +57,33 @@ def pushed(prepared: Prepared) -> list[Recording]:
     borne = replace(ground, force=ground.force - half, moment=ground.moment - np.cross(place[:, None], half))
     footing = replace(item.footing, ground=borne)
     return [replace(r, footing=footing) if r.trial.name == "sway" else r for r in prepared.recordings]
+
+
+def scaled(recording: Recording, gain: float) -> Recording:
+    """As if the first plate measured too much."""
+    assert recording.footing is not None
+    ground = recording.footing.ground
+    factor = np.where(np.array(ground.plates) == "plate_1", gain, 1.0)[:, None]
+    ground = replace(ground, force=factor * ground.force, moment=factor * ground.moment)
+    return replace(recording, footing=replace(recording.footing, ground=ground))
+
+
+@pytest.mark.parametrize(("gain", "plate"), [(1.1, "plate_1"), (2.0, "plate_2")])
+def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
+    prepared: Prepared, gain: float, plate: str
+) -> None:
+    recordings = [scaled(r, gain) for r in prepared.recordings]
+    start = account(prepared.model, recordings)
+    choice = [c for c in candidates(scene_of(start)) if not c.trials]
+    right, wrong = (c for c in choice if c.kind == "plate_gain")
+    other = next(c for c in choice if c.kind == "plate_position")
+    early = replace(passed(Sized(wrong, np.zeros(1))), rivals=(wrong, right))
+    later = passed(Sized(other, np.zeros(len(other.columns))))
+    settings = DiscoverySettings()
+    now = refined(start, recordings, [early.effect, later.effect], settings.stretch_s)
+    kept, after = revisited([early, later], now, Naming(recordings, settings, 100, named_anew))
+    assert kept[0].effect.candidate.where == (plate,)
+    assert {e.candidate.key for e in after.effects} == {n.effect.candidate.key for n in kept}
 
 
 @pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])

@@ -29,11 +29,11 @@ _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
 _OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
 
-SETTLED, ROUGHLY, SOON, AT_FIRST = 1e-4, 3e-3, 1e-2, 1e-1
+SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
-that gained so little; roughly is enough to compare effects, not to tell their numbers, soon to tell what is
-left to the hundredth, and at first to go on with what changes once more. Where numbers are not told, a step
-that took off what it promised, to that share, was the last: it led where it was to lead."""
+that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what
+is left to the hundredth. Where numbers are not told, a step that took off what it promised, to that share,
+was the last: it led where it was to lead."""
 
 _WORTH = 0.1
 """Share of what ends the rounds that a step must promise, where numbers are not told (chosen)."""
@@ -88,11 +88,11 @@ def refined(
 def taken_back(
     gone: Sequence[Sized], now: Account, recordings: Sequence[Recording], stretch_s: float
 ) -> Account:
-    """Everything else estimated roughly, with some of the effects taken back."""
+    """Everything else estimated soon, with some of the effects taken back."""
     keys = {effect.candidate.key for effect in gone}
     bare = replace(now, effects=tuple(e for e in now.effects if e.candidate.key not in keys))
     of_forces = all(effect.candidate.of_forces for effect in gone)
-    return refined(bare, recordings, [], stretch_s, ROUGHLY, of_forces=of_forces)
+    return refined(bare, recordings, [], stretch_s, SOON, of_forces=of_forces)
 
 
 def _misfit(now: Account, of: Account, *, of_forces: bool) -> float:

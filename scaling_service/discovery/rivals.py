@@ -17,7 +17,7 @@ from scaling_service.discovery.fitting import Account, Recording, scene_of, with
 from scaling_service.discovery.hindsight import keeps_to_its_range
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE
-from scaling_service.discovery.refining import AT_FIRST, ROUGHLY, misfit, refined
+from scaling_service.discovery.refining import ROUGHLY, SOON, misfit, refined
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.withdrawn import Withdrawable
 
@@ -50,14 +50,11 @@ def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[lis
         early = [k for k in sort[:-1] if named[k].effect.candidate.columns and _rivals(named[k])]
         rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
         known: Withdrawable | None = None
-        before = now
         for k in early:
             known = known or Withdrawable.of(now, rivals, naming.settings.stretch_s, of_forces=of_forces)
             given = _given_away(kept[k], known, now, naming)
             if given is not None:
                 (kept[k], now), known = given, None
-        if now is not before:
-            now = refined(now, naming.recordings, [], naming.settings.stretch_s, ROUGHLY, of_forces=of_forces)
     return _touched_anew(kept, now, naming)
 
 
@@ -72,7 +69,7 @@ def _given_away(n: Named, known: Withdrawable, now: Account, naming: Naming) -> 
         return None
     of_forces = made.effect.candidate.of_forces
     tried = refined(
-        bare, naming.recordings, [made.effect], naming.settings.stretch_s, AT_FIRST, of_forces=of_forces
+        bare, naming.recordings, [made.effect], naming.settings.stretch_s, SOON, of_forces=of_forces
     )
     return (replace(made, rivals=n.rivals), tried) if keeps_to_its_range(made, tried) else None
 

@@ -17,7 +17,7 @@ from scaling_service.client import Client
 from scaling_service.formats.sto import read_sto
 from tests.api.served import Served, serving, settings_in
 from tests.jobs.laboratory import laboratory
-from tests.jobs.recorded import squatter_document, walker_document
+from tests.jobs.recorded import squatter_document
 from tests.runner.services import running
 
 METHODS = ["MB", "MB_am"]
@@ -119,17 +119,14 @@ def test_a_batch(service: Served, tmp_path: Path) -> None:
     assert "/tmp" not in json.dumps(over_http)
 
 
-@pytest.mark.parametrize("who", ["laboratory", "walker", "squatter"])
+@pytest.mark.parametrize("who", ["laboratory", "squatter"])
 def test_comparisons(who: str, service: Served, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     if who == "laboratory":
         file = laboratory(tmp_path)
     else:
-        data = request.getfixturevalue("shared_data")
-        make = {"walker": walker_document, "squatter": squatter_document}[who]
+        pytest.importorskip("opensim", reason="models of OpenSim cannot be read without its library")
         file = tmp_path / "subject.yaml"
-        file.write_text(yaml.safe_dump(make(data)))
-        if who == "squatter":
-            pytest.importorskip("opensim", reason="models of OpenSim cannot be read without its library")
+        file.write_text(yaml.safe_dump(squatter_document(request.getfixturevalue("shared_data"))))
     client, out = service.client(), tmp_path / "out"
     subject = put(client, tmp_path, file)
     assert main(["compare", str(file), "--methods", ",".join(METHODS), "--out", str(out)]) == 0

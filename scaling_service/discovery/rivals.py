@@ -100,12 +100,15 @@ def _rivals(n: Named) -> list[Candidate]:
 
 
 def _better(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:
-    """The best of a name and its rivals, if it is a rival and chance does not make the difference."""
+    """The best of a name and its rivals, if it is a rival and chance does not make the difference.
+
+    Nor does it where the rival needs fewer numbers for more.
+    """
     best = next(iter(options), None)
     mine = next((o for o in options if o.candidate.key == n.effect.candidate.key), None)
     if best is None or best is mine or best.unseen.p > settings.level or best.unseen.gain <= 0.0:
         return None
-    if mine is None:
+    if mine is None or len(best.candidate.columns) < len(mine.candidate.columns):
         return best
     assert best.gains is not None
     assert mine.gains is not None

@@ -86,6 +86,22 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
     assert {e.candidate.key for e in after.effects} == {n.effect.candidate.key for n in kept}
 
 
+def test_a_rival_that_needs_fewer_numbers_for_more_gets_the_name(prepared: Prepared) -> None:
+    """A bias that is as large as the weight makes it is a gain."""
+    recordings = [scaled(r, 1.1) for r in prepared.recordings]
+    start = account(prepared.model, recordings)
+    choice = [c for c in candidates(scene_of(start)) if not c.trials and c.where == ("plate_1",)]
+    bias = next(c for c in choice if c.kind == "plate_bias")
+    gain = next(c for c in choice if c.kind == "plate_gain")
+    turn = next(c for c in choice if c.kind == "plate_rotation")
+    early = replace(passed(Sized(bias, np.zeros(len(bias.columns)))), rivals=(bias, gain))
+    later = passed(Sized(turn, np.zeros(len(turn.columns))))
+    settings = DiscoverySettings()
+    now = refined(start, recordings, [early.effect, later.effect], settings.stretch_s)
+    kept, _ = revisited([early, later], now, Naming(recordings, settings, 100, named_anew))
+    assert [n.effect.candidate.kind for n in kept] == ["plate_gain", "plate_rotation"]
+
+
 @pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])
 def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vector) -> None:
     recordings = pushed(prepared)

@@ -88,7 +88,7 @@ def refined(
 def taken_back(
     gone: Sequence[Sized], now: Account, recordings: Sequence[Recording], stretch_s: float
 ) -> Account:
-    """Everything else estimated soon, with some of the effects taken back."""
+    """Everything else estimated to the hundredth, with some of the effects taken back."""
     keys = {effect.candidate.key for effect in gone}
     bare = replace(now, effects=tuple(e for e in now.effects if e.candidate.key not in keys))
     of_forces = all(effect.candidate.of_forces for effect in gone)

@@ -43,7 +43,7 @@ class Naming:
 
 
 def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
-    """Give every name but the last of its sort to the rival that explains clearly more, if one does."""
+    """Give every name but the last of its sort to a rival that explains clearly more, or more with less."""
     kept = list(named)
     for of_forces in (False, True):
         sort = [k for k, n in enumerate(named) if n.effect.candidate.of_forces == of_forces]

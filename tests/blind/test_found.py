@@ -32,7 +32,11 @@ NOTHING = [
 ]
 STRANGE = [
     Case("stranger", ("marker_restuck",), "large", "gait", False, 0),
+    Case("stranger", ("lens_distortion",), "large", "gait", False, 0),
     Case("stranger", ("vibrating_camera",), "large", "gait", False, 0),
+    Case("stranger", ("clock_drift",), "large", "gait", True, 0),
+    Case("stranger", ("plate_saturation",), "large", "gait", True, 0),
+    Case("stranger", ("belt_speed_error",), "large", "gait", True, 0),
     Case("stranger", ("slipping_sole",), "large", "gait", True, 0),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import stats
@@ -15,6 +16,8 @@ from scaling_service.kernels.laws import Array
 
 _FEWEST = 3
 """Stretches from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
+
+_KEPT = 4  # chosen: the two halves of what is folded, of motion and of forces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,15 +53,30 @@ def explained(evidence: Evidence, index: int, stretches: Sequence[Stretch]) -> E
         Of the candidate.
     """
     rows, count = evidence.groups[index], evidence.nuisances
-    total = np.sum([s.own for s in stretches], axis=0)
-    score = np.sum([s.scores for s in stretches], axis=0)
-    inverse = inverse_of(total[:count, :count], evidence.raw[:count])[0]
+    total, score, inverse = _summed(evidence, tuple(stretches))
     follow, step = inverse @ total[:count, rows], inverse @ score[:count]
     curvature = total[rows, rows] - total[rows, :count] @ follow
     size = inverse_of(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
     along = -follow @ size
     found = Explained(size, along, step, np.zeros(0))
     return replace(found, gains=gains_of(evidence, index, found, stretches))
+
+
+@lru_cache(_KEPT)
+def _summed(evidence: Evidence, stretches: tuple[Stretch, ...]) -> tuple[Array, Array, Array]:
+    """Products and scores of all columns over stretches, and the inverse of what the nuisances show there.
+
+    Most candidates are fitted to the same stretches, one after the other.
+    """
+    count = evidence.nuisances
+    total = np.sum([s.own for s in stretches], axis=0)
+    inverse = inverse_of(total[:count, :count], evidence.raw[:count])[0]
+    return total, np.sum([s.scores for s in stretches], axis=0), inverse
+
+
+def forget_sums() -> None:
+    """Give the memory back that the last evidence takes, once a search is over."""
+    _summed.cache_clear()
 
 
 def gains_of(evidence: Evidence, index: int, found: Explained, stretches: Sequence[Stretch]) -> Array:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from threading import Lock
 
 import numpy as np
 
 from scaling_service.estimation.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.kernels.laws import Array
-from scaling_service.kernels.mechanism import N_PARAMETERS, Mechanism
+from scaling_service.kernels.mechanism import Mechanism
 from scaling_service.kernels.regressor import regressor_blocks
 from scaling_service.kernels.tree import forward
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import parameter_values
 from scaling_service.models.massive import inertias_of, mechanism_of
 
-_REMEMBERED = 16  # chosen: three trials and four draws of their noise each
-_LARGEST = 40_000  # segments times frames; chosen: 20 MB each, a full body for some 15 s
+_BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,21 +56,16 @@ class Demands:
     @property
     def per_number(self) -> Array:
         """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
-        small = len(self.times) * len(self.model.segments) <= _LARGEST
-        return _remembered(self) if small else _per_number(self)
-
-    def of_segment(self, k: int) -> Array:
-        """The same of one segment, (n, 6, 10)."""
-        return self.per_number[:, :, N_PARAMETERS * k : N_PARAMETERS * (k + 1)]
+        return _remembered(self)
 
     def wrench(self, model: BodyModel) -> Array:
         """What the motion needs with the masses of a model, (n, 6), moment about the ground origin."""
         return np.asarray(self.per_number @ inertias_of(model).parameters().ravel())
 
-    @cached_property
+    @property
     def mechanism(self) -> Mechanism:
-        """The model, compiled."""
-        return mechanism_of(self.model)
+        """The model, compiled: once for a motion and all draws of its noise."""
+        return _compiled(self.model)
 
 
 def _per_number(demands: Demands) -> Array:
@@ -80,9 +76,25 @@ def _per_number(demands: Demands) -> Array:
     return made
 
 
-_remembered = lru_cache(_REMEMBERED)(_per_number)
+_compiled = lru_cache(8)(mechanism_of)  # chosen: bodies of as many recordings, if each has its own
+
+_known: OrderedDict[Demands, Array] = OrderedDict()
+_one_at_a_time = Lock()
+
+
+def _remembered(demands: Demands) -> Array:
+    """What was asked for lately is kept, as far as it fits: the search asks for it again and again."""
+    found = _known.get(demands)
+    made = _per_number(demands) if found is None else found
+    with _one_at_a_time:
+        _known[demands] = made
+        _known.move_to_end(demands)
+        while sum(array.nbytes for array in _known.values()) > _BUDGET:
+            _known.popitem(last=False)
+    return made
 
 
 def forget() -> None:
     """Give the memory back that :attr:`Demands.per_number` keeps, once a search is over."""
-    _remembered.cache_clear()
+    with _one_at_a_time:
+        _known.clear()

@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.discovery.at_once import each
-from scaling_service.discovery.candidates import Candidate, Column, Part
+from scaling_service.discovery.candidates import Candidate, Column
 from scaling_service.discovery.profiles import Profile
 from scaling_service.discovery.spots import BentSpot, Spot, VolumeSpot, field, freed
 from scaling_service.discovery.watched import Role, Watched
@@ -27,7 +28,7 @@ from scaling_service.kernels.tree import Tree, forward, jacobian, positions
 from scaling_service.models.compile import compile_model, parameter_values
 
 _FEWEST = 4  # stretches of a trial; chosen: a spread is told from three, and one may be empty
-_BLOCK, _FRAMES = 4e6, 48  # numbers of all columns and frames at once: 32 MB, and frames at most (chosen)
+_BLOCK, _FRAMES = 1e6, 48  # numbers of all columns at once: 8 MB, and frames of their spots (chosen)
 _MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
@@ -174,16 +175,35 @@ def stretches_of(item: Watched, length_s: float) -> Iterator[slice]:
     return (slice(a, b) for a, b in pairwise(edges.tolist()) if b > a)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Layout:
-    """Which spot and profile makes which column: the first part of each, what is added, their groups."""
+class _Parts(NamedTuple):
+    """Which column is made, or added to, with which spot and profile, and how much: arrays of one length."""
 
+    column: NDArray[np.intp]
     spot: NDArray[np.intp]
     profile: NDArray[np.intp]
     gain: Array
-    added: tuple[tuple[int, int, int, float], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """Of what columns are made, and whose products with each other are wanted.
+
+    Parameters
+    ----------
+    count : int
+        Of the columns.
+    parts : tuple of _Parts
+        The first parts of all columns, then the second of those that have two, and so on.
+    nuisances : int
+        How many of the columns, the first ones, may take any value.
+    edges : ndarray, optional
+        Where the groups of the others begin and end, if they are kept apart.
+    """
+
+    count: int
+    parts: tuple[_Parts, ...]
     nuisances: int
-    padded: NDArray[np.intp] | None
+    edges: NDArray[np.intp] | None
 
     @classmethod
     def of(
@@ -197,55 +217,40 @@ class Layout:
         """For columns, the first of which are nuisances; ``edges`` where groups are kept apart."""
         at = {spot: k for k, spot in enumerate(spots)}
         of = {profile: k for k, profile in enumerate(profiles)}
-
-        def place(part: Part) -> tuple[int, int, float]:
-            return at[part.spot], of[part.profile], part.gain
-
-        first = [place(column.parts[0]) for column in columns]
-        rest = [(k, *place(part)) for k, column in enumerate(columns) for part in column.parts[1:]]
-        return cls(
-            np.array([f[0] for f in first], dtype=np.intp),
-            np.array([f[1] for f in first], dtype=np.intp),
-            np.array([f[2] for f in first]),
-            tuple(rest),
-            nuisances,
-            None if edges is None else _padded(edges),
-        )
-
-    @classmethod
-    def plain(cls, count: int, nuisances: int, edges: NDArray[np.intp] | None) -> Layout:
-        """For columns that are made already."""
-        none = np.zeros(count, dtype=np.intp)
-        return cls(none, none, np.zeros(count), (), nuisances, None if edges is None else _padded(edges))
+        made = []
+        for rank in range(max((len(column.parts) for column in columns), default=0)):
+            here = [(k, column.parts[rank]) for k, column in enumerate(columns) if len(column.parts) > rank]
+            numbers = [(k, at[part.spot], of[part.profile]) for k, part in here]
+            column, spot, profile = np.array(numbers, dtype=np.intp).T
+            made.append(_Parts(column, spot, profile, np.array([part.gain for _, part in here])))
+        return cls(len(columns), tuple(made), nuisances, edges)
 
     def only(self, active: Sequence[bool]) -> Layout:
         """The layout with columns that are not active zero."""
         on = np.array(active, dtype=float)
-        added = tuple((k, spot, profile, gain * on[k]) for k, spot, profile, gain in self.added)
-        return replace(self, gain=self.gain * on, added=added)
-
-    @property
-    def own_shape(self) -> tuple[int, ...]:
-        """The shape of a stretch's ``own``."""
-        if self.padded is None:
-            return (len(self.spot), len(self.spot))
-        count, widest = self.padded.shape
-        return (count, widest, widest)
+        return replace(self, parts=tuple(p._replace(gain=p.gain * on[p.column]) for p in self.parts))
 
     def own(self, made: Array) -> Array:
-        """Columns (n, rows, n_columns) times columns, as ``own`` of a stretch."""
-        flat = made.reshape(-1, made.shape[2])
-        if self.padded is None:
-            return np.asarray(flat.T @ flat)
-        wide = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1).T[self.padded]
-        return np.asarray(wide @ wide.transpose(0, 2, 1))
+        """Columns (n_columns, rows) times columns, as ``own`` of a stretch."""
+        if self.edges is None:
+            return np.asarray(made @ made.T)
+        widths = np.diff(self.edges)
+        found = np.zeros((len(widths), *2 * (int(widths.max(initial=0)),)))
+        for width in set(widths.tolist()):
+            groups = np.flatnonzero(widths == width)
+            wide = made[self.edges[groups][:, None] + np.arange(width)]
+            found[groups, :width, :width] = wide @ wide.transpose(0, 2, 1)
+        return found
 
     def columns(self, generated: Array, shapes: Array) -> Array:
-        """Columns (n, rows, n_columns) from generators (n, rows, n_spots) and profiles (n_profiles, n)."""
-        made = generated[:, :, self.spot]
-        made *= (shapes[self.profile] * self.gain[:, None]).T[:, None]
-        for column, spot, profile, gain in self.added:
-            made[:, :, column] += generated[:, :, spot] * (gain * shapes[profile])[:, None]
+        """Columns (n_columns, n, rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
+        made = np.zeros((self.count, *generated.shape[1:]))
+        for k, part in enumerate(self.parts):
+            shape = (shapes[part.profile] * part.gain[:, None])[:, :, None]
+            if k == 0:
+                np.multiply(generated[part.spot], shape, out=made)
+            else:
+                made[part.column] += generated[part.spot] * shape
         return made
 
 
@@ -302,26 +307,39 @@ class Generators:
 def _sums(
     item: Watched, generators: Generators, layout: Layout, shapes: Array, rows: slice, step: int
 ) -> tuple[Stretch, Array]:
-    count = len(layout.spot)
-    scores, raw, own = np.zeros(count), np.zeros(count), np.zeros(layout.own_shape)
+    """Of one stretch, and the squares of its columns before the pose was taken out.
+
+    The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
+    """
+    count = layout.count
+    scores, raw, own = np.zeros(count), np.zeros(count), layout.own(np.zeros((count, 0)))
     cross = np.zeros((layout.nuisances, count))
     square = freedom = 0.0
-    frames = step * max(1, min(_FRAMES, int(_BLOCK / (3 * len(item.markers) * max(count, 1)))))
-    for start in range(rows.start, rows.stop, frames):
-        block = slice(start, min(start + frames, rows.stop), step)
+    at_once = max(1, int(_BLOCK / (3 * len(item.markers) * max(count, 1))))
+    for start in range(rows.start, rows.stop, step * _FRAMES):
+        block = slice(start, min(start + step * _FRAMES, rows.stop), step)
         gap, pose, spots = generators.at(item, block)
         basis = span(pose)
-        made = layout.columns(spots, shapes[:, block])
-        raw += np.einsum("nrk,nrk->k", made, made)
-        made -= basis @ (basis.transpose(0, 2, 1) @ made)
+        taken = basis.transpose(0, 2, 1) @ spots
+        left = np.ascontiguousarray(np.moveaxis(spots - basis @ taken, 2, 0))
+        hidden = np.ascontiguousarray(np.moveaxis(taken, 2, 0))
         gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
-        flat = made.reshape(-1, count)
-        scores += flat.T @ gap.ravel()
-        cross += flat[:, : layout.nuisances].T @ flat
-        own += layout.own(made)
         square += float((gap**2).sum())
         freedom += 3.0 * float(item.seen[block].sum()) - float((basis**2).sum())
+        shaped = shapes[:, block]
+        for first in range(0, len(gap), at_once):
+            some = slice(first, first + at_once)
+            made = layout.columns(left[:, some], shaped[:, some]).reshape(count, -1)
+            raw += _squares(made) + _squares(layout.columns(hidden[:, some], shaped[:, some]))
+            scores += made @ gap[some].ravel()
+            cross += made[: layout.nuisances] @ made.T
+            own += layout.own(made)
     return Stretch(item.name, item.role, scores, cross, own, square, freedom), raw
+
+
+def _squares(made: Array) -> Array:
+    flat = made.reshape(len(made), -1)
+    return np.asarray(np.einsum("kr,kr->k", flat, flat))
 
 
 def span(pose: Array) -> Array:

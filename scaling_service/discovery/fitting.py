@@ -143,7 +143,8 @@ def squares(now: Account, *, of_forces: bool, of: Sequence[Candidate] = ()) -> f
     items: Sequence[Watched | Weighed] = now.weighed if of_forces else now.watched
     fitting = {item.name for item in items if item.role == "fit"}
     alone = {trial for candidate in of if not fitting & set(candidate.trials) for trial in candidate.trials}
-    return float(sum(item.square for item in items if item.name in fitting | alone))
+    deciding = [item for item in items if item.name in fitting | alone]
+    return float(sum(each(lambda item: item.square, deciding)))
 
 
 def unseen_squares(now: Account) -> float:

@@ -25,6 +25,7 @@ from scaling_service.discovery.loads import (
     PlateTurn,
     Tilt,
     Wobbling,
+    columns_of,
 )
 from scaling_service.discovery.watched import Watched
 from scaling_service.discovery.weighed import Footing, Weighed
@@ -63,7 +64,7 @@ def gather_forces(
     columns = [column for candidate in every for column in candidate.columns]
     count = sum(len(candidate.columns) for candidate in nuisances)
     edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
-    layout = Layout.plain(len(columns), count, None if together else edges)
+    layout = Layout(len(columns), (), count, None if together else edges)
     loads = [column.load for column in columns]
 
     def whitened(item: Weighed, shaken: Weighed | None = None) -> _White:
@@ -78,7 +79,8 @@ def gather_forces(
         return list(_stretches(item, strays, layout, stretch_s))
 
     made = each(whitened, weighed)
-    draws = [(item, own, s) for item, own in zip(weighed, made, strict=True) for s in item.shaken(_DRAWS)]
+    shaken = each(lambda item: list(item.shaken(_DRAWS)), weighed)
+    draws = [(item, own, s) for item, own, some in zip(weighed, made, shaken, strict=True) for s in some]
     chances = iter(each(by_chance, draws))
     stretches: list[Stretch] = []
     raw = np.zeros(len(columns))
@@ -117,8 +119,7 @@ def _whitened(item: Weighed, loads: Sequence[Load | None], floor: Array, thin: i
     """Columns, zero where there is no load, and gap about the trunk's origin, where ``thin`` divides."""
     known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
     raw = np.zeros((len(item.times), 6, len(known) + 1))
-    for load, k in known.items():
-        raw[:, :, k] = load.column(item)
+    raw[:, :, :-1] = columns_of(list(known), item)
     made = item.smoothed(raw)[::thin]
     made[:, 3:] -= np.cross(item.about[::thin, None], made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
     made /= floor[:, None]
@@ -141,13 +142,13 @@ def _stretches(item: Weighed, white: _White, layout: Layout, stretch_s: float) -
     thin = _thin(item)
     for used in _parts(item, stretch_s):
         made, gap = white.columns[used], white.gap[used]
-        flat = made.reshape(-1, made.shape[2])
+        flat = np.ascontiguousarray(made.reshape(-1, layout.count).T)
         yield Stretch(
             item.name,
             item.role,
-            thin * (flat.T @ gap.ravel()),
-            thin * (flat[:, : layout.nuisances].T @ flat),
-            thin * layout.own(made),
+            thin * (flat @ gap.ravel()),
+            thin * (flat[: layout.nuisances] @ flat.T),
+            thin * layout.own(flat),
             thin * float(np.square(gap).sum()),
             float(thin * gap.size),
         )

@@ -96,13 +96,13 @@ def _most_doubtful(
             assert known is not None
             option = next(iter(known.without(n.effect, [])), None)
             p = 1.0 if option is None else option.fitted.p
-            if p > settings.level or (not n.effect.candidate.trials and not _does_good(option, settings)):
+            if p > settings.level or (not n.effect.candidate.trials and not does_good(option, settings)):
                 found.append((p, n))
     p, least = max(found, key=lambda each: each[0], default=(0.0, None))
     return None if least is None else (least, p > settings.level)
 
 
-def _does_good(option: Option | None, settings: DiscoverySettings) -> bool:
+def does_good(option: Option | None, settings: DiscoverySettings) -> bool:
     """Whether an effect surely lowers what recordings that did not fit it disagree."""
     return option is not None and option.unseen.p <= settings.level and option.unseen.gain > 0.0
 

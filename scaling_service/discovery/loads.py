@@ -6,6 +6,7 @@ with respect to one number: force (N) and moment about the ground origin (N m), 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -142,7 +143,7 @@ class Inertial:
 
     def column(self, weighed: Weighed) -> Array:
         """What the motion needs more, (n, 6)."""
-        return np.asarray(weighed.regressor(self.segment) @ np.array(self.change))
+        return weighed.needed_more([self.segment], np.array([self.change]))[:, :, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,14 +169,7 @@ class Wobbling:
 
     def column(self, weighed: Weighed) -> Array:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
-        place = weighed.segment_centre(self.segment)
-        step = float(np.median(np.diff(weighed.times)))
-        pull = weighed.pull(self.segment)
-        displaced, speed = oscillate(pull, step, self.frequency_hz, self.damping)
-        w = 2.0 * np.pi * self.frequency_hz
-        force = pull - 2.0 * self.damping * w * speed - w * w * displaced
-        moment = np.cross(place, force) + np.cross(displaced, force - pull - weighed.gravity)
-        return np.concatenate([force, moment], axis=1)
+        return _swinging(weighed, [self.segment], self.frequency_hz, self.damping)[:, :, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,3 +198,43 @@ Load = (
     | Wobbling
     | Between
 )
+
+
+def columns_of(loads: Sequence[Load], weighed: Weighed) -> Array:
+    """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
+    made = np.empty((len(weighed.times), 6, len(loads)))
+    changing: dict[int, Inertial] = {}
+    swinging: dict[tuple[float, float], dict[int, str]] = {}
+    for k, load in enumerate(loads):
+        if isinstance(load, Inertial):
+            changing[k] = load
+        elif isinstance(load, Wobbling):
+            swinging.setdefault((load.frequency_hz, load.damping), {})[k] = load.segment
+        elif isinstance(load, Tilt | Between):
+            made[:, :, k] = load.column(weighed)
+        else:
+            made[:, :, k] = _of_plates(load, weighed)
+    if changing:
+        segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
+        made[:, :, list(changing)] = weighed.needed_more(segments, np.array(changes))
+    for (frequency, damping), here in swinging.items():
+        made[:, :, list(here)] = _swinging(weighed, list(here.values()), frequency, damping)
+    return made
+
+
+def _of_plates(load: Load, weighed: Weighed) -> Array:
+    """A load in which the motion has no part, made once for all draws of its noise."""
+    kept = weighed.footing.columns
+    if load not in kept:
+        kept[load] = load.column(weighed)
+    return kept[load]
+
+
+def _swinging(weighed: Weighed, segments: Sequence[str], frequency_hz: float, damping: float) -> Array:
+    """What a kilogram on a spring needs more, in each of some segments, (n, 6, n_segments)."""
+    place, pull = weighed.centres(segments), weighed.pulls(segments)
+    displaced, speed = oscillate(pull, weighed.step, frequency_hz, damping)
+    w = 2.0 * np.pi * frequency_hz
+    force = pull - 2.0 * damping * w * speed - w * w * displaced
+    moment = np.cross(place, force) + np.cross(displaced, force - pull - weighed.gravity)
+    return np.concatenate([force, moment], axis=2).transpose(0, 2, 1)

@@ -14,7 +14,7 @@ from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.comparing import no_worse
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, scene_of, without
-from scaling_service.discovery.hindsight import keeps_to_its_range
+from scaling_service.discovery.hindsight import does_good, keeps_to_its_range
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.options import ALIKE
 from scaling_service.discovery.refining import ROUGHLY, SOON, misfit, refined
@@ -60,7 +60,7 @@ def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[lis
 
 def _given_away(n: Named, known: Withdrawable, now: Account, naming: Naming) -> tuple[Named, Account] | None:
     """A better rival with the name, if there is one whose numbers a laboratory could meet."""
-    better = _better(n, known.without(n.effect, _rivals(n)), naming.settings)
+    better = better_rival(n, known.without(n.effect, _rivals(n)), naming.settings)
     if better is None:
         return None
     bare = without({n.effect.candidate.key}, now, naming.recordings)
@@ -99,14 +99,14 @@ def _rivals(n: Named) -> list[Candidate]:
     return [c for c in n.rivals if c.key != own.key and c.trials == own.trials]
 
 
-def _better(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:
+def better_rival(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:
     """The best of a name and its rivals, if it is a rival and chance does not make the difference.
 
-    Nor does it where the rival needs fewer numbers for more.
+    Nor does it where the rival needs fewer numbers for more. What looking back would drop gets no name.
     """
     best = next(iter(options), None)
     mine = next((o for o in options if o.candidate.key == n.effect.candidate.key), None)
-    if best is None or best is mine or best.unseen.p > settings.level or best.unseen.gain <= 0.0:
+    if best is None or best is mine or best.fitted.p > settings.level or not does_good(best, settings):
         return None
     if mine is None or len(best.candidate.columns) < len(mine.candidate.columns):
         return best

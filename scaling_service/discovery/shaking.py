@@ -29,9 +29,10 @@ def strays(item: Watched) -> Array:
     white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
     bend = white @ white.transpose(0, 2, 1)
     size = np.einsum("nqq->nq", bend).max(axis=1)
-    follow = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), white)
     stream = np.random.default_rng(0)
+    noise = stream.normal(size=(DRAWS, *white.shape[::2]))
+    pull = white @ np.moveaxis(noise, 0, -1)
+    followed = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
     found = np.zeros((DRAWS, *item.q.shape))
-    for draw in found:
-        draw[:, free] = np.einsum("nqr,nr->nq", follow, stream.normal(size=white.shape[::2]))
+    found[:, :, free] = np.moveaxis(followed, -1, 0)
     return found

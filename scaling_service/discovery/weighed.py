@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.discovery.demands import Demands
-from scaling_service.discovery.loads import Wobbling
+from scaling_service.discovery.loads import Load, Wobbling
 from scaling_service.discovery.oscillator import pulled
 from scaling_service.discovery.shaking import DRAWS
 from scaling_service.discovery.watched import Role, Watched
 from scaling_service.estimation.inverse_dynamics import CUTOFF_HZ, RatedMotion
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
+from scaling_service.kernels.mechanism import N_PARAMETERS
 from scaling_service.kernels.tree import forward, positions
 from scaling_service.models.body import BodyModel
 from scaling_service.models.compile import parameter_values
@@ -52,11 +53,14 @@ class Footing:
         Frames in which nothing but the plates is known to touch the body.
     cutoff_hz : float
         Below which wrenches are compared.
+    columns : dict
+        What loads of the plates make, whatever the motion: as :func:`columns_of` asked for them.
     """
 
     ground: GroundForces
     usable: NDArray[np.bool_]
     cutoff_hz: float = CUTOFF_HZ
+    columns: dict[Load, Array] = field(init=False, default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,9 +205,19 @@ class Weighed:
         for other in self.item.shaken[:draws]:
             yield replace(self, item=other)
 
-    def regressor(self, segment: str) -> Array:
-        """Wrench about the ground origin per inertial parameter of a segment, (n, 6, 10)."""
-        return self.demands.of_segment(self.model.segment_names.index(segment))
+    def needed_more(self, segments: Sequence[str], changes: Array) -> Array:
+        """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""
+        own = np.zeros((len(self.model.segments), N_PARAMETERS, len(segments)))
+        own[self._numbers(segments), :, np.arange(len(segments))] = changes
+        return np.asarray(self.demands.per_number @ own.reshape(-1, len(segments)))
+
+    def _numbers(self, segments: Sequence[str]) -> list[int]:
+        return [self.model.segment_names.index(segment) for segment in segments]
+
+    @cached_property
+    def step(self) -> float:
+        """Time from frame to frame, s."""
+        return float(np.median(np.diff(self.times)))
 
     @cached_property
     def _places(self) -> tuple[Array, Array, Array]:
@@ -213,17 +227,17 @@ class Weighed:
         centres = np.moveaxis(positions(mechanism.tree, poses), -1, 0)
         return centres, np.moveaxis(poses.origins, -1, 0), np.moveaxis(poses.axes, -1, 0)
 
-    def segment_centre(self, segment: str) -> Array:
-        """A segment's centre of mass, (n, 3), m."""
-        return np.asarray(self._places[0][:, self.model.segment_names.index(segment)])
+    def centres(self, segments: Sequence[str]) -> Array:
+        """Segments' centres of mass, (n, n_segments, 3), m."""
+        return np.asarray(self._places[0][:, self._numbers(segments)])
 
-    def pull(self, segment: str) -> Array:
-        """Minus the acceleration of a segment's centre of mass, (n, 3), m/s2."""
-        return self._pulls[:, self.model.segment_names.index(segment)]
+    def pulls(self, segments: Sequence[str]) -> Array:
+        """Minus the acceleration of segments' centres of mass, (n, n_segments, 3), m/s2."""
+        return np.asarray(self._pulls[:, self._numbers(segments)])
 
     @cached_property
     def _pulls(self) -> Array:
-        return pulled(self._places[0], float(np.median(np.diff(self.times))))
+        return pulled(self._places[0], self.step)
 
     def segment_frame(self, segment: str) -> tuple[Array, Array]:
         """A segment's origin (n, 3) and axes (n, 3, 3), the axes as rows."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Masked
+from scaling_service.discovery.comparing import forget_sums
 from scaling_service.discovery.demands import forget
 from scaling_service.discovery.findings import Findings
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of
@@ -75,6 +76,7 @@ def discover(
     report("measuring the gap", 0.9)
     findings = told(named, options, search.odd_law, before, now, seen, recordings, settings, (*notes, *said))
     forget()
+    forget_sums()
     report("done", 1.0)
     return Discovery(findings, before, now)
 

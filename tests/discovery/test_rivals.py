@@ -10,11 +10,13 @@ import pytest
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate, Contact
 from scaling_service.discovery.catalogue import candidates
+from scaling_service.discovery.comparing import Unseen
 from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, Recording, account, scene_of
+from scaling_service.discovery.judging import Fitted
 from scaling_service.discovery.option import Option
 from scaling_service.discovery.refining import misfit, refined
-from scaling_service.discovery.rivals import Naming, revisited
+from scaling_service.discovery.rivals import Naming, better_rival, revisited
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
 from scaling_service.jobs.discover_start import Prepared, prepare, read
@@ -100,6 +102,27 @@ def test_a_rival_that_needs_fewer_numbers_for_more_gets_the_name(prepared: Prepa
     now = refined(start, recordings, [early.effect, later.effect], settings.stretch_s)
     kept, _ = revisited([early, later], now, Naming(recordings, settings, 100, named_anew))
     assert [n.effect.candidate.kind for n in kept] == ["plate_gain", "plate_rotation"]
+
+
+@pytest.mark.parametrize(
+    ("p", "unseen_p", "gain", "taken"),
+    [(1e-4, 1e-4, 0.1, True), (0.5, 1e-4, 0.1, False), (1e-4, 0.5, 0.1, False), (1e-4, 1e-4, -0.1, False)],
+)
+def test_a_rival_that_would_be_dropped_gets_no_name(
+    p: float, unseen_p: float, gain: float, taken: bool
+) -> None:
+    """As long as chance does as much, or it does no good where it was not fitted."""
+    mine, rival = (Candidate("marker_offset", (marker,), ()) for marker in ("C7", "RSHO"))
+    level = np.linspace(0.9, 1.1, 20)
+
+    def option(candidate: Candidate, size: float, fitted_p: float) -> Option:
+        fitted = Fitted(np.zeros(1), np.eye(1), size, 1.0, fitted_p, 1.0, 15.0)
+        return Option(candidate, fitted, size * level, Unseen(gain, unseen_p, folds=False))
+
+    options = [option(rival, 60.0, p), option(mine, 20.0, 1e-4)]
+    found = better_rival(passed(Sized(mine, np.zeros(1))), options, DiscoverySettings())
+    assert (found is options[0]) == taken
+    assert found is None or taken
 
 
 @pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])

@@ -8,7 +8,8 @@ without it: then they are no shadows of it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+import numpy as np
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.candidates import Candidate
@@ -16,7 +17,7 @@ from scaling_service.discovery.findings import Named
 from scaling_service.discovery.fitting import Account, scene_of
 from scaling_service.discovery.nameable import smallest_nameable
 from scaling_service.discovery.option import Option
-from scaling_service.discovery.options import Options, compared, confusable
+from scaling_service.discovery.options import Options, confusable, gathered, options_of
 from scaling_service.discovery.separating import would_separate
 from scaling_service.discovery.strictness import DiscoverySettings
 from scaling_service.discovery.tuning import tuned
@@ -69,10 +70,17 @@ def _companions(
     plain = [o for o in passing if o.candidate.columns and o.candidate.swing is None]
     left = {o.candidate.key: o for o in plain if o.fitted.expected > worth}
     left.pop(first.effect.candidate.key, None)
+    choice = [first.effect.candidate, *(o.candidate for o in left.values())]
     found = [first]
-    while left and len(found) <= _COMPANIONS and all(n.effect.candidate.columns for n in found):
-        beside = replace(now, effects=(*now.effects, *(n.effect for n in found)))
-        again = compared(beside, [o.candidate for o in left.values()], settings.stretch_s, len(left))
+    if not left or not first.effect.candidate.columns:
+        return []
+    evidence = gathered(now, choice, settings.stretch_s, of_forces=False, together=True)
+    columns = {c.key: np.r_[rows] for c, rows in zip(choice, evidence.groups, strict=True)}
+    free = np.arange(evidence.nuisances)
+    while left and len(found) <= _COMPANIONS:
+        known = np.concatenate([free, *(columns[n.effect.candidate.key] for n in found)])
+        rest = [o.candidate for o in left.values()]
+        again = options_of(evidence.arranged(known, [columns[c.key] for c in rest]), rest)
         still = [
             left[o.candidate.key]
             for o in again

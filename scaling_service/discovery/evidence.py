@@ -93,6 +93,22 @@ class Evidence:
     nuisances: int
     groups: tuple[slice, ...]
 
+    def arranged(self, known: Array, groups: Sequence[Array]) -> Evidence:
+        """Of what was gathered together, some columns as nuisances and others in groups, by their numbers."""
+        order = np.concatenate([known, *groups]).astype(np.intp)
+        edges = np.cumsum([len(known), *(len(group) for group in groups)]).tolist()
+        stretches = tuple(
+            replace(
+                s,
+                scores=s.scores[order],
+                own=s.own[np.ix_(order, order)],
+                cross=s.own[np.ix_(order[: len(known)], order)],
+            )
+            for s in self.stretches
+        )
+        spans = tuple(slice(a, b) for a, b in pairwise(edges))
+        return Evidence(stretches, self.raw[order], len(known), spans)
+
     def apart(self) -> Evidence:
         """The same with the products of each group only, also where all were gathered together."""
         if not self.stretches or self.stretches[0].own.ndim == 3:

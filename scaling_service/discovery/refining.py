@@ -67,19 +67,32 @@ def refined(
     if _misfit(now, now, of_forces=False) > _misfit(start, now, of_forces=False):
         unsized = [s if s.candidate.of_forces else replace(s, size=0.0 * s.size) for s in added]
         now = account(start.model, recordings, start.free, (*start.effects, *unsized), start)
-    reached = misfit(now)
+    for sort in (True,) if of_forces else (False, True):  # forces have no part in the motion: it comes first
+        now = _settled(now, recordings, stretch_s, settled, hopeless, of_forces=sort)
+    return now
+
+
+def _settled(
+    now: Account,
+    recordings: Sequence[Recording],
+    stretch_s: float,
+    settled: float,
+    hopeless: Callable[[Account], object],
+    *,
+    of_forces: bool,
+) -> Account:
+    """Everything that shows among the markers, or in the forces, estimated until little is gained."""
+    reached = _misfit(now, now, of_forces=of_forces)
     for _round in range(_ROUNDS):
         if hopeless(now):
             break
-        before, missed, turned = reached, 0.0, False
+        before = reached
         least = _WORTH * settled * before if settled > SETTLED else 0.0
-        if not of_forces:
-            moved, missed = _stepped(now, recordings, stretch_s, least, of_forces=False)
-            now = _aligned(moved, recordings, stretch_s)
-            turned = now is not moved
-        now, more = _stepped(now, recordings, stretch_s, least, of_forces=True)
-        reached = misfit(now)
-        kept = settled > SETTLED and not turned and missed + more < settled * before
+        moved, missed = _stepped(now, recordings, stretch_s, least, of_forces=of_forces)
+        now = moved if of_forces else _aligned(moved, recordings, stretch_s)
+        turned = now is not moved
+        reached = _misfit(now, now, of_forces=of_forces)
+        kept = settled > SETTLED and not turned and missed < settled * before
         if kept or before - reached < settled * before:
             break
     return now

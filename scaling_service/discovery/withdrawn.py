@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -52,15 +51,9 @@ class Withdrawable:
         k = next(k for k, s in enumerate(self.known) if s.candidate.key == effect.candidate.key)
         own = np.arange(edges[k], edges[k + 1])
         others = np.delete(np.arange(edges[-1]), own)
-        spans = [own, *(np.r_[self.evidence.groups[self.rivals.index(c)]] for c in rivals)]
-        order = np.concatenate([others, *spans])
-        ends = np.cumsum([len(others), *(len(s) for s in spans)]).tolist()
-        stretches = tuple(
-            _reordered(_put_back(s, own, self.known[k].size), order, len(others))
-            for s in self.evidence.stretches
-        )
-        groups = tuple(slice(a, b) for a, b in pairwise(ends))
-        evidence = Evidence(stretches, self.evidence.raw[order], len(others), groups)
+        groups = [own, *(np.r_[self.evidence.groups[self.rivals.index(c)]] for c in rivals)]
+        stretches = tuple(_put_back(s, own, self.known[k].size) for s in self.evidence.stretches)
+        evidence = replace(self.evidence, stretches=stretches).arranged(others, groups)
         return options_of(evidence, [self.known[k].candidate, *rivals])
 
 
@@ -68,8 +61,3 @@ def _put_back(s: Stretch, own: Array, size: Array) -> Stretch:
     """A stretch in which columns of known size are no longer taken off."""
     square = s.square + float(2.0 * size @ s.scores[own] + size @ s.own[np.ix_(own, own)] @ size)
     return replace(s, scores=s.scores + s.own[:, own] @ size, square=square)
-
-
-def _reordered(s: Stretch, order: Array, nuisances: int) -> Stretch:
-    own = s.own[np.ix_(order, order)]
-    return replace(s, scores=s.scores[order], own=own, cross=own[:nuisances])

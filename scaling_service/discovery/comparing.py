@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.evidence import Evidence, Stretch
@@ -114,7 +114,7 @@ def no_worse(best: Array, other: Array, penalty: float) -> float:
     if spread == 0.0:
         return 1.0 if lead.mean() <= 0.0 else 0.0
     statistic = float(lead.mean()) / (spread / np.sqrt(len(lead)))
-    return float(stats.t.sf(statistic, len(lead) - 1))
+    return float(scipy.stats.t.sf(statistic, len(lead) - 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,4 +159,4 @@ def unseen(evidence: Evidence, index: int, candidate: Candidate) -> Unseen:
     if len(every) < _FEWEST or every.std() == 0.0:
         return Unseen(share, 1.0, len(rounds) > 1)
     statistic = float(every.mean() / (every.std(ddof=1) / np.sqrt(len(every))))
-    return Unseen(share, float(stats.t.sf(statistic, len(every) - 1)), len(rounds) > 1)
+    return Unseen(share, float(scipy.stats.t.sf(statistic, len(every) - 1)), len(rounds) > 1)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from scaling_service.discovery.candidates import Contact
 from scaling_service.discovery.comparing import no_worse
@@ -242,4 +242,4 @@ def _brief_p(spells: Sequence[Spell], segment: str) -> float:
     passed = sum(2.0 * s.item.cutoff_hz * len(s.rows) / s.item.item.trial.rate_hz for s in spells)
     own, others = 3.0 * passed, max(3.0 * passed - 3.0, 1.0)
     ratio = (gap - left) / own / max(left / others, 1e-12)
-    return float(stats.f.sf(ratio / _PICKED, own, others))
+    return float(scipy.stats.f.sf(ratio / _PICKED, own, others))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+import scipy
 
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.evidence import Evidence, Stretch
@@ -65,7 +65,7 @@ class Fitted:
         """The covariance, widened so that 1.96 deviations hold 95 %, few as the stretches may be."""
         if not self.freedom >= 1.0:
             return self.covariance
-        wider = float(stats.t.ppf(0.975, self.freedom) / stats.norm.ppf(0.975))
+        wider = float(scipy.stats.t.ppf(0.975, self.freedom) / scipy.stats.norm.ppf(0.975))
         return np.asarray(wider**2 * self.covariance)
 
 
@@ -154,7 +154,7 @@ def fit(scores: Array, own: Array, raw: Array) -> Fitted:
     value, vector = np.linalg.eigh(variance)
     value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
     hotelling = float(((vector.T @ total) ** 2 / value).sum())
-    p = float(special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
+    p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
     covariance = directions @ variance @ directions.T
     return Fitted(
         inverse @ scores.sum(axis=0), covariance, gain, float(np.trace(variance)), p, shown, freedom

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from scaling_service.discovery.findings import Disagreement, Observable
 from scaling_service.discovery.fitting import Account
@@ -13,6 +13,9 @@ from scaling_service.discovery.tallies import Floors, Tally, marker_tally, wrenc
 from scaling_service.discovery.weighed import COMPONENTS
 from scaling_service.kernels.laws import Array
 
+_FEWEST = 3  # stretches; chosen: a spread is told from three
+_TO_SD = 1.4826  # a normal distribution's standard deviation over its median distance from its median
+_HEAVY = 4  # degrees of freedom; chosen: heights of noise with as heavy tails (t, 4) keep to the level
 _FOLLOWS = 0.3  # share of a residual's variance that a coordinate explains, from which it is told (chosen)
 
 
@@ -38,15 +41,33 @@ def _excess(tally: Tally, k: int) -> float:
 
 
 def _p(tally: Tally, k: int) -> float:
-    """How likely a place stands so far above its floor by chance, stretch by stretch."""
+    """How likely a place stands so far above its floor by chance: on the whole, or in any one stretch."""
     used = tally.frames[:, k] > 0
-    if used.sum() < 3:
+    if used.sum() < _FEWEST:
         return 1.0
-    ratio = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)
-    spread = float(ratio.std(ddof=1))
+    height = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)
+    return min(1.0, 2.0 * min(_on_the_whole(height), in_one_stretch(height)))
+
+
+def _on_the_whole(height: Array) -> float:
+    """Of the mean over stretches of log squares over floors, shape (n_stretches,)."""
+    spread = float(height.std(ddof=1))
     if spread == 0.0:
         return 1.0
-    return float(stats.t.sf(ratio.mean() / (spread / np.sqrt(used.sum())), int(used.sum()) - 1))
+    return float(scipy.stats.t.sf(height.mean() / (spread / np.sqrt(len(height))), len(height) - 1))
+
+
+def in_one_stretch(height: Array) -> float:
+    """Of the highest of them over what most of them are, paying for their number.
+
+    A label that is wrong for half a second spreads the heights so much that their mean tells nothing.
+    """
+    usual = float(np.median(height))
+    spread = _TO_SD * float(np.median(np.abs(height - usual)))
+    if spread == 0.0:
+        return 1.0
+    above = (float(height.max()) - usual) / spread
+    return min(1.0, len(height) * float(scipy.stats.t.sf(above, _HEAVY)))
 
 
 def holm(p: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy import optimize, stats
+import scipy
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.judging import Fitted
@@ -27,15 +27,15 @@ def smallest_nameable(effect: Sized, fitted: Fitted, level: float) -> Mapping[st
     spread = np.sqrt(np.diag(fitted.covariance)) if k else np.zeros(0)
     if not k or not np.isfinite(fitted.freedom) or fitted.freedom < 2.0 or not spread.all():
         return {}
-    needed = stats.f.isf(level, k, fitted.freedom)
+    needed = scipy.stats.f.isf(level, k, fitted.freedom)
 
     def missed(strength: float) -> float:
-        return float(stats.ncf.sf(needed, k, fitted.freedom, strength)) - POWER
+        return float(scipy.stats.ncf.sf(needed, k, fitted.freedom, strength)) - POWER
 
     top = 10.0
     while missed(top) < 0.0 and top < 1e9:
         top *= 4.0
-    strength = optimize.brentq(missed, 1e-9, top) if missed(top) > 0.0 else float("inf")
+    strength = scipy.optimize.brentq(missed, 1e-9, top) if missed(top) > 0.0 else float("inf")
     found: Array = effect.size
     own = float(found @ np.linalg.pinv(fitted.covariance) @ found)
     share = np.sqrt(strength / own) if own > 0.0 else float("inf")

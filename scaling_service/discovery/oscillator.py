@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from scaling_service.kernels.derivatives import spline_rates
 from scaling_service.kernels.filters import butterworth
@@ -32,7 +32,7 @@ def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> 
     """
     steady = pull[: max(1, round(_FIRST_S / step))].mean(axis=0)
     place, speed = (
-        np.asarray(signal.lfilter(above, below, pull - steady, axis=0))
+        np.asarray(scipy.signal.lfilter(above, below, pull - steady, axis=0))
         for above, below in _filters(step, frequency_hz, damping)
     )
     return place + steady / (2.0 * np.pi * frequency_hz) ** 2, speed
@@ -45,6 +45,6 @@ def _filters(step: float, frequency_hz: float, damping: float) -> tuple[tuple[Ar
     below = [1.0, 2.0 * damping * w, w * w]
     found = []
     for above in ([1.0], [1.0, 0.0]):
-        numerator, denominator, _ = signal.cont2discrete((above, below), step, "foh")
+        numerator, denominator, _ = scipy.signal.cont2discrete((above, below), step, "foh")
         found.append((np.ravel(numerator), np.asarray(denominator)))
     return tuple(found)

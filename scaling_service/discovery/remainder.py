@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.findings import Foreign, Unexplained
@@ -116,7 +116,7 @@ def _chances(strength: list[list[Array]]) -> Array:
     found = []
     for trials in strength:
         z = [float(part.sum() / (spread * np.sqrt(len(part)))) for part in trials]
-        found.append(min(1.0, len(z) * float(stats.t.sf(max(z), 3))) if z else 1.0)
+        found.append(min(1.0, len(z) * float(scipy.stats.t.sf(max(z), 3))) if z else 1.0)
     return np.array(found)
 
 

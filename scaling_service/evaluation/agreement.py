@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.stats import f as f_distribution
-from scipy.stats import norm
-from scipy.stats import t as t_distribution
 
 from scaling_service.evaluation.complete import ComparisonImpossible, ValueMissing, absent, checked
 from scaling_service.models.results import Array
@@ -152,8 +150,8 @@ def bland_altman(values: ArrayLike, reference: ArrayLike, *, confidence: float =
     n = _enough(len(ours), "pairs")
     differences, means = ours - theirs, (ours + theirs) / 2
     bias, sd = float(differences.mean()), float(differences.std(ddof=1))
-    quantile = float(t_distribution.ppf(_upper(confidence), n - 1))
-    z = float(norm.ppf((1 + LIMITS) / 2))
+    quantile = float(scipy.stats.t.ppf(_upper(confidence), n - 1))
+    z = float(scipy.stats.norm.ppf((1 + LIMITS) / 2))
     wide = quantile * sd * float(np.sqrt(1 / n + z**2 / (2 * (n - 1))))
     lower, upper = bias - z * sd, bias + z * sd
     return BlandAltman(
@@ -200,8 +198,8 @@ def intraclass_correlations(table: ArrayLike, *, confidence: float = 0.95) -> tu
         return _without_error(rows, columns, n, k)
     ratio = rows / error
     free = (n - 1, (n - 1) * (k - 1))
-    low = ratio / float(f_distribution.ppf(upper, *free))
-    high = ratio * float(f_distribution.ppf(upper, *free[::-1]))
+    low = ratio / float(scipy.stats.f.ppf(upper, *free))
+    high = ratio * float(scipy.stats.f.ppf(upper, *free[::-1]))
     consistent = Estimate(*(float((f - 1) / (f + k - 1)) for f in (ratio, low, high)))
     return _absolute(rows, columns, error, n, k, upper), consistent
 
@@ -213,8 +211,8 @@ def _absolute(rows: float, columns: float, error: float, n: int, k: int, upper: 
     spread = (a * columns) ** 2 / (k - 1) + (b * error) ** 2 / ((n - 1) * (k - 1))
     free = (a * columns + b * error) ** 2 / spread
     noise = k * columns + (k * n - k - n) * error
-    above = float(f_distribution.ppf(upper, n - 1, free))
-    below = float(f_distribution.ppf(upper, free, n - 1))
+    above = float(scipy.stats.f.ppf(upper, n - 1, free))
+    below = float(scipy.stats.f.ppf(upper, free, n - 1))
     low = n * (rows - above * error) / (above * noise + n * rows)
     high = n * (below * rows - error) / (noise + n * below * rows)
     return Estimate(value, low, high)
@@ -257,7 +255,7 @@ def _slope(means: Array, differences: Array, confidence: float) -> Estimate:
     value = float(centred @ differences) / size
     left = differences - differences.mean() - value * centred
     error = float(np.sqrt(left @ left / (n - 2) / size))
-    return _about(value, float(t_distribution.ppf(_upper(confidence), n - 2)) * error)
+    return _about(value, float(scipy.stats.t.ppf(_upper(confidence), n - 2)) * error)
 
 
 def _about(value: float, half_width: float) -> Estimate:

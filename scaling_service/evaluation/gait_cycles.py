@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from scaling_service.anatomy.markers import canonical
 from scaling_service.kernels.filters import runs
@@ -258,7 +258,9 @@ def _peaks(times: Array, ahead: Array, rise: float) -> tuple[float, ...]:
     frame_s = (times[-1] - times[0]) / (len(times) - 1)
     # Beyond the ends the foot counts as behind: a recording may begin in mid-swing.
     walled = np.pad(ahead, 1, constant_values=float(ahead.min()) - rise)
-    found, _ = find_peaks(walled, prominence=rise, distance=max(1, round(_LEAST_STRIDE_S / frame_s)))
+    found, _ = scipy.signal.find_peaks(
+        walled, prominence=rise, distance=max(1, round(_LEAST_STRIDE_S / frame_s))
+    )
     rows = found - 1
     inner = (times[rows] >= times[0] + _EDGE_S) & (times[rows] <= times[-1] - _EDGE_S)
     return tuple(float(t) for t in _between_frames(times, ahead, rows[inner], frame_s))

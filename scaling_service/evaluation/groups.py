@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.stats import chi2, rankdata, studentized_range
 
 from scaling_service.evaluation.complete import ComparisonImpossible, checked, rows
 from scaling_service.models.results import Array
@@ -152,13 +152,13 @@ def compare_columns(
         raise ComparisonImpossible(f"a significance level of {alpha:g} is not between 0 and 1", field="alpha")
     table = checked(values, subjects, methods, quantity=quantity, dimensions=2)
     n, k = table.shape
-    ranks = rankdata(_without_noise(table), axis=1)
+    ranks = scipy.stats.rankdata(_without_noise(table), axis=1)
     mean_rank = ranks.mean(axis=0)
     # The variance of one subject's ranks: k (k + 1) / 12 without ties, less with them.
     variance = float(np.sum((ranks - (k + 1) / 2) ** 2)) / (n * (k - 1))
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
-    p = float(chi2.sf(statistic, k - 1))
+    p = float(scipy.stats.chi2.sf(statistic, k - 1))
     error = float(np.sqrt(variance / n))
     return GroupComparison(
         quantity=quantity,
@@ -172,7 +172,7 @@ def compare_columns(
         degrees_of_freedom=k - 1,
         p=p,
         kendall_w=statistic / (n * (k - 1)),
-        rank_difference_critical=float(studentized_range.isf(alpha, k, np.inf)) * error,
+        rank_difference_critical=float(scipy.stats.studentized_range.isf(alpha, k, np.inf)) * error,
         alpha=alpha,
         pairs=_pairs(table, mean_rank, error, methods, alpha, gate=p < alpha),
     )
@@ -185,7 +185,7 @@ def _pairs(
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
     apart = mean_rank[first] - mean_rank[second]
     q = np.abs(apart) / error if error > 0.0 else np.zeros(len(first))
-    p = studentized_range.sf(q, len(methods), np.inf)
+    p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
     differences = table[:, first] - table[:, second]
     return tuple(
         RankedPair(

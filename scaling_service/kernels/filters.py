@@ -10,9 +10,9 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -185,7 +185,7 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
     x = np.array(signal, dtype=float)
     columns = x.reshape(x.shape[0], -1)
     unfiltered = np.zeros(columns.shape, bool)
-    sections = butter(
+    sections = scipy.signal.butter(
         order // 2, single_pass_cutoff(cutoff_hz, rate_hz, order // 2), fs=rate_hz, output="sos"
     )
     # scipy's own start-up length; at least one period of the cutoff so that the reflection has settled.
@@ -196,7 +196,7 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
             unfiltered[start:stop, members] = True
             continue
         padding = min(length - 1, max(startup, int(np.ceil(rate_hz / cutoff_hz))))
-        columns[start:stop, members] = sosfiltfilt(
+        columns[start:stop, members] = scipy.signal.sosfiltfilt(
             sections, columns[start:stop, members], axis=0, padlen=padding
         )
     return Filtered(columns.reshape(x.shape), unfiltered.reshape(x.shape))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import wilcoxon
+import scipy
 
 from scaling_service.kernels.laws import Array
 from scaling_service.studies.futamure import SquatterStudied
@@ -50,7 +50,7 @@ def less(first: Array, second: Array) -> float:
     """One-sided p of Wilcoxon's signed-rank test that the first are smaller; NaN below five pairs."""
     if len(first) < 5:
         return float("nan")
-    return float(wilcoxon(first, second, alternative="less").pvalue)
+    return float(scipy.stats.wilcoxon(first, second, alternative="less").pvalue)
 
 
 def wrenches(persons: Persons, way: int, *, held_out: bool = False) -> Array:

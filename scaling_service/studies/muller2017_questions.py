@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import wilcoxon
+import scipy
 
 from scaling_service.evaluation.residuals import COMPONENTS
 from scaling_service.evaluation.uncertainty_verdict import SMALL_FORCE, SMALL_MOMENT
@@ -57,7 +57,7 @@ def _p(difference: Array) -> float:
     """One-sided signed-rank test that paired differences are positive."""
     if not np.any(difference):
         return 1.0
-    return float(wilcoxon(difference, alternative="greater").pvalue)
+    return float(scipy.stats.wilcoxon(difference, alternative="greater").pvalue)
 
 
 def linear(persons: Sequence[PersonStudied]) -> Answer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from scaling_service.discovery.findings import Foreign
 from scaling_service.discovery.fitting import Account
@@ -37,7 +37,7 @@ def found(now: Account) -> Iterator[Foreign]:
         return
     shape = usual**2 / max(spread, 1e-300)
     tried = np.ptp(frequencies) / width
-    p = min(1.0, tried * float(stats.gamma.sf(shape * whole[k] / usual, shape)))
+    p = min(1.0, tried * float(scipy.stats.gamma.sf(shape * whole[k] / usual, shape)))
     shaking = [m for m, own in zip(markers, power[k].tolist(), strict=True) if own > _SHARE * power[k].max()]
     everywhere = len(shaking) > len(markers) / 2
     places = "markers" if everywhere else ", ".join(shaking)

@@ -15,7 +15,7 @@ from scaling_service.kernels.laws import Array
 
 _FEWEST = 3  # stretches; chosen: a spread is told from three
 _TO_SD = 1.4826  # a normal distribution's standard deviation over its median distance from its median
-_HEAVY = 4  # degrees of freedom; chosen: heights of noise with as heavy tails (t, 4) keep to the level
+_HEAVY = 3  # degrees of freedom; chosen: noise with tails as heavy keeps to the level over all places
 _FOLLOWS = 0.3  # share of a residual's variance that a coordinate explains, from which it is told (chosen)
 
 

@@ -11,6 +11,9 @@ from scaling_service.core.threads import use_one_thread
 
 use_one_thread()  # numpy is not imported yet
 
+# Tests start the program some hundred times: a quarter of that is compiling, where nothing of it is kept.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

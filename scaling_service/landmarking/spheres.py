@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from scaling_service.kernels.fits import fit_sphere
 from scaling_service.landmarking.surface import Surface
@@ -22,6 +21,7 @@ _NARROWEST, _WIDEST = 0.02, 0.08  # shares of the radius between which that limi
 _START, _CLOSING = 0.25, 0.8  # first limit as a share of the radius, and how it closes with each step
 _STEPS = 60
 _SETTLED_M = 1e-7
+_ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
 
 
@@ -89,27 +89,68 @@ def refined(
     """
     sign = -1.0 if hollow else 1.0
     limit = _START * radius
+    about = _Around.of(surface, centre, radius + limit)
     for step in range(_STEPS):
-        offset = surface.smooth - centre
+        about = about.reaching(surface, centre, radius + limit)
+        offset = about.smooth - centre
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
-        facing = sign * np.einsum("ij,ij->i", offset, surface.normals) / distance
+        facing = sign * np.einsum("ij,ij->i", offset, about.normals) / distance
         gap = distance - radius
         near = (np.abs(gap) < limit) & (facing > _ALIGNED)
         if int(near.sum()) < _FEWEST:
             return None
-        support = np.where(near, (1.0 - (gap / limit) ** 2) ** 2, 0.0)
-        fit = fit_sphere(surface.points[near], (support * surface.areas)[near], start=centre)
+        weight = (1.0 - (gap[near] / limit) ** 2) ** 2
+        fit = fit_sphere(about.points[near], weight * about.areas[near], start=centre)
         moved = float(np.linalg.norm(fit.centre - centre)) + abs(fit.radius - radius)
         if not fit.converged or moved > 0.5 * radius:
             return None
         centre, radius = fit.centre, fit.radius
-        scatter = 1.4826 * _weighted_median(np.abs(gap[near]), surface.areas[near])
+        scatter = 1.4826 * _weighted_median(np.abs(gap[near]), about.areas[near])
         # A vote finds the centre to a few mm and the radius less well: the limit closes in from wide.
         widest = max(_WIDEST, _START * _CLOSING ** (step + 1)) * radius
         limit = float(np.clip(_SPREAD * scatter, _NARROWEST * radius, widest))
         if moved < _SETTLED_M and step > _CLOSED:
             break
+    support = np.zeros(len(surface.points))
+    support[about.rows[near]] = weight
     return SphereOnBone(centre, radius, fit.rms, covered_share(surface, centre, support), support)
+
+
+@dataclass(frozen=True, slots=True)
+class _Around:
+    """The vertices around a place: a sphere is on a small part of a bone.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,), m
+    reach : float, m
+        No vertex nearer to the centre is missing.
+    rows : ndarray of int, shape (n,)
+        Which vertices of the surface these are.
+    points, smooth, normals : ndarray, shape (n, 3)
+    areas : ndarray, shape (n,), m2
+    """
+
+    centre: Array
+    reach: float
+    rows: NDArray[np.intp]
+    points: Array
+    smooth: Array
+    normals: Array
+    areas: Array
+
+    @classmethod
+    def of(cls, surface: Surface, centre: Array, reach: float) -> _Around:
+        """All vertices nearer than half as far again, so that a centre may move."""
+        wide = _ROOM * reach
+        rows = np.flatnonzero(((surface.smooth - centre) ** 2).sum(axis=1) < wide**2)
+        parts = (surface.points, surface.smooth, surface.normals, surface.areas)
+        return cls(centre, wide, rows, *(part[rows] for part in parts))
+
+    def reaching(self, surface: Surface, centre: Array, reach: float) -> _Around:
+        """The same where it holds all vertices within reach of a centre, else anew."""
+        held = float(np.linalg.norm(centre - self.centre)) + reach <= self.reach
+        return self if held else _Around.of(surface, centre, reach)
 
 
 def covered_share(surface: Surface, centre: Array, support: Array) -> float:
@@ -137,9 +178,9 @@ def _peaks(
         cell = ((surface.smooth + radius * inwards - low) / _CELL_M).astype(np.intp)
         flat = np.ravel_multi_index((cell[:, 0], cell[:, 1], cell[:, 2]), shape)
         votes = np.bincount(flat, surface.areas, int(np.prod(shape))).reshape(shape)
-        share = 27.0 * uniform_filter(votes, 3, mode="constant") / (4.0 * np.pi * radius**2)
-        better = share > best
-        best[better], best_radius[better] = share[better], radius
+        share = _with_neighbours(votes) / (4.0 * np.pi * radius**2)
+        np.copyto(best_radius, radius, where=share > best)
+        np.maximum(best, share, out=best)
     centres = low + _CELL_M * (np.argwhere(best > 0) + 0.5)
     scores, of = best[best > 0], best_radius[best > 0]
     found: list[tuple[Array, float]] = []
@@ -148,6 +189,17 @@ def _peaks(
         found.append((centres[k], float(of[k])))
         scores = np.where(np.linalg.norm(centres - centres[k], axis=1) < _APART_M, 0.0, scores)
     return found
+
+
+def _with_neighbours(votes: Array) -> Array:
+    """Of every cell its own votes and those of the 26 around it."""
+    for axis in range(votes.ndim):
+        own = np.moveaxis(votes, axis, 0)
+        votes = votes.copy()
+        total = np.moveaxis(votes, axis, 0)
+        total[1:] += own[:-1]
+        total[:-1] += own[1:]
+    return votes
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

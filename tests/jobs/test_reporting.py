@@ -36,9 +36,9 @@ def demo() -> tuple[Results, TruthDocument]:
 
 def test_a_report_is_small_and_quick(demo: tuple[Results, TruthDocument]) -> None:
     document, verdict = document_of(*demo), verdict_of(demo[0])
-    clock = time.perf_counter()
+    clock = time.process_time()
     html = report_html(demo[0], document, verdict)
-    assert time.perf_counter() - clock < LONGEST_S
+    assert time.process_time() - clock < LONGEST_S
     assert len(html.encode()) < MOST_BYTES
 
 

@@ -1,26 +1,27 @@
-"""OpenSim as the oracle, in a subprocess; the tests skip where it is not installed."""
+"""OpenSim as the oracle, in a process of its own; the tests skip where it is not installed."""
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 from scaling_service.models.body import BodyModel
-from tests.peers.worker import ask
+from tests.peers.worker import standing
 
 Oracle = Callable[[dict[str, Any]], dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
-def oracle() -> Oracle:
+def oracle() -> Iterator[Oracle]:
     """Ask OpenSim directly, past the code under test."""
     if importlib.util.find_spec("opensim") is None:
         pytest.skip("opensim is not installed")
-    return lambda request: ask("tests.formats.osim.oracle_worker", request, time_limit_s=120.0)
+    with standing("tests.formats.osim.oracle_worker") as ask:
+        yield ask
 
 
 @pytest.fixture(scope="session")

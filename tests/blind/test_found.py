@@ -24,6 +24,7 @@ pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensi
 HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
+    Case("pair", PAIRS[10], "large", "gait", True, 0),
     Case("opposed", OPPOSED[1], "large", "gait", True, 0),
 ]
 NOTHING = [

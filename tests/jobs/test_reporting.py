@@ -26,7 +26,7 @@ from tests.reports.reading import data, tables
 from tests.reports.test_blocks import NASTY, shown
 
 LONGEST_S = 3.0
-"""Chosen: what a person waits for without asking."""
+"""Of a core's own time; chosen: what a person waits for without asking."""
 
 
 @pytest.fixture(scope="module")

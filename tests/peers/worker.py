@@ -13,10 +13,11 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -62,44 +63,59 @@ def ask(
 
 
 @contextmanager
-def standing(worker: str) -> Iterator[Callable[[Mapping[str, Any]], Any]]:
-    """A function that asks one worker again and again; a request that fails is the last.
+def standing(worker: str, *, time_limit_s: float = 120.0) -> Iterator[Callable[[Mapping[str, Any]], Any]]:
+    """A function that asks one worker again and again; after a request that failed, a new one.
 
     Parameters
     ----------
     worker : str
         Its module.
+    time_limit_s : float
+        For one answer; then the worker is killed, and the request has failed.
 
     Raises
     ------
     RuntimeError
         By that function, with the end of what the worker said.
     """
-    with tempfile.TemporaryDirectory() as scratch, tempfile.TemporaryFile("w+") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", worker],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            text=True,
-            cwd=scratch,
-            env=_environment(),
-        )
-        assert process.stdin is not None
-        assert process.stdout is not None
-        asked, answers = process.stdin, process.stdout
+    with ExitStack() as opened:
+        scratch = opened.enter_context(tempfile.TemporaryDirectory())
+        log = opened.enter_context(tempfile.TemporaryFile("w+"))
+        process: subprocess.Popen[str] | None = None
 
         def ask_again(request: Mapping[str, Any]) -> Any:
-            asked.write(json.dumps(request) + "\n")
-            asked.flush()
-            line = answers.readline()
+            nonlocal process
+            if process is None:
+                process = opened.enter_context(_started(worker, scratch, log))  # its end closes the pipes
+            assert process.stdin is not None
+            assert process.stdout is not None
+            clock = threading.Timer(time_limit_s, process.kill)
+            clock.start()
+            try:
+                process.stdin.write(json.dumps(request) + "\n")
+                process.stdin.flush()
+                line = process.stdout.readline()
+            finally:
+                clock.cancel()
             if not line:
+                process = None
                 log.seek(0)
                 raise RuntimeError(f"{worker} failed: {log.read()[-2000:]}")
             return json.loads(line)
 
-        with process:  # closes the pipes, so that the worker ends, and waits for it
-            yield ask_again
+        yield ask_again
+
+
+def _started(worker: str, scratch: str, log: IO[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", worker],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=log,
+        text=True,
+        cwd=scratch,
+        env=_environment(),
+    )
 
 
 def serve(function: Callable[[dict[str, Any]], Any]) -> None:

@@ -21,7 +21,8 @@ COMMANDS = [
     if line.startswith("scaling-service ")
 ]
 SHOWN = next(command for command in COMMANDS if "demo --out" in command)
-"""The one whose output is shown."""
+SEARCH = next(command for command in COMMANDS if "demo --discover" in command)
+"""The two whose output is shown."""
 
 PROGRAMS = [text for language, text in BLOCKS if language == "python"]
 
@@ -58,12 +59,38 @@ def _rows(text: str) -> dict[str, float]:
     return {label: float(value) for label, value in found}
 
 
+def test_the_search_shown_is_what_comes_out(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same words in every line shown; numbers to what the last digits may differ by between machines."""
+    monkeypatch.chdir(folder)
+    assert main(shlex.split(SEARCH, comments=True)[1:]) == 0
+    printed = {_words(line): _numbers(line) for line in capsys.readouterr().out.splitlines()}
+    shown = next(text for language, text in BLOCKS if language == "text" and "Had been hidden" in text)
+    advice = "run `scaling-service demo --discover --out hidden` and paste its output into the README"
+    for line in shown.splitlines():
+        if line != "...":
+            assert _words(line) in printed, advice
+            assert _numbers(line) == pytest.approx(printed[_words(line)], rel=0.02, abs=0.002), advice
+
+
+_NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w.])"
+
+
+def _words(line: str) -> str:
+    return " ".join(re.sub(_NUMBER, "#", line).split())
+
+
+def _numbers(line: str) -> list[float]:
+    return [float(number) for number in re.findall(_NUMBER, line)]
+
+
 def test_there_are_examples() -> None:
     assert len(COMMANDS) >= 3
     assert PROGRAMS
 
 
-@pytest.mark.parametrize("command", [command for command in COMMANDS if command != SHOWN])
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command not in (SHOWN, SEARCH)])
 def test_commands(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     assert main(shlex.split(command, comments=True)[1:]) == 0

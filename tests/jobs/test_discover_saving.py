@@ -15,6 +15,8 @@ from scaling_service.jobs.discover_pictures import pictures
 from scaling_service.jobs.discover_saving import FILE_NAME, save_discovery
 from scaling_service.models.document import from_document
 from scaling_service.reports.discovery.page import discovery_page, headline
+from scaling_service.reports.discovery.what import what_section
+from scaling_service.reports.figures import Figure
 from scaling_service.schemas.discovery import DiscoveryDocument
 from scaling_service.studies.virtual_hidden import SLIDING, SWAPPED
 from tests.jobs.hidden_case import found, session
@@ -132,6 +134,18 @@ def test_the_report_tells_the_story(folder: Path, document: DiscoveryDocument) -
     assert headline(document) in html
     assert document.effects[0].name.split(":")[0] in html
     assert "http://" not in html.split("<script>")[0]
+
+
+def test_every_candidate_is_labelled(document: DiscoveryDocument) -> None:
+    """A bar without length has no name beside it."""
+    gains = [-0.02, 0.0, 1e-7]
+    tried = [document.tried[0].model_copy(update={"gain": gain}) for gain in gains]
+    data = pictures(found(), document.model_copy(update={"tried": tried}))
+    (figure,) = (block.figure for block in what_section(data).blocks if isinstance(block, Figure))
+    (bars,) = figure.data
+    assert len(bars.x) == len(bars.text) == len(gains) + len(document.effects)
+    assert min(bars.x) > 0.0
+    assert bars.customdata[0].endswith("-2.0 %")
 
 
 def test_nothing_found_is_a_page_too(document: DiscoveryDocument) -> None:

@@ -17,6 +17,9 @@ from scaling_service.schemas.discovery import DiscoveryDocument, EffectDocument,
 _TRIED = 10
 """Chosen: of what was not named, as many as stay readable."""
 
+_HAIR = 0.01
+"""Per cent: so short is the bar of what takes nothing off; without any length it has no name beside it."""
+
 
 def what_section(data: DiscoveryData) -> Section:
     """Named effects one by one, then the candidates side by side."""
@@ -82,13 +85,14 @@ def _candidates(document: DiscoveryDocument) -> Figure:
     tried = sorted(((placed(t), t.gain or 0.0, False) for t in document.tried), key=lambda c: -c[1])[:_TRIED]
     bars = [*sorted(named, key=lambda c: -c[1]), *tried][::-1]
     trace = go.Bar(
-        x=[round(100 * gain, 2) for _, gain, _ in bars], y=[f"{len(bars) - k}." for k in range(len(bars))],
+        x=[max(_HAIR, round(100 * gain, 2)) for _, gain, _ in bars],
+        y=[f"{len(bars) - k}." for k in range(len(bars))],
         text=[plain(_short(name)) for name, _, _ in bars], textposition="auto", insidetextanchor="start",
         insidetextfont={"color": ["#ffffff" if found else INK for _, _, found in bars]},
         textangle=0, constraintext="none", cliponaxis=False, orientation="h",
         marker={"color": [AFTER if found else OTHER for _, _, found in bars]},
-        customdata=[plain(name) for name, _, _ in bars],
-        hovertemplate="%{customdata}: %{x:.1f} %<extra></extra>",
+        customdata=[f"{plain(name)}: {100 * gain:.1f} %" for name, gain, _ in bars],
+        hovertemplate="%{customdata}<extra></extra>",
     )  # fmt: skip
     figure = chart(
         [trace], x_title="share of the squared disagreement taken off what did not fit it, %",

@@ -14,9 +14,9 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
   runs can be put together.
 
 Each goes on where it stopped. ``records.csv`` holds a line for each case that was run, and ``results.md`` is
-what the last wrote of them: so far the first 225 of the full bank in the order of their names, which are
-hashes and so a random choice of its 2,020; two at a time on two cores that had other work beside, so that
-times are upper bounds.
+what the last wrote of them: so far the first 1,015 of the full bank in the order of their names, which are
+hashes and so a random choice of its 2,020; two at a time on two cores of a shared machine that for ten
+minutes gave a quarter of its usual speed: times are upper bounds, and all beyond 62 s are from then.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

@@ -145,7 +145,7 @@ def test_every_candidate_is_labelled(document: DiscoveryDocument) -> None:
     (bars,) = figure.data
     assert len(bars.x) == len(bars.text) == len(gains) + len(document.effects)
     assert min(bars.x) > 0.0
-    assert bars.customdata[0].endswith("-2.0 %")
+    assert bars.customdata[0].endswith(": -2 %")
 
 
 def test_nothing_found_is_a_page_too(document: DiscoveryDocument) -> None:

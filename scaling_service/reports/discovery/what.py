@@ -91,7 +91,7 @@ def _candidates(document: DiscoveryDocument) -> Figure:
         insidetextfont={"color": ["#ffffff" if found else INK for _, _, found in bars]},
         textangle=0, constraintext="none", cliponaxis=False, orientation="h",
         marker={"color": [AFTER if found else OTHER for _, _, found in bars]},
-        customdata=[f"{plain(name)}: {100 * gain:.1f} %" for name, gain, _ in bars],
+        customdata=[f"{plain(name)}: {digits(100 * gain)} %" for name, gain, _ in bars],
         hovertemplate="%{customdata}<extra></extra>",
     )  # fmt: skip
     figure = chart(

@@ -101,8 +101,11 @@ def told(name: str, times: Sequence[float]) -> str:
     )
 
 
-def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> float:
-    """The 99th percentile of the time of a status request, s; all jobs are done and none is lost."""
+def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> tuple[float, float]:
+    """The 99th percentiles, s, of the time of a status request and of a bare server's answer meanwhile.
+
+    All jobs are done and none is lost.
+    """
     crowd = Crowd(url, n_clients, n_jobs, seconds)
     with bare_server() as bare:
         probe = Probe(bare)
@@ -120,18 +123,20 @@ def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> float:
         f"{n_jobs} jobs of {n_clients} clients in {wall_s:.0f} s, load of the machine {load:.1f}\n"
     )
     sys.stdout.write(told("status requests", crowd.times) + told("requests of a bare server", probe.times))
-    return float(np.percentile(crowd.times, 99))
+    return float(np.percentile(crowd.times, 99)), float(np.percentile(probe.times, 99))
 
 
 def test_a_few_clients_and_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with server(tmp_path / "data", monkeypatch) as (_, url):
-        assert crowded(url, n_clients=10, n_jobs=30, seconds=0.1) < 1.0
+        status, bare = crowded(url, n_clients=10, n_jobs=30, seconds=0.1)
+    # Where other work leaves little of the machine, answers wait as a server's does that has nothing to do.
+    assert status < max(1.0, 5.0 * bare)
 
 
 @pytest.mark.benchmark
 def test_fifty_clients_and_a_thousand_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with server(tmp_path / "data", monkeypatch) as (_, url):
-        assert crowded(url, n_clients=50, n_jobs=1000, seconds=0.1) <= 0.1
+        assert crowded(url, n_clients=50, n_jobs=1000, seconds=0.1)[0] <= 0.1
 
 
 def largest_memory_mb(process: int) -> float:

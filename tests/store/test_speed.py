@@ -1,41 +1,36 @@
-"""A hundred thousand jobs do not slow anything down."""
+"""Many jobs do not slow anything down."""
 
 from __future__ import annotations
 
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from scaling_service.schemas.jobs import State
 from scaling_service.store import jobs, listing, queueing
 from scaling_service.store.store import Store
+from tests.store.postgres import server
 from tests.store.rows import add_job, add_many
 
-NUMBER = 100_000
-LIMIT_S = 0.020  # s: what a person and a polling client are promised
+FEW, MANY, PROMISED = 1_000, 30_000, 100_000
+LIMIT_S = 0.020  # s: what a person and a polling client are promised, on a machine that does nothing else
+SLOWER = 3.0
+"""As often the time with few jobs: looking at each job would make it thirty."""
 
 
-def median_s(ask: Callable[[], object]) -> float:
-    """The median of the times of eleven calls, the first of them not counted."""
-    times = []
-    for _ in range(12):
-        begun = time.perf_counter()
-        ask()
-        times.append(time.perf_counter() - begun)
-    return sorted(times[1:])[5]
-
-
-def test_status_and_lists_stay_quick(store: Store) -> None:
-    names = add_many(store, "lab", NUMBER)
+def questions(store: Store, number: int) -> dict[str, Callable[[], object]]:
+    """What people and the service's own parts ask, in a store filled with so many jobs."""
+    names = add_many(store, "lab", number)
     add_job(store, "lab", "{}", subjects=("S01",))
     database = store.database
     middle = listing.page(database, "lab", limit=500)
-    for _ in range(20):
+    for _ in range(number // 1000 - 1):
         middle = listing.page(database, "lab", cursor=middle.following, limit=500)
-    asked: dict[str, Callable[[], object]] = {
-        "status": lambda: jobs.get(database, "lab", names[NUMBER // 2]),
+    return {
+        "status": lambda: jobs.get(database, "lab", names[number // 2]),
         "first page": lambda: listing.page(database, "lab"),
         "deep page": lambda: listing.page(database, "lab", cursor=middle.following),
         "page of a state": lambda: listing.page(database, "lab", state=State.FAILED),
@@ -45,19 +40,43 @@ def test_status_and_lists_stay_quick(store: Store) -> None:
         "anything queued": lambda: queueing.anything_queued(database),
         "held": lambda: queueing.held(database, "someone"),
     }
-    times = {name: median_s(ask) for name, ask in asked.items()}
-    for name, taken in times.items():
-        sys.stdout.write(f"{name}: {1e3 * taken:.2f} ms\n")
-    assert {name: taken for name, taken in times.items() if taken > LIMIT_S} == {}
+
+
+def time_s(ask: Callable[[], object]) -> float:
+    begun = time.perf_counter()
+    ask()
+    return time.perf_counter() - begun
+
+
+def median_s(ask: Callable[[], object]) -> float:
+    """The median of the times of eleven calls after a first."""
+    return sorted([time_s(ask) for _ in range(12)][1:])[5]
+
+
+def test_status_and_lists_are_as_quick_as_with_few_jobs(
+    store: Store, database_url: str | None, tmp_path: Path
+) -> None:
+    # Asked in turns, the quickest of many: whatever else the machine does disturbs both alike, or neither.
+    small = Store.open(tmp_path / "small", None if database_url is None else server().new_database())
+    few, many = questions(small, FEW), questions(store, MANY)
+    slower = {}
+    for name in many:
+        times = [(time_s(few[name]), time_s(many[name])) for _ in range(40)]
+        quickest, taken = (min(column) for column in zip(*times, strict=True))
+        sys.stdout.write(f"{name}: {1e3 * quickest:.2f} ms with few, {1e3 * taken:.2f} ms with many\n")
+        slower[name] = taken / quickest
+    small.close()
+    assert {name: factor for name, factor in slower.items() if factor > SLOWER} == {}
 
 
 @pytest.mark.benchmark
-def test_choosing_and_counting(store: Store) -> None:
-    add_many(store, "lab", NUMBER, state=State.QUEUED.value)
+def test_status_lists_choosing_and_counting_keep_what_is_promised(store: Store) -> None:
+    times = {name: median_s(ask) for name, ask in questions(store, PROMISED).items()}
+    add_many(store, "crowd", PROMISED, state=State.QUEUED.value)
     with store.write() as connection:
-        chosen = median_s(lambda: queueing.next_queued(connection))
-        counted = median_s(lambda: listing.waiting_at_least(connection, "lab", 10_000))
-    sys.stdout.write(f"next queued: {1e3 * chosen:.2f} ms\n")
-    sys.stdout.write(f"10,000 waiting: {1e3 * counted:.2f} ms\n")
-    assert max(chosen, counted) < LIMIT_S
+        times["next queued"] = median_s(lambda: queueing.next_queued(connection))
+        times["10,000 waiting"] = median_s(lambda: listing.waiting_at_least(connection, "crowd", 10_000))
+    for name, taken in times.items():
+        sys.stdout.write(f"{name}: {1e3 * taken:.2f} ms\n")
+    assert {name: taken for name, taken in times.items() if taken > LIMIT_S} == {}
     sys.stdout.write(f"counts: {1e3 * median_s(lambda: listing.counts(store.database)):.1f} ms\n")

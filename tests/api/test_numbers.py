@@ -119,18 +119,27 @@ def test_a_batch(service: Served, tmp_path: Path) -> None:
     assert "/tmp" not in json.dumps(over_http)
 
 
-@pytest.mark.parametrize("who", ["laboratory", "squatter"])
-def test_comparisons(who: str, service: Served, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    if who == "laboratory":
-        file = laboratory(tmp_path)
-    else:
-        pytest.importorskip("opensim", reason="models of OpenSim cannot be read without its library")
-        file = tmp_path / "subject.yaml"
-        file.write_text(yaml.safe_dump(squatter_document(request.getfixturevalue("shared_data"))))
+def test_a_real_person_is_compared_alike(service: Served, shared_data: Path, tmp_path: Path) -> None:
+    pytest.importorskip("opensim", reason="models of OpenSim cannot be read without its library")
+    file = tmp_path / "subject.yaml"
+    file.write_text(yaml.safe_dump(squatter_document(shared_data)))
+    client = service.client()
+    job = client.ask("comparisons", subject=put(client, tmp_path, file), methods=METHODS)
+    there = compared(file, tmp_path / "out")
+    assert untimed(client.result(client.wait(job))["methods"]) == untimed(there["methods"])
+
+
+def compared(file: Path, out: Path) -> Any:
+    """The document that the command line writes."""
+    assert main(["compare", str(file), "--methods", ",".join(METHODS), "--out", str(out)]) == 0
+    return written(out, "comparison.json")
+
+
+def test_comparisons(service: Served, tmp_path: Path) -> None:
+    file = laboratory(tmp_path)
     client, out = service.client(), tmp_path / "out"
     subject = put(client, tmp_path, file)
-    assert main(["compare", str(file), "--methods", ",".join(METHODS), "--out", str(out)]) == 0
-    there = written(out, "comparison.json")
+    there = compared(file, out)
     jobs = {
         route: client.ask(route, subject=subject, methods=METHODS)
         for route in (

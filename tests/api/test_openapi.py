@@ -38,7 +38,7 @@ def test_examples_run_as_they_stand_and_results_follow_their_schemas(served: Ser
             body = found["POST", f"/v1/{kind.route}"]["requestBody"]["content"]["application/json"]
             (example,) = body["examples"].values()
             job = client.ask(kind.route, **example["value"])
-            assert client.wait(job, 120.0).state is State.DONE
+            assert client.wait(job, 600.0).state is State.DONE
             assert kind.result is not None
             TypeAdapter(kind.result).validate_python(client.result(job), strict=False)
             assert client.ask(kind.route, **example["value"]).state is State.DONE

@@ -217,8 +217,11 @@ def _parts(spells: Sequence[Spell], stretch_s: float) -> list[Spell]:
 
 
 def _not_told_apart(parts: Sequence[Spell], best: Fitting, other: Fitting) -> bool:
-    """Whether chance makes the difference: the moment's noise, or what differs from part to part."""
-    if other.misfit - best.misfit < _ALIKE:
+    """Whether chance makes the difference: the moment's noise, or what differs from part to part.
+
+    A few frames far apart make no part, and then nothing tells segments apart.
+    """
+    if not parts or other.misfit - best.misfit < _ALIKE:
         return True
     scale = max(best.left, 1e-12) / (3.0 * sum(len(part.rows) for part in parts))
     return no_worse(-costs(parts, best, scale), -costs(parts, other, scale), 0.0) > _LEVEL

@@ -66,3 +66,14 @@ def test_a_push_is_told_however_long_it_lasts(sway: Weighed, lasting_s: float) -
 
 def test_without_a_push_nothing_touches(sway: Weighed) -> None:
     assert touches([sway], 0.5) == []
+
+
+def test_a_few_frames_far_apart_tell_no_segments_apart(sway: Weighed) -> None:
+    """As where a foot off the plates hides most of what stands out; filters reach over its edges."""
+    item = pushed(sway, 300.0, 0.5, 1.3)
+    hidden = np.digitize(item.times, [0.4, 0.595, 0.825, 0.875, 1.095, 1.5]) % 2 == 1
+    seen = replace(item, footing=replace(item.footing, usable=item.usable & ~hidden))
+    assert 5 <= np.sum(seen.usable & (seen.times > 0.5) & (seen.times < 1.3)) < 10
+    (touch,) = touches([seen], 0.5)
+    assert "torso" in {c.segment for c in (touch.contact, *touch.others)}
+    assert len(touch.others) > 3

@@ -67,8 +67,8 @@ def test_no_request_of_any_form_breaks_the_service(
     options = [
         "--exclude-checks",
         "positive_data_acceptance,use_after_free",
-        "--max-time",
-        "20",
+        "--max-examples",
+        "4",
         "--seed",
         "1",
         "--no-color",
@@ -79,8 +79,8 @@ def test_no_request_of_any_form_breaks_the_service(
             cwd=tmp_path,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=600,
             check=False,
         )
     assert done.returncode == 0, done.stdout[-4000:]
-    assert int(re.search(r"(\d+) generated", done.stdout)[1]) > 2 * len(operations(served))  # type: ignore[index]
+    assert int(re.search(r"(\d+) generated", done.stdout)[1]) > 2000  # type: ignore[index]

@@ -16,7 +16,7 @@ from scaling_service.studies.puchaud2019_claims import CLAIMS
 from scaling_service.studies.puchaud2019_paper import METHODS, paper
 from tests.reports.reading import Node, read
 
-WALKERS = 2  # looked at alone; the paper's six take three times as long to make
+WALKERS = 2  # looked at alone; the paper's six, and one more, take twice as long
 PERSONS = WALKERS + 1
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from scaling_service.kernels.derivatives import spline_rates
+from scaling_service.kernels.derivatives import SplineRates
 from scaling_service.kernels.filters import butterworth
 from scaling_service.kernels.laws import Array
 
@@ -22,7 +22,12 @@ def pulled(places: Array, step: float) -> Array:
     cutoff = min(CUTOFF_HZ, 0.4 / step)
     flat = places.reshape(len(places), -1)
     smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=cutoff, order=4).values
-    return np.asarray(-spline_rates(step * np.arange(len(flat)), smooth)[1].reshape(places.shape))
+    return np.asarray(-_splines(len(flat), step).rates(smooth)[1].reshape(places.shape))
+
+
+@lru_cache(maxsize=32)
+def _splines(count: int, step: float) -> SplineRates:
+    return SplineRates(step * np.arange(count, dtype=float))
 
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

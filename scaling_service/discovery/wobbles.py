@@ -42,18 +42,19 @@ class Skin:
         poses = forward(tree, np.ascontiguousarray(self.item.q.T), self.item.task.p)
         return np.moveaxis(positions(tree, poses), -1, 0), poses.axes[tree.marker_link]
 
+    @property
+    def places(self) -> Array:
+        """Of the bone under every marker, (n, n_markers, 3), m, ground."""
+        return self._placed[0]
+
     @cached_property
     def _pull(self) -> Array:
         """Minus the acceleration under every marker, (n, n_markers, 3), m/s2, ground."""
-        return pulled(self._placed[0], self.step)
-
-    def swing(self, frequency_hz: float, damping: float) -> Array:
-        """Displacement of every marker in ground, at rest at first, (n, n_markers, 3), m."""
-        return oscillate(self._pull, self.step, frequency_hz, damping)[0]
+        return pulled(self.places, self.step)
 
     def local_swing(self, frequency_hz: float, damping: float) -> Array:
-        """The same in the axes of each marker's segment."""
-        swing = self.swing(frequency_hz, damping)
+        """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""
+        swing = oscillate(self._pull, self.step, frequency_hz, damping)[0]
         return np.asarray(np.einsum("majn,nmj->nma", self._placed[1], swing))
 
 

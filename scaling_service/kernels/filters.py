@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -185,9 +186,7 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
     x = np.array(signal, dtype=float)
     columns = x.reshape(x.shape[0], -1)
     unfiltered = np.zeros(columns.shape, bool)
-    sections = scipy.signal.butter(
-        order // 2, single_pass_cutoff(cutoff_hz, rate_hz, order // 2), fs=rate_hz, output="sos"
-    )
+    sections = _sections(order // 2, cutoff_hz, rate_hz)
     # scipy's own start-up length; at least one period of the cutoff so that the reflection has settled.
     startup = 3 * (2 * len(sections) + 1)
     for (start, stop), members in _shared_runs(np.isfinite(columns)).items():
@@ -200,6 +199,13 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
             sections, columns[start:stop, members], axis=0, padlen=padding
         )
     return Filtered(columns.reshape(x.shape), unfiltered.reshape(x.shape))
+
+
+@lru_cache(maxsize=64)
+def _sections(order: int, cutoff_hz: float, rate_hz: float) -> Array:
+    """Of one pass of a Butterworth filter, (n_sections, 6)."""
+    single = single_pass_cutoff(cutoff_hz, rate_hz, order)
+    return np.asarray(scipy.signal.butter(order, single, fs=rate_hz, output="sos"))
 
 
 def _shared_runs(flags: Mask) -> dict[tuple[int, int], list[int]]:

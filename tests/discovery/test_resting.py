@@ -1,0 +1,91 @@
+"""Skin brought to rest, where it carries all the markers of a segment."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import lsim
+
+from scaling_service.discovery.additions import Sized
+from scaling_service.discovery.resting import rested, swinging_markers
+from scaling_service.discovery.watched import Watched
+from scaling_service.discovery.wobbles import Skin
+from scaling_service.kernels.laws import Array
+from scaling_service.models.trial import Trial
+from tests.discovery.hidden import choice, person
+
+THIGH = ("LLFE", "LMFE")
+FREQUENCY_HZ, DAMPING = 4.5, 0.1
+
+
+def lagging(times: Array, path: Array) -> Array:
+    """How far a spring and damper lag behind a path (n, 3) that shakes them, by scipy's own integration.
+
+    They are first where a steady shaking would hold them.
+    """
+    shaking = make_interp_spline(times, path, k=5).derivative(2)(times)
+    w = 2.0 * np.pi * FREQUENCY_HZ
+    system = ([[0.0, 1.0], [-w * w, -2.0 * DAMPING * w]], [[0.0], [-1.0]], [[1.0, 0.0]], [[0.0]])
+    first = -shaking[0] / w**2
+    return np.stack([lsim(system, shaking[:, k], times, [first[k], 0.0])[1] for k in range(3)], axis=1)
+
+
+@cache
+def walk() -> Watched:
+    """A walk without anything wrong, as it was."""
+    return Watched.of(person().model, person().trials["gait_1"], "fit")
+
+
+def knee(item: Watched) -> Array:
+    """The bone under the thigh's markers, (n, 2, 3), m, ground."""
+    return Skin(item).places[:, [item.markers.index(name) for name in THIGH]]
+
+
+def shaken() -> Trial:
+    """The same with skin that swings under them."""
+    trial, bones = walk().trial, knee(walk())
+    markers = trial.markers.copy()
+    for k, name in enumerate(THIGH):
+        markers[:, trial.index(name)] += lagging(trial.times, bones[:, k])
+    return trial.with_markers(markers)
+
+
+def swing(share: float) -> Sized:
+    """What is there, or more or less of it."""
+    found = next(c for c in choice() if c.where == THIGH and c.swing == (FREQUENCY_HZ, DAMPING))
+    return Sized(found, np.array([share]))
+
+
+def away(item: Watched) -> float:
+    """How far the thigh is from where it was, RMS, m."""
+    return float(np.sqrt(np.mean((knee(item) - knee(walk())) ** 2)))
+
+
+def test_the_motion_is_found_under_skin_that_carries_it() -> None:
+    trial, rounds = shaken(), []
+
+    def follow(changed: Trial, near: Watched) -> Watched:
+        rounds.append(changed)
+        return Watched.of(person().model, changed, "fit", near)
+
+    begun = Watched.of(person().model, trial, "fit")
+    found = rested(trial, begun, [swing(1.0)], follow)
+    assert away(begun) > 0.003
+    assert away(found) < 0.0002
+    assert len(rounds) < 10
+
+
+def test_only_the_markers_whose_skin_swings_are_moved() -> None:
+    trial, moved = shaken(), []
+
+    def follow(changed: Trial, near: Watched) -> Watched:
+        moved.append(np.abs(changed.markers - trial.markers).max(axis=(0, 2)))
+        return near
+
+    rested(trial, walk(), [swing(0.5)], follow)
+    still = [k for k, name in enumerate(trial.labels) if name not in THIGH]
+    assert swinging_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
+    assert all(np.nanmax(each[still]) == 0.0 for each in moved)
+    assert float(np.min(moved[0][[trial.index(name) for name in THIGH]])) > 0.001

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import Exchange
-from scaling_service.discovery.evidence import Generators, span
+from scaling_service.discovery.generators import Generators, span
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
 

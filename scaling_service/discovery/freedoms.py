@@ -18,7 +18,8 @@ from scipy import special
 from scaling_service.discovery.at_once import each
 from scaling_service.discovery.candidates import FreeMotion
 from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.evidence import Generators, span, stretches_of
+from scaling_service.discovery.evidence import stretches_of
+from scaling_service.discovery.generators import Generators, span
 from scaling_service.discovery.judging import HIDDEN, Fitted
 from scaling_service.discovery.scene import Scene
 from scaling_service.discovery.spots import At, JointSpot, MarkerSpot

@@ -8,21 +8,45 @@ import numpy as np
 import scipy
 
 from scaling_service.kernels.derivatives import SplineRates
-from scaling_service.kernels.filters import butterworth
+from scaling_service.kernels.filters import butterworth, butterworth_sections
 from scaling_service.kernels.laws import Array
 
 CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
+
+_PASS = 2  # order of each of the filter's two passes
+_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 
 _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 
 def pulled(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2."""
-    cutoff = min(CUTOFF_HZ, 0.4 / step)
     flat = places.reshape(len(places), -1)
-    smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=cutoff, order=4).values
+    smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=_cutoff(step), order=2 * _PASS).values
     return np.asarray(-_splines(len(flat), step).rates(smooth)[1].reshape(places.shape))
+
+
+def _cutoff(step: float) -> float:
+    return min(CUTOFF_HZ, 0.4 / step)
+
+
+def pulled_taps(step: float) -> tuple[Array, Array]:
+    """What :func:`pulled` is away from the ends: taps of the places and of the pull, each about its middle.
+
+    The second derivative is the central difference of fourth order.
+    """
+    places, pull = -_SECOND / step**2, np.ones(1)
+    for section in butterworth_sections(_PASS, _cutoff(step), 1 / step):
+        above, below = section[:3], section[3:]
+        places = np.convolve(places, np.convolve(above, above[::-1]))
+        pull = np.convolve(pull, np.convolve(below, below[::-1]))
+    return places, pull
+
+
+def oscillator_taps(step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
+    """What :func:`oscillate` is once begun: taps of the pull and of the place, from each frame backwards."""
+    return _filters(step, frequency_hz, damping)[0]
 
 
 @lru_cache(maxsize=32)

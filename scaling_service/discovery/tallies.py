@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.discovery.evidence import span, stretches_of
+from scaling_service.discovery.evidence import stretches_of
 from scaling_service.discovery.fitting import Account
+from scaling_service.discovery.generators import span
 from scaling_service.discovery.predictable import (
     Predicted,
     marker_names,

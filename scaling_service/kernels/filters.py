@@ -186,7 +186,7 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
     x = np.array(signal, dtype=float)
     columns = x.reshape(x.shape[0], -1)
     unfiltered = np.zeros(columns.shape, bool)
-    sections = _sections(order // 2, cutoff_hz, rate_hz)
+    sections = butterworth_sections(order // 2, cutoff_hz, rate_hz)
     # scipy's own start-up length; at least one period of the cutoff so that the reflection has settled.
     startup = 3 * (2 * len(sections) + 1)
     for (start, stop), members in _shared_runs(np.isfinite(columns)).items():
@@ -202,8 +202,8 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
 
 
 @lru_cache(maxsize=64)
-def _sections(order: int, cutoff_hz: float, rate_hz: float) -> Array:
-    """Of one pass of a Butterworth filter, (n_sections, 6)."""
+def butterworth_sections(order: int, cutoff_hz: float, rate_hz: float) -> Array:
+    """Second-order sections (n_sections, 6) of one of the two passes, each of an order."""
     single = single_pass_cutoff(cutoff_hz, rate_hz, order)
     return np.asarray(scipy.signal.butter(order, single, fs=rate_hz, output="sos"))
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.evidence import Generators
 from scaling_service.discovery.fitting import account
+from scaling_service.discovery.generators import Generators
 from scaling_service.discovery.wobbles import shapes
 from scaling_service.kernels.tree import marker_positions
 from scaling_service.models.compile import compile_model, parameter_values

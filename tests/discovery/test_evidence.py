@@ -7,8 +7,9 @@ import pytest
 
 from scaling_service.discovery.candidates import Candidate
 from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.evidence import Evidence, Generators, gather
+from scaling_service.discovery.evidence import Evidence, gather
 from scaling_service.discovery.fitting import account, scene_of
+from scaling_service.discovery.generators import Generators
 from scaling_service.discovery.loads import columns_of
 from scaling_service.discovery.watched import Watched
 from scaling_service.discovery.wobbles import shapes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.signal import lsim
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.resting import rested, swinging_markers
+from scaling_service.discovery.springs import Carried
 from scaling_service.discovery.watched import Watched
 from scaling_service.discovery.wobbles import Skin
 from scaling_service.kernels.laws import Array
@@ -89,3 +91,38 @@ def test_only_the_markers_whose_skin_swings_are_moved() -> None:
     assert swinging_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
     assert all(np.nanmax(each[still]) == 0.0 for each in moved)
     assert float(np.min(moved[0][[trial.index(name) for name in THIGH]])) > 0.001
+
+
+def test_a_recording_without_the_marker_is_followed_as_it_is() -> None:
+    trial = shaken().selected([label for label in shaken().labels if label not in THIGH])
+    item = Watched.of(person().model, trial, "fit")
+    followed: list[Trial] = []
+
+    def follow(changed: Trial, near: Watched) -> Watched:
+        followed.append(changed)
+        return near
+
+    assert swinging_markers(trial, [swing(1.0)]) == ()
+    assert rested(trial, item, [swing(1.0)], follow) is item
+    assert followed == [trial]
+
+
+def test_what_the_motion_adds_to_a_swing_is_what_follows_from_a_little_more_of_it() -> None:
+    """The whole of a swing against the difference of two motions at rest."""
+    trial, little = shaken(), 0.01
+
+    def follow(changed: Trial, near: Watched) -> Watched:
+        return Watched.of(person().model, changed, "fit", near)
+
+    def moved(share: float, near: Watched) -> tuple[Watched, Array]:
+        found = rested(trial, near, [swing(share)], follow)
+        return found, (trial.markers - found.trial.markers)[:, [trial.index(name) for name in THIGH]]
+
+    less, before = moved(0.5 - little, walk())
+    more, after = moved(0.5 + little, less)
+    assert more.springs is not None
+    bare = replace(more.springs, held=tuple((k, 1.0, *rest) for k, _, *rest in more.springs.held))
+    whole = Carried.by(more, more.springs).whole(bare.moved(knee(more)), 1e-3)
+    taken = (after - before) / (2.0 * little)
+    left = float(np.sqrt(np.mean((whole - taken) ** 2)))
+    assert left < 0.05 * float(np.sqrt(np.mean(taken**2)))

@@ -70,7 +70,7 @@ def rested(trial: Trial, item: Watched, effects: Sequence[Sized], follow: Follow
     for _ in range(_ROUNDS):
         markers = trial.markers.copy()
         markers[:, on] -= moved
-        item = replace(follow(replace(trial, markers=markers), item), springs=springs)
+        item = follow(replace(trial, markers=markers), item)
         left = _under(item, springs) - moved
         rms = float(np.sqrt(np.mean(left**2)))
         gained = rms < _WORTH * least

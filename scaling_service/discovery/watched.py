@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import forward, positions
 from scaling_service.models.body import BodyModel
 from scaling_service.models.trial import Trial
-
-if TYPE_CHECKING:
-    from scaling_service.discovery.springs import Springs
 
 Role = Literal["fit", "held_out"]
 
@@ -38,8 +35,6 @@ class Watched:
     q : ndarray, shape (n_frames, n_coordinates), rad or m
     floor : ndarray, shape (n_markers,), m
         Standard deviation of the noise of one coordinate of each marker.
-    springs : Springs, optional
-        What holds the skin that swings; the markers are then where they would be without.
     """
 
     trial: Trial
@@ -47,7 +42,6 @@ class Watched:
     task: Task
     q: Array
     floor: Array
-    springs: Springs | None = None
 
     @classmethod
     def of(cls, model: BodyModel, trial: Trial, role: Role, near: Watched | None = None) -> Watched:

@@ -10,7 +10,6 @@ import numpy as np
 
 from scaling_service.discovery.oscillator import oscillate, pulled
 from scaling_service.discovery.profiles import Constant, Following, Profile, Standing, Swing
-from scaling_service.discovery.springs import Carried
 from scaling_service.discovery.standing import since_down
 from scaling_service.discovery.watched import Watched
 from scaling_service.kernels.laws import Array
@@ -19,8 +18,6 @@ from scaling_service.kernels.tree import forward, positions
 TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
 """Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
 tissue to the quick one of a marker on thin skin, lightly and well damped)."""
-
-_CLOSE = 0.01  # chosen: of a column, far below what its size is known to
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +52,9 @@ class Skin:
         """Minus the acceleration under every marker, (n, n_markers, 3), m/s2, ground."""
         return pulled(self.places, self.step)
 
-    @cached_property
-    def _carried(self) -> Carried | None:
-        return None if self.item.springs is None else Carried.by(self.item, self.item.springs)
-
     def local_swing(self, frequency_hz: float, damping: float) -> Array:
-        """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment.
-
-        With all that the motion adds to it, where such markers are known to swing and all of them do more.
-        """
+        """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""
         swing = oscillate(self._pull, self.step, frequency_hz, damping)[0]
-        if self._carried is not None:
-            numbers = self._carried.springs.numbers(self.item)
-            swing[:, numbers] = self._carried.whole(swing[:, numbers], _CLOSE)
         return np.asarray(np.einsum("majn,nmj->nma", self._placed[1], swing))
 
 

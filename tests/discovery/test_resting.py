@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy.signal import lsim
 
 from scaling_service.discovery.additions import Sized
 from scaling_service.discovery.resting import rested, swinging_markers
-from scaling_service.discovery.springs import Carried
 from scaling_service.discovery.watched import Watched
 from scaling_service.discovery.wobbles import Skin
 from scaling_service.kernels.laws import Array
@@ -105,24 +103,3 @@ def test_a_recording_without_the_marker_is_followed_as_it_is() -> None:
     assert swinging_markers(trial, [swing(1.0)]) == ()
     assert rested(trial, item, [swing(1.0)], follow) is item
     assert followed == [trial]
-
-
-def test_what_the_motion_adds_to_a_swing_is_what_follows_from_a_little_more_of_it() -> None:
-    """The whole of a swing against the difference of two motions at rest."""
-    trial, little = shaken(), 0.01
-
-    def follow(changed: Trial, near: Watched) -> Watched:
-        return Watched.of(person().model, changed, "fit", near)
-
-    def moved(share: float, near: Watched) -> tuple[Watched, Array]:
-        found = rested(trial, near, [swing(share)], follow)
-        return found, (trial.markers - found.trial.markers)[:, [trial.index(name) for name in THIGH]]
-
-    less, before = moved(0.5 - little, walk())
-    more, after = moved(0.5 + little, less)
-    assert more.springs is not None
-    bare = replace(more.springs, held=tuple((k, 1.0, *rest) for k, _, *rest in more.springs.held))
-    whole = Carried.by(more, more.springs).whole(bare.moved(knee(more)), 1e-3)
-    taken = (after - before) / (2.0 * little)
-    left = float(np.sqrt(np.mean((whole - taken) ** 2)))
-    assert left < 0.05 * float(np.sqrt(np.mean(taken**2)))

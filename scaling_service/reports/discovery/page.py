@@ -45,23 +45,18 @@ def discovery_page(data: DiscoveryData) -> Page:
 
 def headline(document: DiscoveryDocument) -> str:
     """The verdict in one sentence."""
+    level, unseen = document.gap.held_out.whitened, _unseen(document)
     if document.verdict == "nothing":
-        return "Nothing stands above the noise: the model explains these recordings"
+        left = f": {unseen} are followed to {digits(level.after)} times the floor" if level else ""
+        return f"Nothing stands above the noise{left}"
     if document.verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
     count = len(document.effects)
     things = "One missing effect was" if count == 1 else f"{count} missing effects were"
-    return f"{things} found{_closed(document)}"
-
-
-def _closed(document: DiscoveryDocument) -> str:
-    level = document.gap.held_out.whitened
     if level is None:
-        return ""
-    return (
-        f"; the gap on {_unseen(document)} falls from {digits(level.before)} to {digits(level.after)} times "
-        "the floor"
-    )
+        return f"{things} found"
+    fall = f"falls from {digits(level.before)} to {digits(level.after)} times the floor"
+    return f"{things} found; the gap on {unseen} {fall}"
 
 
 def _unseen(document: DiscoveryDocument) -> str:

@@ -48,11 +48,15 @@ function verdict(document: DiscoveryDocument): HTMLElement[] {
 }
 
 function headline(document: DiscoveryDocument): string {
-  if (document.verdict === "nothing") return "Nothing stands above the noise: the model explains these recordings";
+  const level = document.gap.held_out.whitened;
+  const unseen = document.held_out_trials.length > 0 ? "held-out recordings" : "the recordings (none was held out)";
+  if (document.verdict === "nothing") {
+    const left = level === null ? "" : `: ${unseen} are followed to ${figures(level.after)} times the floor`;
+    return `Nothing stands above the noise${left}`;
+  }
   if (document.verdict === "unexplained") return "Something stands above the noise, and nothing in the catalogue explains it";
   const count = document.effects.length;
-  const level = document.gap.held_out.whitened;
-  const closed = level === null ? "" : `; the gap on ${document.held_out_trials.length > 0 ? "held-out recordings" : "the recordings (none was held out)"} falls from ${figures(level.before)} to ${figures(level.after)} times the floor`;
+  const closed = level === null ? "" : `; the gap on ${unseen} falls from ${figures(level.before)} to ${figures(level.after)} times the floor`;
   return `${count === 1 ? "One missing effect was" : `${count} missing effects were`} found${closed}`;
 }
 

@@ -17,6 +17,9 @@ from scaling_service.schemas.discovery import DiscoveryDocument, EffectDocument,
 _TRIED = 10
 """Chosen: of what was not named, as many as stay readable."""
 
+_TWINS = 6
+"""Chosen likewise, of those that are not told apart; the best come first."""
+
 _HAIR = 0.01
 """Per cent: so short is the bar of what takes nothing off; without any length it has no name beside it."""
 
@@ -70,7 +73,10 @@ def _twins(data: DiscoveryData, effect: EffectDocument) -> Iterator[Block]:
     if not effect.confusable_with:
         return
     yield Text("These recordings do not tell it from:")
-    yield Bullets([_twin(data, effect, twin) for twin in effect.confusable_with])
+    yield Bullets([_twin(data, effect, twin) for twin in effect.confusable_with[:_TWINS]])
+    more = len(effect.confusable_with) - _TWINS
+    if more > 0:
+        yield Text(f"and from {more} more that explain it less well; they are in discovery.json.", quiet=True)
     if effect.would_separate:
         yield Text(f"This would tell them apart: {effect.would_separate}.")
 

@@ -2,7 +2,7 @@
 
 import { barsHeight, barsOption } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
-import { bullets } from "../ui/blocks.ts";
+import { bullets, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
@@ -11,6 +11,7 @@ import { chance, figures, percent } from "../ui/words.ts";
 import { placed, type DiscoveryDocument, type Effect, type Quantity } from "./discoverydocument.ts";
 
 const MOST_TRIED = 10;
+const TWINS = 6;
 const NORMAL_95 = 1.96;
 
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
@@ -28,7 +29,8 @@ function chapter(effect: Effect, count: number): HTMLElement[] {
     h("p", null, `${sentence(effect.name)} ${evidence(effect)}`),
     numbers(effect),
     twins.length > 0
-      ? h("div", null, h("p", null, "These recordings do not tell it from its twins:"), bullets(twins.map(placed)),
+      ? h("div", null, h("p", null, "These recordings do not tell it from its twins:"), bullets(twins.slice(0, TWINS).map(placed)),
+          twins.length > TWINS && folded(`${twins.length - TWINS} more that explain it less well`, bullets(twins.slice(TWINS).map(placed))),
           effect.would_separate !== null && h("p", null, `This would tell them apart: ${effect.would_separate}.`))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];

@@ -21,7 +21,7 @@ _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 
 def pulled(places: Array, step: float) -> Array:
-    """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2."""
+    """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2, in six frames or more."""
     flat = places.reshape(len(places), -1)
     smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=_cutoff(step), order=2 * _PASS).values
     return np.asarray(-_splines(len(flat), step).rates(smooth)[1].reshape(places.shape))

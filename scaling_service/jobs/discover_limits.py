@@ -1,14 +1,35 @@
-"""What these recordings are too short to decide, said before the search."""
+"""What is too short to be searched, and what recordings are too short to decide, said before the search."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from scaling_service.core.errors import TrialUnusable
 from scaling_service.discovery.fitting import Recording
+from scaling_service.kernels.derivatives import MIN_SAMPLES
+from scaling_service.models.trial import Trial
 
 _AT_LEAST = 8
 """Stretches below which a person is told how much can be judged (chosen: an effect of three numbers then has
 at most five degrees of freedom left)."""
+
+
+def check_lengths(trials: Sequence[Trial]) -> None:
+    """Refuse recordings that no acceleration can be told from.
+
+    Raises
+    ------
+    TrialUnusable
+        A trial has fewer frames than that takes.
+    """
+    for trial in trials:
+        if trial.n_frames < MIN_SAMPLES:
+            raise TrialUnusable(
+                f"too few frames for a movement, {trial.n_frames}: accelerations take {MIN_SAMPLES} at least",
+                file=trial.name,
+                field="trials",
+                remedy="Leave it out, or name a recording of standing under `static:`",
+            )
 
 
 def limits(recordings: Sequence[Recording], stretch_s: float) -> tuple[str, ...]:

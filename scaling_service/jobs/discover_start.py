@@ -13,7 +13,7 @@ from scaling_service.jobs import tasks
 from scaling_service.jobs.discover_fit import check_fits
 from scaling_service.jobs.discover_forces import Footings, footings
 from scaling_service.jobs.discover_free import free_of
-from scaling_service.jobs.discover_limits import limits
+from scaling_service.jobs.discover_limits import check_lengths, limits
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
 from scaling_service.jobs.dynamics_inertia import Massive, with_inertia
 from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN
@@ -117,6 +117,7 @@ def prepare(
             remedy="Name recordings under `calibration:` and `evaluation:`",
         )
     with blamed_on(None, recordings(session.subject)):
+        check_lengths(session.dynamic)
         method = chosen.start or ("EB_am" if session.images is not None else "MB_am")
         calibration, warnings = _calibrated(loaded, method, settings, progress)
         model = session.model if calibration is None else calibration.model

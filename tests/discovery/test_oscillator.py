@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.discovery.oscillator import oscillate
+from scaling_service.discovery.oscillator import oscillate, oscillator_taps, pulled, pulled_taps
 
 STEP, FREQUENCY, DAMPING = 0.01, 3.0, 0.2
 W = 2.0 * np.pi * FREQUENCY
@@ -24,3 +24,24 @@ def test_a_wave_makes_it_swing_as_the_closed_form_says() -> None:
     late = times > 4.0
     np.testing.assert_allclose(place[late], steady.real[late], atol=2e-3 * np.abs(steady[0]))
     np.testing.assert_allclose(speed[late], (1j * v * steady).real[late], atol=2e-3 * v * np.abs(steady[0]))
+
+
+def test_points_on_a_wave_are_pulled_as_the_closed_form_says() -> None:
+    v = 2.0 * np.pi * 2.2
+    times = STEP * np.arange(400)
+    pull = pulled(np.cos(v * times)[:, None], STEP)[:, 0]
+    inside = slice(50, -50)
+    np.testing.assert_allclose(pull[inside], (v**2 * np.cos(v * times))[inside], atol=2e-3 * v**2)
+
+
+def test_taps_are_the_filters_far_from_the_ends() -> None:
+    places = np.random.default_rng(1).normal(size=(600, 1))
+    of_places, of_pull = pulled_taps(STEP)
+    pull = pulled(places, STEP)[:, 0]
+    left, right = np.convolve(pull, of_pull, "same"), np.convolve(places[:, 0], of_places, "same")
+    inside = slice(200, -200)
+    assert np.sqrt(np.mean((left - right)[inside] ** 2)) < 0.2 * np.sqrt(np.mean(right[inside] ** 2))
+    of_force, of_place = oscillator_taps(STEP, FREQUENCY, DAMPING)
+    moved = oscillate(pull, STEP, FREQUENCY, DAMPING)[0]
+    one, other = np.convolve(moved, of_place)[: len(pull)], np.convolve(pull, of_force)[: len(pull)]
+    np.testing.assert_allclose(one[inside], other[inside], atol=1e-9 * np.abs(other).max() + 1e-12)

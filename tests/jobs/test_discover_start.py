@@ -13,7 +13,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.discovery.fitting import Recording
 from scaling_service.jobs.discover_fit import LARGEST_M, check_fits, mirrored, typical_distance
 from scaling_service.jobs.discover_free import free_of
-from scaling_service.jobs.discover_limits import limits
+from scaling_service.jobs.discover_limits import check_lengths, limits
 from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
 from scaling_service.jobs.discover_start import prepare, read
 from scaling_service.jobs.loading import Loaded
@@ -35,6 +35,17 @@ def test_roles_follow_the_subject_file() -> None:
     assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert prepared.free == ()
     assert any("no recording has forces" in note for note in prepared.notes)
+
+
+def test_a_few_frames_are_refused_with_what_to_do() -> None:
+    trial = session().evaluation[0]
+
+    def first(n: int) -> Trial:
+        return replace(trial, times=trial.times[:n], markers=trial.markers[:n])
+
+    check_lengths([trial, first(6)])
+    with pytest.raises(TrialUnusable, match=r"too few frames for a movement, 5: .* `static:`"):
+        check_lengths([trial, first(5)])
 
 
 def test_without_held_out_recordings_all_fit() -> None:

@@ -48,7 +48,10 @@ def _swings(trial: Trial, effects: Sequence[Sized]) -> list[tuple[Swing, float]]
 
 
 def rested(trial: Trial, item: Watched, effects: Sequence[Sized], follow: Follow) -> Watched:
-    """A recording followed with its skin at rest.
+    """A recording followed with its skin at rest, or as nearly as its markers allow.
+
+    Where all markers of a segment swing with a share of one, quick motions of the bone do not show: a part of
+    them stays open, and the round that left least is given.
 
     Parameters
     ----------

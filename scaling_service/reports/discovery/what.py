@@ -18,7 +18,7 @@ _TRIED = 10
 """Chosen: of what was not named, as many as stay readable."""
 
 _TWINS = 6
-"""Chosen likewise, of those that are not told apart; the best come first."""
+"""Chosen likewise, of those that are not told apart."""
 
 _HAIR = 0.01
 """Per cent: so short is the bar of what takes nothing off; without any length it has no name beside it."""
@@ -76,7 +76,7 @@ def _twins(data: DiscoveryData, effect: EffectDocument) -> Iterator[Block]:
     yield Bullets([_twin(data, effect, twin) for twin in effect.confusable_with[:_TWINS]])
     more = len(effect.confusable_with) - _TWINS
     if more > 0:
-        yield Text(f"and from {more} more that explain it less well; they are in discovery.json.", quiet=True)
+        yield Text(f"and from {more} more, which are in discovery.json.", quiet=True)
     if effect.would_separate:
         yield Text(f"This would tell them apart: {effect.would_separate}.")
 

@@ -30,7 +30,7 @@ function chapter(effect: Effect, count: number): HTMLElement[] {
     numbers(effect),
     twins.length > 0
       ? h("div", null, h("p", null, "These recordings do not tell it from its twins:"), bullets(twins.slice(0, TWINS).map(placed)),
-          twins.length > TWINS && folded(`${twins.length - TWINS} more that explain it less well`, bullets(twins.slice(TWINS).map(placed))),
+          twins.length > TWINS && folded(`${twins.length - TWINS} more`, bullets(twins.slice(TWINS).map(placed))),
           effect.would_separate !== null && h("p", null, `This would tell them apart: ${effect.would_separate}.`))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];

@@ -23,6 +23,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable, TrialUnusable
+from scaling_service.formats.c3d_sizes import stated_sizes
 from scaling_service.formats.tables import clean_positions, read_bytes, refuse_duplicates
 from scaling_service.models.trial import Array, Repair, Trial
 
@@ -145,7 +146,13 @@ def c3d_trial(content: C3dFile, file: Path) -> Trial:
     markers, lost = clean_positions(content.points[:, kept] * scale, labels)
     times = np.arange(len(markers)) / content.rate_hz
     return Trial(
-        file.stem, times, labels, markers, content.rate_hz, (*repairs, *unit_repairs, *_cut(content), *lost)
+        file.stem,
+        times,
+        labels,
+        markers,
+        content.rate_hz,
+        (*repairs, *unit_repairs, *_cut(content), *lost),
+        stated_sizes(content.parameters),
     )
 
 

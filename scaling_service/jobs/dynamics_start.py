@@ -100,9 +100,10 @@ def prepare(
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file):
-        height = _height(known)
         read = _forces_read(known)
         loaded = load(known, settings)
+        known = loaded.session.subject  # with what the recordings state
+        height = _height(known)
         feet_of(loaded.session.model)
         with blamed_on(None, recordings(known)):
             forces = _forces(loaded, known, read, chosen.cutoff_hz)

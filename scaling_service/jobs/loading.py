@@ -25,6 +25,7 @@ from scaling_service.jobs.notes import notes
 from scaling_service.jobs.settings import Settings
 from scaling_service.models.body import BodyModel
 from scaling_service.models.builtin import builtin
+from scaling_service.models.sizes import MeasuredSizes, merge
 from scaling_service.models.subject import ScaleSetup, Session, Subject
 from scaling_service.models.trial import Repair, Trial
 from scaling_service.processing.orientation import Orientation, decide
@@ -68,6 +69,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     _check_segments(subject, model)
     paths = recordings(subject)
     raw = {path: _read(path) for path in paths}
+    subject, of_sizes = with_stated_sizes(subject, raw)
     _check_explicit(subject, model, list(raw.values()))
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
@@ -88,7 +90,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
         tuple(ready[path] for path in subject.calibration),
         tuple(ready[path] for path in subject.evaluation),
         setup,
-        (*told, *of_images, *notes(model, subject, [trial for trial, _ in named.values()])),
+        (*of_sizes, *told, *of_images, *notes(model, subject, [trial for trial, _ in named.values()])),
         images,
     )
     return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description, axes)
@@ -119,6 +121,29 @@ def recordings(subject: Subject) -> tuple[Path, ...]:
     """The files of all trials, each once: static, calibration, evaluation."""
     static = () if subject.static is None else (subject.static,)
     return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
+
+
+def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:
+    """The subject with height, mass and sizes that its recordings state and its file does not.
+
+    Returns
+    -------
+    subject : Subject
+    notes : tuple of str
+        What two of them state differently: the subject file counts before the recordings, then the first
+        recording.
+    """
+    own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
+    notes = tuple(
+        f"{path.name} states another {name.replace('_', ' ')} than the subject file, which counts"
+        for path, trial in trials.items()
+        for name in own.conflicts(trial.sizes)
+    )
+    known = own.or_else(merge(trial.sizes for trial in trials.values()))
+    completed = replace(
+        subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
+    )
+    return completed, notes
 
 
 @contextmanager

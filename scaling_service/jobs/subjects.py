@@ -81,6 +81,7 @@ def subject_from_document(
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
         image_markers=find.optional(document.image_markers, "image_markers"),
+        sizes_m=document.sizes_m,
     )
 
 

@@ -13,6 +13,7 @@ from scaling_service.models.images import ImageEvidence
 from scaling_service.models.trial import Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+_NO_SIZES: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,8 @@ class Subject:
         A trial's file name to the file with its ground forces.
     bones : mapping
         Segment to mesh file, in ``bone_units``.
+    sizes_m : mapping
+        Measured by hand: keys of :data:`scaling_service.schemas.sizes.RANGES_M` to m.
     """
 
     id: str
@@ -49,6 +52,7 @@ class Subject:
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
     image_markers: Path | None = None
+    sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
 
 
 @dataclass(frozen=True, slots=True)

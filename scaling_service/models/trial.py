@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import MarkerMissing, TrialUnusable
+from scaling_service.models.sizes import NOT_MEASURED, MeasuredSizes
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,8 @@ class Trial:
         NaN where a marker was not seen. X forward, Y up, Z right once oriented.
     rate_hz : float
     repairs : tuple of Repair
+    sizes : MeasuredSizes
+        Of the person, as the file states them.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Trial:
     markers: Array
     rate_hz: float
     repairs: tuple[Repair, ...] = field(default=())
+    sizes: MeasuredSizes = NOT_MEASURED
 
     def __post_init__(self) -> None:
         frames = len(self.times)

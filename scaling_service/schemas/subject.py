@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 from pathlib import PurePath
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
+
+from scaling_service.schemas.sizes import RANGES_M, SIZE_UNIT
 
 HEIGHT_RANGE_M = (0.3, 2.8)
 """Chosen: from a preterm infant to the tallest person on record (2.72 m); centimetres fall outside."""
@@ -129,6 +132,7 @@ class SubjectDocument(_Strict):
     forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
     bones: Bones | None = None
     image_markers: Name | None = Field(default=None, description="CSV: marker,segment,x_mm,y_mm,z_mm.")
+    sizes: dict[Name, float] = Field(default={}, description="Measured by hand, such as knee_width_r_mm.")
 
     @property
     def model_is_file(self) -> bool:
@@ -146,7 +150,13 @@ class SubjectDocument(_Strict):
                 )
         self._check_labels()
         self._check_forces()
+        self._check_sizes()
         return self
+
+    @property
+    def sizes_m(self) -> dict[str, float]:
+        """The sizes in m, by name without unit."""
+        return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
 
     def _check_labels(self) -> None:
         meaning: dict[str, str] = {}
@@ -164,6 +174,23 @@ class SubjectDocument(_Strict):
                     f"'{label}' is under `markers` too",
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
+                )
+
+    def _check_sizes(self) -> None:
+        for name, value in self.sizes.items():
+            limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
+            if limits is None:
+                known = [f"{size}{SIZE_UNIT}" for size in RANGES_M]
+                close = difflib.get_close_matches(name, known, n=1)
+                raise _wrong(
+                    "there is no such size",
+                    f"{f'Did you mean {close[0]}? ' if close else ''}Sizes are {', '.join(known)}",
+                    f"sizes.{name}",
+                )
+            low, high = (1e3 * limit for limit in limits)
+            if not low <= value <= high:
+                raise _wrong(
+                    f"{value:g} mm is not between {low:g} and {high:g} mm", "Give it in mm", f"sizes.{name}"
                 )
 
     def _check_forces(self) -> None:

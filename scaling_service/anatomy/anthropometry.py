@@ -1,0 +1,296 @@
+"""What is known of a person's dimensions before anything is measured: sizes given stature, mass, sex and age.
+
+Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are jointly
+Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their sources are
+in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+import yaml
+
+from scaling_service.core.errors import InputError
+from scaling_service.kernels.laws import Array
+from scaling_service.models.inertia_tables import Sex
+from scaling_service.models.reference import reference_folder
+
+ADULT_YEARS = 18.0
+"""From this age on ANSUR II's statistics hold (its youngest are 17)."""
+
+SIZE_SD = {"stature": 0.01, "mass": 0.02}
+"""Relative standard deviation of what a person is declared to be: 17 mm with shoes and by memory, 2 % (chosen)."""
+
+MEASURED_SD = 0.01
+"""Relative standard deviation of a size measured with tape or calliper (chosen: 9 mm of a leg, 1 mm of a knee)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DimensionPrior:
+    """Gaussian distribution of the logarithms of a person's dimensions.
+
+    Parameters
+    ----------
+    names : tuple of str, length n
+    mean : ndarray, shape (n,)
+        Of log(m); of log(kg) for ``mass``.
+    covariance : ndarray, shape (n, n)
+        Of the logarithms; positive definite.
+
+    Examples
+    --------
+    >>> prior = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
+    >>> f"{prior.value('femur_r'):.3f} {prior.sd('femur_r'):.3f}"
+    '0.430 0.018'
+    >>> longer = prior.condition({"shank_r": (0.45, 0.005)})
+    >>> longer.value("shank_l") > prior.value("shank_l")
+    True
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+
+    def value(self, name: str) -> float:
+        """Median of a dimension, m (kg for ``mass``)."""
+        return float(np.exp(self.mean[self._index(name)]))
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of a dimension to first order, m (kg for ``mass``)."""
+        i = self._index(name)
+        return self.value(name) * float(np.sqrt(self.covariance[i, i]))
+
+    def interval(self, name: str, sds: float = 1.96) -> tuple[float, float]:
+        """The range of so many standard deviations of the logarithm, m (kg for ``mass``)."""
+        factor = float(np.exp(sds * np.sqrt(self.covariance[self._index(name), self._index(name)])))
+        return self.value(name) / factor, self.value(name) * factor
+
+    def select(self, names: tuple[str, ...]) -> DimensionPrior:
+        """The joint distribution of some of the dimensions, in the order given."""
+        rows = [self._index(name) for name in names]
+        return DimensionPrior(names, self.mean[rows], self.covariance[np.ix_(rows, rows)])
+
+    def condition(self, measured: Mapping[str, tuple[float, float]]) -> DimensionPrior:
+        """What is known once some dimensions were measured; exact for Gaussian logarithms.
+
+        Parameters
+        ----------
+        measured : mapping
+            Dimension to (value, standard deviation), m (kg for ``mass``); independent errors.
+
+        Raises
+        ------
+        InputError
+            There is no such dimension, or value or standard deviation is not a positive number.
+        """
+        return self._update(measured)[0]
+
+    def _update(self, measured: Mapping[str, tuple[float, float]]) -> tuple[DimensionPrior, float]:
+        """The conditioned distribution, and the logarithm of how probable the measured values were."""
+        if not measured:
+            return self, 0.0
+        for name, pair in measured.items():
+            if not all(0.0 < number < np.inf for number in pair):
+                raise InputError(
+                    f"{pair[0]:g} with standard deviation {pair[1]:g} is no size",
+                    field=name,
+                    remedy="Give both in m (mass in kg), above zero",
+                )
+        rows = [self._index(name) for name in measured]
+        values, sds = np.array(list(measured.values())).T
+        innovation = self.covariance[np.ix_(rows, rows)] + np.diag((sds / values) ** 2)
+        surprise = np.log(values) - self.mean[rows]
+        gain = np.linalg.solve(innovation, self.covariance[rows]).T
+        kept = np.eye(len(self.names))
+        kept[:, rows] -= gain
+        noise = gain * (sds / values)
+        covariance = (
+            kept @ self.covariance @ kept.T + noise @ noise.T
+        )  # Joseph's form: stays positive definite
+        evidence = -0.5 * (
+            surprise @ np.linalg.solve(innovation, surprise) + np.linalg.slogdet(2.0 * np.pi * innovation)[1]
+        )
+        return DimensionPrior(self.names, self.mean + gain @ surprise, covariance), float(evidence)
+
+    def _index(self, name: str) -> int:
+        if name not in self.names:
+            raise InputError(
+                f"there is no dimension '{name}'", field=name, remedy=f"There are {', '.join(self.names)}"
+            )
+        return self.names.index(name)
+
+
+def predict_dimensions(
+    *,
+    sex: Sex | None,
+    height_m: float | None,
+    mass_kg: float | None,
+    age_years: float | None = None,
+    sizes: Mapping[str, float | tuple[float, float]] | None = None,
+) -> DimensionPrior:
+    """Dimensions to expect of a person of whom some or none of these are known.
+
+    Parameters
+    ----------
+    sex : 'F', 'M' or None
+        Unknown: the mixture of both by how well they explain what is known, with its mean and covariance.
+    height_m, mass_kg : float or None
+        Unknown ones are the public's (or children's of the age), not soldiers'.
+    age_years : float or None
+        Below 18 a child's proportions are taken. Unknown: adult and child are mixed likewise.
+    sizes : mapping, optional
+        Measured dimensions, m, alone or with their standard deviation.
+
+    Returns
+    -------
+    DimensionPrior
+        Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
+        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l``, ``knee_width_r`` …).
+
+    Raises
+    ------
+    InputError
+        A size is unknown or not positive.
+
+    Notes
+    -----
+    Offsets turn heights of landmarks into joint centres, to first order about the person's expected measures.
+    The population is American: soldiers of 2012 for proportions, citizens for stature and mass.
+    """
+    declared = {"stature": height_m, "mass": mass_kg}
+    known = {n: (v, v * SIZE_SD[n]) for n, v in declared.items() if v is not None}
+    measured = {
+        name: size if isinstance(size, tuple) else (size, MEASURED_SD * size)
+        for name, size in (sizes or {}).items()
+    }
+    sexes: tuple[Sex, ...] = ("F", "M") if sex is None else (sex,)
+    share = _rules()["children"]["share"] if age_years is None else float(age_years < ADULT_YEARS)
+    parts: list[DimensionPrior] = []
+    scores: list[float] = []
+    for one, child in product(sexes, (False, True)):
+        weight = share if child else 1.0 - share
+        if weight == 0.0:
+            continue
+        people = _children(one, height_m, age_years) if child else _adults(one)
+        body, of_body = people._update(known)
+        whole, of_sizes = _with_lengths(body, one)._update(measured)
+        parts.append(whole)
+        scores.append(np.log(weight) + of_body + of_sizes)
+    return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
+
+
+def soldiers(sex: Sex) -> DimensionPrior:
+    """The body measures of ANSUR II's soldiers of a sex, without lengths between joint centres."""
+    table = _statistics()
+    entry = table[sex]
+    n = len(table["names"])
+    correlation = np.eye(n)
+    correlation[np.tril_indices(n, -1)] = [value for row in entry["correlation"] for value in row]
+    correlation = correlation + correlation.T - np.eye(n)
+    spread = np.array(entry["spread"])
+    return DimensionPrior(
+        tuple(table["names"]), np.array(entry["mean"]), spread[:, None] * correlation * spread
+    )
+
+
+def _adults(sex: Sex) -> DimensionPrior:
+    """The soldiers' proportions with the public's stature and mass."""
+    army, public = soldiers(sex), _rules()["public"][sex]
+    slopes, rest = _regress(army)
+    spread = np.array(public["spread"])
+    within = np.diag(spread**2) + public["correlation"] * np.prod(spread) * np.array([[0, 1], [1, 0]])
+    shift = np.log([public["stature"], public["mass"]]) - army.mean[:2]
+    return DimensionPrior(army.names, army.mean + slopes @ shift, rest + slopes @ within @ slopes.T)
+
+
+def _children(sex: Sex, height_m: float | None, age_years: float | None) -> DimensionPrior:
+    """Children's measures: proportions by stature, spread as adults' and wider."""
+    rules, army = _rules()["children"], soldiers(sex)
+    if age_years is None:
+        middle, spread = np.log(rules["unknown_age"]["stature"]), rules["unknown_age"]["spread"]
+    else:
+        middle = np.interp(age_years, rules["age_years"], np.log(rules["stature"][sex]))
+        spread = rules["stature_spread"]
+    about = middle if height_m is None else np.log(height_m)
+    exponents = np.array([rules["growth"].get(name, (1.0, 1.0)) for name in army.names])
+    turn, mass = np.log(rules["turn_m"]), rules["mass"]
+    below, above = min(about - turn, 0.0), max(about, turn) - army.mean[0]
+    line = army.mean + exponents @ np.array([below, above])
+    line[1] = np.log(mass["at_1_5_m"]) + mass["exponent"] * (about - turn)
+    along = exponents[:, 0 if about < turn else 1].copy()
+    along[1] = mass["exponent"]
+    slopes, rest = _regress(army)
+    trend = rules["trend_spread"] * (exponents - 1.0) @ np.array([below, above])
+    covariance = (
+        rules["widened"] * rest
+        + np.outer(trend, trend)
+        + np.outer(along, along) * spread**2
+        + np.outer(slopes[:, 1], slopes[:, 1]) * mass["spread"] ** 2
+    )
+    return DimensionPrior(army.names, line + along * (middle - about), covariance)
+
+
+def _regress(army: DimensionPrior) -> tuple[Array, Array]:
+    """Slopes of all measures on log stature and log mass, shape (n, 2), and the covariance that is left."""
+    slopes = np.linalg.solve(army.covariance[:2, :2], army.covariance[:2]).T
+    return slopes, army.covariance - slopes @ army.covariance[:2]
+
+
+def _with_lengths(body: DimensionPrior, sex: Sex) -> DimensionPrior:
+    """Add the lengths between joint centres, linearised about the mean, and their sides."""
+    rules = _rules()
+    offsets, lengths, sides = rules["offsets"], rules["lengths"], rules["sides"]
+    at = np.array([[lengths[n].get(m, 0.0) for m in body.names] for n in lengths])
+    by = np.array([[lengths[n].get(o, 0.0) for o in offsets] for n in lengths])
+    usual = np.array([offset[sex] for offset in offsets.values()])
+    spread = np.array([offset["spread"] for offset in offsets.values()])
+    at[:, body.names.index("stature")] += by @ usual
+    terms = at * np.exp(body.mean)
+    size = terms.sum(axis=1)
+    slopes = terms / size[:, None]
+    noise = by * spread * np.exp(body.mean[0]) / size[:, None]
+    own = np.diag([lengths[n]["own"] ** 2 for n in lengths])
+    # each length once if it lies in the middle, twice if it has sides
+    picked = [(i, n, half) for i, n in enumerate(lengths) for half in ((0.5, -0.5) if n in sides else (0.0,))]
+    copies = np.eye(len(lengths))[[i for i, _, _ in picked]]
+    unlike = np.zeros((len(picked), len(lengths)))
+    for row, (i, name, half) in enumerate(picked):
+        unlike[row, i] = half * sides.get(name, 0.0)
+    loads = np.vstack([np.eye(len(body.names)), copies @ slopes])
+    covariance = loads @ body.covariance @ loads.T
+    k = len(body.names)
+    covariance[k:, k:] += copies @ (noise @ noise.T + own) @ copies.T + unlike @ unlike.T
+    suffix = {0.5: "_r", -0.5: "_l", 0.0: ""}
+    names = body.names + tuple(name + suffix[half] for _, name, half in picked)
+    return DimensionPrior(names, np.concatenate([body.mean, copies @ np.log(size)]), covariance)
+
+
+def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrior:
+    """The Gaussian with the mean and covariance of a mixture."""
+    weights = weights / weights.sum()
+    means = np.array([part.mean for part in parts])
+    mean = weights @ means
+    apart = np.sqrt(weights)[:, None] * (means - mean)
+    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
+    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
+
+
+@cache
+def _statistics() -> dict[str, Any]:
+    return _load("anthropometry_ansur2.yaml")
+
+
+@cache
+def _rules() -> dict[str, Any]:
+    return _load("anthropometry_lengths.yaml")
+
+
+def _load(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load((reference_folder() / name).read_text(encoding="utf-8"))
+    return content

@@ -1,8 +1,8 @@
 """What is known of a person's dimensions before anything is measured: sizes given stature, mass, sex and age.
 
-Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are jointly
-Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their sources are
-in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
+Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are
+jointly Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their
+sources are in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from scaling_service.kernels.laws import Array
 from scaling_service.models.inertia_tables import Sex
 from scaling_service.models.reference import reference_folder
 
-ADULT_YEARS = 18.0
-"""From this age on ANSUR II's statistics hold (its youngest are 17)."""
+GROWING_YEARS = (14.0, 18.0)
+"""Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
 
-SIZE_SD = {"stature": 0.01, "mass": 0.02}
-"""Relative standard deviation of what a person is declared to be: 17 mm with shoes and by memory, 2 % (chosen)."""
+DECLARED_SD = {"stature": 0.006, "mass": 0.02}
+"""Relative standard deviation of what a person is declared to be (chosen: 10 mm, 1.4 kg)."""
 
-MEASURED_SD = 0.01
-"""Relative standard deviation of a size measured with tape or calliper (chosen: 9 mm of a leg, 1 mm of a knee)."""
+MEASURED_SD = 0.006
+"""Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,7 @@ class DimensionPrior:
     --------
     >>> prior = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
     >>> f"{prior.value('femur_r'):.3f} {prior.sd('femur_r'):.3f}"
-    '0.430 0.018'
+    '0.427 0.020'
     >>> longer = prior.condition({"shank_r": (0.45, 0.005)})
     >>> longer.value("shank_l") > prior.value("shank_l")
     True
@@ -143,7 +143,8 @@ def predict_dimensions(
     height_m, mass_kg : float or None
         Unknown ones are the public's (or children's of the age), not soldiers'.
     age_years : float or None
-        Below 18 a child's proportions are taken. Unknown: adult and child are mixed likewise.
+        Below 14 a child's proportions are taken, from 18 on an adult's, between them their mixture. Unknown:
+        adult and child are mixed by how well they explain what is known.
     sizes : mapping, optional
         Measured dimensions, m, alone or with their standard deviation.
 
@@ -151,7 +152,7 @@ def predict_dimensions(
     -------
     DimensionPrior
         Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
-        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l``, ``knee_width_r`` …).
+        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l`` …).
 
     Raises
     ------
@@ -164,13 +165,17 @@ def predict_dimensions(
     The population is American: soldiers of 2012 for proportions, citizens for stature and mass.
     """
     declared = {"stature": height_m, "mass": mass_kg}
-    known = {n: (v, v * SIZE_SD[n]) for n, v in declared.items() if v is not None}
+    known = {n: (v, v * DECLARED_SD[n]) for n, v in declared.items() if v is not None}
     measured = {
         name: size if isinstance(size, tuple) else (size, MEASURED_SD * size)
         for name, size in (sizes or {}).items()
     }
     sexes: tuple[Sex, ...] = ("F", "M") if sex is None else (sex,)
-    share = _rules()["children"]["share"] if age_years is None else float(age_years < ADULT_YEARS)
+    share = (
+        _rules()["children"]["share"]
+        if age_years is None
+        else np.interp(age_years, GROWING_YEARS, (1.0, 0.0))
+    )
     parts: list[DimensionPrior] = []
     scores: list[float] = []
     for one, child in product(sexes, (False, True)):
@@ -179,7 +184,7 @@ def predict_dimensions(
             continue
         people = _children(one, height_m, age_years) if child else _adults(one)
         body, of_body = people._update(known)
-        whole, of_sizes = _with_lengths(body, one)._update(measured)
+        whole, of_sizes = _with_lengths(body, one, child)._update(measured)
         parts.append(whole)
         scores.append(np.log(weight) + of_body + of_sizes)
     return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
@@ -239,17 +244,19 @@ def _children(sex: Sex, height_m: float | None, age_years: float | None) -> Dime
 def _regress(army: DimensionPrior) -> tuple[Array, Array]:
     """Slopes of all measures on log stature and log mass, shape (n, 2), and the covariance that is left."""
     slopes = np.linalg.solve(army.covariance[:2, :2], army.covariance[:2]).T
-    return slopes, army.covariance - slopes @ army.covariance[:2]
+    return np.asarray(slopes, float), army.covariance - slopes @ army.covariance[:2]
 
 
-def _with_lengths(body: DimensionPrior, sex: Sex) -> DimensionPrior:
+def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior:
     """Add the lengths between joint centres, linearised about the mean, and their sides."""
     rules = _rules()
     offsets, lengths, sides = rules["offsets"], rules["lengths"], rules["sides"]
     at = np.array([[lengths[n].get(m, 0.0) for m in body.names] for n in lengths])
     by = np.array([[lengths[n].get(o, 0.0) for o in offsets] for n in lengths])
-    usual = np.array([offset[sex] for offset in offsets.values()])
-    spread = np.array([offset["spread"] for offset in offsets.values()])
+    usual, spread = np.array([(offset[sex], offset["spread"]) for offset in offsets.values()]).T
+    for name, offset in rules["children"]["offsets"].items() if child else ():
+        place = list(offsets).index(name)
+        usual[place], spread[place] = offset["mean"], offset["spread"]
     at[:, body.names.index("stature")] += by @ usual
     terms = at * np.exp(body.mean)
     size = terms.sum(axis=1)
@@ -263,8 +270,12 @@ def _with_lengths(body: DimensionPrior, sex: Sex) -> DimensionPrior:
     for row, (i, name, half) in enumerate(picked):
         unlike[row, i] = half * sides.get(name, 0.0)
     loads = np.vstack([np.eye(len(body.names)), copies @ slopes])
-    covariance = loads @ body.covariance @ loads.T
+    palpation = np.array([rules["palpation"].get(n, 0.0) for n in body.names]) * np.exp(
+        body.mean[0] - body.mean
+    )
+    covariance = loads @ (body.covariance - np.diag(palpation**2)) @ loads.T
     k = len(body.names)
+    covariance[:k, :k] = body.covariance
     covariance[k:, k:] += copies @ (noise @ noise.T + own) @ copies.T + unlike @ unlike.T
     suffix = {0.5: "_r", -0.5: "_l", 0.0: ""}
     names = body.names + tuple(name + suffix[half] for _, name, half in picked)

@@ -1,14 +1,13 @@
 """What is known of a person's dimensions before anything is measured: sizes given stature, mass, sex and age.
 
-Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are jointly
-Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their sources are
-in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
+Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are
+jointly Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their
+sources are in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from typing import Any
@@ -16,114 +15,19 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scaling_service.core.errors import InputError
+from scaling_service.anatomy.dimensions import DimensionPrior
 from scaling_service.kernels.laws import Array
 from scaling_service.models.inertia_tables import Sex
 from scaling_service.models.reference import reference_folder
 
-ADULT_YEARS = 18.0
-"""From this age on ANSUR II's statistics hold (its youngest are 17)."""
+GROWING_YEARS = (14.0, 18.0)
+"""Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
 
-SIZE_SD = {"stature": 0.01, "mass": 0.02}
-"""Relative standard deviation of what a person is declared to be: 17 mm with shoes and by memory, 2 % (chosen)."""
+DECLARED_SD = {"stature": 0.006, "mass": 0.02}
+"""Relative standard deviation of what a person is declared to be (chosen: 10 mm, 1.4 kg)."""
 
-MEASURED_SD = 0.01
-"""Relative standard deviation of a size measured with tape or calliper (chosen: 9 mm of a leg, 1 mm of a knee)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DimensionPrior:
-    """Gaussian distribution of the logarithms of a person's dimensions.
-
-    Parameters
-    ----------
-    names : tuple of str, length n
-    mean : ndarray, shape (n,)
-        Of log(m); of log(kg) for ``mass``.
-    covariance : ndarray, shape (n, n)
-        Of the logarithms; positive definite.
-
-    Examples
-    --------
-    >>> prior = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
-    >>> f"{prior.value('femur_r'):.3f} {prior.sd('femur_r'):.3f}"
-    '0.430 0.018'
-    >>> longer = prior.condition({"shank_r": (0.45, 0.005)})
-    >>> longer.value("shank_l") > prior.value("shank_l")
-    True
-    """
-
-    names: tuple[str, ...]
-    mean: Array
-    covariance: Array
-
-    def value(self, name: str) -> float:
-        """Median of a dimension, m (kg for ``mass``)."""
-        return float(np.exp(self.mean[self._index(name)]))
-
-    def sd(self, name: str) -> float:
-        """Standard deviation of a dimension to first order, m (kg for ``mass``)."""
-        i = self._index(name)
-        return self.value(name) * float(np.sqrt(self.covariance[i, i]))
-
-    def interval(self, name: str, sds: float = 1.96) -> tuple[float, float]:
-        """The range of so many standard deviations of the logarithm, m (kg for ``mass``)."""
-        factor = float(np.exp(sds * np.sqrt(self.covariance[self._index(name), self._index(name)])))
-        return self.value(name) / factor, self.value(name) * factor
-
-    def select(self, names: tuple[str, ...]) -> DimensionPrior:
-        """The joint distribution of some of the dimensions, in the order given."""
-        rows = [self._index(name) for name in names]
-        return DimensionPrior(names, self.mean[rows], self.covariance[np.ix_(rows, rows)])
-
-    def condition(self, measured: Mapping[str, tuple[float, float]]) -> DimensionPrior:
-        """What is known once some dimensions were measured; exact for Gaussian logarithms.
-
-        Parameters
-        ----------
-        measured : mapping
-            Dimension to (value, standard deviation), m (kg for ``mass``); independent errors.
-
-        Raises
-        ------
-        InputError
-            There is no such dimension, or value or standard deviation is not a positive number.
-        """
-        return self._update(measured)[0]
-
-    def _update(self, measured: Mapping[str, tuple[float, float]]) -> tuple[DimensionPrior, float]:
-        """The conditioned distribution, and the logarithm of how probable the measured values were."""
-        if not measured:
-            return self, 0.0
-        for name, pair in measured.items():
-            if not all(0.0 < number < np.inf for number in pair):
-                raise InputError(
-                    f"{pair[0]:g} with standard deviation {pair[1]:g} is no size",
-                    field=name,
-                    remedy="Give both in m (mass in kg), above zero",
-                )
-        rows = [self._index(name) for name in measured]
-        values, sds = np.array(list(measured.values())).T
-        innovation = self.covariance[np.ix_(rows, rows)] + np.diag((sds / values) ** 2)
-        surprise = np.log(values) - self.mean[rows]
-        gain = np.linalg.solve(innovation, self.covariance[rows]).T
-        kept = np.eye(len(self.names))
-        kept[:, rows] -= gain
-        noise = gain * (sds / values)
-        covariance = (
-            kept @ self.covariance @ kept.T + noise @ noise.T
-        )  # Joseph's form: stays positive definite
-        evidence = -0.5 * (
-            surprise @ np.linalg.solve(innovation, surprise) + np.linalg.slogdet(2.0 * np.pi * innovation)[1]
-        )
-        return DimensionPrior(self.names, self.mean + gain @ surprise, covariance), float(evidence)
-
-    def _index(self, name: str) -> int:
-        if name not in self.names:
-            raise InputError(
-                f"there is no dimension '{name}'", field=name, remedy=f"There are {', '.join(self.names)}"
-            )
-        return self.names.index(name)
+MEASURED_SD = 0.006
+"""Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
 
 
 def predict_dimensions(
@@ -143,7 +47,8 @@ def predict_dimensions(
     height_m, mass_kg : float or None
         Unknown ones are the public's (or children's of the age), not soldiers'.
     age_years : float or None
-        Below 18 a child's proportions are taken. Unknown: adult and child are mixed likewise.
+        Below 14 a child's proportions are taken, from 18 on an adult's, between them their mixture. Unknown:
+        adult and child are mixed by how well they explain what is known.
     sizes : mapping, optional
         Measured dimensions, m, alone or with their standard deviation.
 
@@ -151,7 +56,7 @@ def predict_dimensions(
     -------
     DimensionPrior
         Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
-        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l``, ``knee_width_r`` …).
+        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l`` …).
 
     Raises
     ------
@@ -162,15 +67,23 @@ def predict_dimensions(
     -----
     Offsets turn heights of landmarks into joint centres, to first order about the person's expected measures.
     The population is American: soldiers of 2012 for proportions, citizens for stature and mass.
+
+    Examples
+    --------
+    >>> man = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
+    >>> f"{man.value('femur_r'):.3f} {man.sd('femur_r'):.3f}"
+    '0.427 0.020'
     """
     declared = {"stature": height_m, "mass": mass_kg}
-    known = {n: (v, v * SIZE_SD[n]) for n, v in declared.items() if v is not None}
+    known = {n: (v, v * DECLARED_SD[n]) for n, v in declared.items() if v is not None}
     measured = {
         name: size if isinstance(size, tuple) else (size, MEASURED_SD * size)
         for name, size in (sizes or {}).items()
     }
     sexes: tuple[Sex, ...] = ("F", "M") if sex is None else (sex,)
-    share = _rules()["children"]["share"] if age_years is None else float(age_years < ADULT_YEARS)
+    share = _rules()["children"]["share"]
+    if age_years is not None:
+        share = float(np.interp(age_years, GROWING_YEARS, (1.0, 0.0)))
     parts: list[DimensionPrior] = []
     scores: list[float] = []
     for one, child in product(sexes, (False, True)):
@@ -178,8 +91,8 @@ def predict_dimensions(
         if weight == 0.0:
             continue
         people = _children(one, height_m, age_years) if child else _adults(one)
-        body, of_body = people._update(known)
-        whole, of_sizes = _with_lengths(body, one)._update(measured)
+        body, of_body = people.weigh(known)
+        whole, of_sizes = _with_lengths(body, one, child).weigh(measured)
         parts.append(whole)
         scores.append(np.log(weight) + of_body + of_sizes)
     return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
@@ -239,36 +152,47 @@ def _children(sex: Sex, height_m: float | None, age_years: float | None) -> Dime
 def _regress(army: DimensionPrior) -> tuple[Array, Array]:
     """Slopes of all measures on log stature and log mass, shape (n, 2), and the covariance that is left."""
     slopes = np.linalg.solve(army.covariance[:2, :2], army.covariance[:2]).T
-    return slopes, army.covariance - slopes @ army.covariance[:2]
+    return np.asarray(slopes, float), army.covariance - slopes @ army.covariance[:2]
 
 
-def _with_lengths(body: DimensionPrior, sex: Sex) -> DimensionPrior:
+def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior:
     """Add the lengths between joint centres, linearised about the mean, and their sides."""
     rules = _rules()
-    offsets, lengths, sides = rules["offsets"], rules["lengths"], rules["sides"]
-    at = np.array([[lengths[n].get(m, 0.0) for m in body.names] for n in lengths])
-    by = np.array([[lengths[n].get(o, 0.0) for o in offsets] for n in lengths])
-    usual = np.array([offset[sex] for offset in offsets.values()])
-    spread = np.array([offset["spread"] for offset in offsets.values()])
-    at[:, body.names.index("stature")] += by @ usual
-    terms = at * np.exp(body.mean)
-    size = terms.sum(axis=1)
-    slopes = terms / size[:, None]
-    noise = by * spread * np.exp(body.mean[0]) / size[:, None]
-    own = np.diag([lengths[n]["own"] ** 2 for n in lengths])
-    # each length once if it lies in the middle, twice if it has sides
-    picked = [(i, n, half) for i, n in enumerate(lengths) for half in ((0.5, -0.5) if n in sides else (0.0,))]
-    copies = np.eye(len(lengths))[[i for i, _, _ in picked]]
-    unlike = np.zeros((len(picked), len(lengths)))
-    for row, (i, name, half) in enumerate(picked):
-        unlike[row, i] = half * sides.get(name, 0.0)
-    loads = np.vstack([np.eye(len(body.names)), copies @ slopes])
-    covariance = loads @ body.covariance @ loads.T
+    offsets, lengths = rules["offsets"], rules["lengths"]
+    usual, spread = np.array([(offset[sex], offset["spread"]) for offset in offsets.values()]).T
+    for name, offset in rules["children"]["offsets"].items() if child else ():
+        place = list(offsets).index(name)
+        usual[place], spread[place] = offset["mean"], offset["spread"]
+    of_offsets = np.array([[terms.get(o, 0.0) for o in offsets] for terms in lengths.values()])
+    of_measures = np.array([[terms.get(m, 0.0) for m in body.names] for terms in lengths.values()])
+    of_measures[:, 0] += of_offsets @ usual
+    parts = of_measures * np.exp(body.mean)
+    size = parts.sum(axis=1)
+    relative = np.exp(body.mean[0]) / size[:, None] * of_offsets * spread
+    own = relative @ relative.T + np.diag([terms["own"] ** 2 for terms in lengths.values()])
+    palpation = np.array([rules["palpation"].get(m, 0.0) for m in body.names])
+    palpated = np.diag((palpation * np.exp(body.mean[0] - body.mean)) ** 2)
+
+    names, copies, unlike = _sides()
     k = len(body.names)
-    covariance[k:, k:] += copies @ (noise @ noise.T + own) @ copies.T + unlike @ unlike.T
-    suffix = {0.5: "_r", -0.5: "_l", 0.0: ""}
-    names = body.names + tuple(name + suffix[half] for _, name, half in picked)
-    return DimensionPrior(names, np.concatenate([body.mean, copies @ np.log(size)]), covariance)
+    loads = np.vstack([np.eye(k), copies @ (parts / size[:, None])])
+    covariance = loads @ (body.covariance - palpated) @ loads.T
+    covariance[:k, :k] = body.covariance
+    covariance[k:, k:] += copies @ own @ copies.T + unlike @ unlike.T
+    return DimensionPrior(body.names + names, np.concatenate([body.mean, copies @ np.log(size)]), covariance)
+
+
+@cache
+def _sides() -> tuple[tuple[str, ...], Array, Array]:
+    """Names with sides; which length each is, and half its asymmetry, shapes (n_names, n_lengths)."""
+    lengths, sides = list(_rules()["lengths"]), _rules()["sides"]
+    names, copies, unlike = [], [], []
+    for length, row in zip(lengths, np.eye(len(lengths)), strict=True):
+        for suffix, half in (("_r", 0.5), ("_l", -0.5)) if length in sides else (("", 0.0),):
+            names.append(length + suffix)
+            copies.append(row)
+            unlike.append(half * sides.get(length, 0.0) * row)
+    return tuple(names), np.array(copies), np.array(unlike)
 
 
 def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrior:

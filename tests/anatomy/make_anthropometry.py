@@ -1,6 +1,6 @@
 """Writes ``reference_models/anthropometry_ansur2.yaml`` from the public files of ANSUR II.
 
-``python -m tests.anatomy.make_anthropometry FOLDER`` with the folder of ``ANSUR_II_FEMALE_Public.csv`` and ``…_MALE_…``.
+``python -m tests.anatomy.make_anthropometry FOLDER``, with the survey's two files in the folder.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ COLUMNS = {
 FILES = {"F": "ANSUR_II_FEMALE_Public.csv", "M": "ANSUR_II_MALE_Public.csv"}
 
 HEADER = """\
-# Logarithms of body measures (m; mass in kg) of the soldiers of ANSUR II: mean and covariance by sex.
-# Source: Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel, NATICK/TR-15/007; public files of single persons.
-# Derived, not copied: tests/anatomy/make_anthropometry.py writes this file. Correlations: rows of the lower triangle without the diagonal.
+# Logarithms of body measures (m; mass in kg) of the soldiers of ANSUR II: mean, SD and correlation by sex.
+# Source: Gordon et al. 2014, 2012 Anthropometric Survey of U.S. Army Personnel, NATICK/TR-15/007.
+# Written by tests/anatomy/make_anthropometry.py. Correlations: rows of the lower triangle, no diagonal.
 """
 
 

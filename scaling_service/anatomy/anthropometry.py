@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from itertools import product
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,8 @@ from scaling_service.models.reference import reference_folder
 GROWING_YEARS = (14.0, 18.0)
 """Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
 
-DECLARED_SD = {"stature": 0.006, "mass": 0.02}
-"""Relative standard deviation of what a person is declared to be (chosen: 10 mm, 1.4 kg)."""
+STATED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.006, "mass": 0.02})
+"""Relative standard deviation of stature and mass measured on the day (chosen: 10 mm, 1.4 kg)."""
 
 MEASURED_SD = 0.006
 """Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
@@ -37,6 +38,7 @@ def predict_dimensions(
     mass_kg: float | None,
     age_years: float | None = None,
     sizes: Mapping[str, float | tuple[float, float]] | None = None,
+    stated_sd: Mapping[str, float] = STATED_SD,
 ) -> DimensionPrior:
     """Dimensions to expect of a person of whom some or none of these are known.
 
@@ -51,6 +53,8 @@ def predict_dimensions(
         adult and child are mixed by how well they explain what is known.
     sizes : mapping, optional
         Measured dimensions, m, alone or with their standard deviation.
+    stated_sd : mapping
+        Relative standard deviation of ``stature`` and ``mass`` as given.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def predict_dimensions(
     '0.427 0.020'
     """
     declared = {"stature": height_m, "mass": mass_kg}
-    known = {n: (v, v * DECLARED_SD[n]) for n, v in declared.items() if v is not None}
+    known = {n: (v, v * stated_sd[n]) for n, v in declared.items() if v is not None}
     measured = {
         name: size if isinstance(size, tuple) else (size, MEASURED_SD * size)
         for name, size in (sizes or {}).items()

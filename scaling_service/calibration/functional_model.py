@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from scaling_service.anatomy.centres import Points
 from scaling_service.anatomy.frames import femur_frame
 from scaling_service.calibration.axes import Tilt, tilt_of
 from scaling_service.calibration.functional import FunctionalJoints, functional_joints
 from scaling_service.calibration.joints import with_axis, with_centre
-from scaling_service.calibration.measurements import Points
 from scaling_service.calibration.posture import Posture
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid

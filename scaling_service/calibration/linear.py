@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from scaling_service.anatomy.centres import Centre
 from scaling_service.calibration.axes import Tilt
 from scaling_service.calibration.functional import FunctionalJoints
 from scaling_service.calibration.functional_model import joints_of, with_functional
-from scaling_service.calibration.measurements import MEASUREMENTS, ratio
-from scaling_service.calibration.per_axis import per_axis
 from scaling_service.calibration.placement import (
     add_markers,
     frames_around,
     place_markers,
     place_tracking_markers,
 )
-from scaling_service.calibration.points import model_points, person_points
+from scaling_service.calibration.points import person_points
 from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.calibration.sizing import Sizing, size_segments
+from scaling_service.calibration.virtual_markers import with_sacrum, with_virtual_landmarks
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.kernels.tree import marker_positions
@@ -32,15 +33,15 @@ from scaling_service.models.scaling import scaled
 from scaling_service.models.subject import Measurement, ScaleSetup, Session
 from scaling_service.models.trial import Trial
 
-_SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
 
 
 def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     """Scale the session's model from marker distances.
 
-    With an OpenSim scale set-up its measurements, manual factors and marker placement are used;
-    otherwise the measurements of :data:`~scaling_service.calibration.measurements.MEASUREMENTS`.
+    With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
+    every segment's size is estimated from distances and anthropometry
+    (:func:`scaling_service.calibration.sizing.size_segments`).
     Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
     and knee axes come from the functional movements; a side that these do not determine keeps
     regression and epicondyles, and a warning says why.
@@ -61,21 +62,22 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
     setup = session.scale_setup
     joints = joints_of(session, settings)
+    sizing: Sizing | None = None
     if setup is not None:
         _refuse_own_axes(settings)
         factors = setup_factors(session.model, standing, setup)
     else:
-        factors, more = anatomical_factors(
-            session.model, session.static, session.calibration, settings, joints
-        )
-        notes.extend(more)
+        sizing = size_segments(session, settings, joints)
+        factors = dict(sizing.factors)
+        notes.extend(sizing.notes)
     keep = setup is None or setup.preserve_mass_distribution
     model = scaled(session.model, factors, preserve_mass_distribution=keep)
     tilts: dict[str, Tilt] = {}
     if joints is not None:
         model, tilts, more = _functional(model, joints, session, settings)
         notes.extend(more)
-    model, more = _with_markers(model, session, standing)
+    centres = {} if sizing is None else sizing.people[0].centres
+    model, more = _with_markers(model, session, standing, centres)
     notes.extend(more)
     return Calibration(
         "MB",
@@ -85,18 +87,28 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
         tilts,
         wall_s=time.perf_counter() - clock,
         warnings=tuple(notes),
+        sizes={} if sizing is None else sizing.sizes,
+        centres={} if sizing is None else sizing.centres,
     )
 
 
-def _with_markers(model: BodyModel, session: Session, standing: Trial) -> tuple[BodyModel, tuple[str, ...]]:
-    """Tracking and extra markers where the standing trial shows them."""
+def _with_markers(
+    model: BodyModel, session: Session, standing: Trial, centres: Mapping[str, Centre]
+) -> tuple[BodyModel, tuple[str, ...]]:
+    """Tracking and extra markers where the standing trial shows them.
+
+    Landmarks that were not marked stand in as virtual ones while the model is posed for that, no longer.
+    """
     setup, notes = session.scale_setup, list[str]()
     if setup is not None and setup.placement is not None:
         model = place_markers(model, standing, setup.placement)
     elif setup is None:
-        model, placed = place_tracking_markers(model, standing)
+        model = with_sacrum(model, (standing, *session.dynamic))
+        posed = with_virtual_landmarks(standing, centres)
+        model, placed = place_tracking_markers(model, posed)
         if placed:
             notes.append(f"MB: {len(placed)} tracking markers placed from '{standing.name}': {few(placed)}")
+        return add_markers(model, session.subject.extra_markers, posed), tuple(notes)
     return add_markers(model, session.subject.extra_markers, standing), tuple(notes)
 
 
@@ -108,7 +120,7 @@ def _functional(
         standing=session.static is not None,
         regression=settings.hip_regression,
         joints=joints,
-    )
+    ).points
     model, tilts, doubts = with_functional(model, joints, points, settings)
     return model, tilts, (*joints.notes, *doubts)
 
@@ -143,86 +155,6 @@ def _standing(session: Session) -> Trial:
         field="trials.static",
         remedy="Give a static trial or at least one calibration trial",
     )
-
-
-def anatomical_factors(
-    model: BodyModel,
-    standing: Trial | None,
-    moving: Sequence[Trial],
-    settings: CalibrationSettings,
-    joints: FunctionalJoints | None = None,
-) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Factors of each segment from anatomical landmarks: one, or one along each axis.
-
-    Each measurement is taken on the first trial that shows all its points. Segments without a
-    measurement take the mean factor of the others.
-
-    Parameters
-    ----------
-    standing : Trial, optional
-        The static trial; it is measured first.
-    moving : sequence of Trial
-        Measured where the static trial lacks a landmark.
-    joints : FunctionalJoints, optional
-        Hip centres that take the regression's place.
-
-    Returns
-    -------
-    factors : dict
-        Segment to x, y, z factors.
-    notes : tuple of str
-        What could not be measured.
-
-    Raises
-    ------
-    TrialUnusable
-        Nothing could be measured, or a length is zero.
-    """
-    ours = model_points(model)
-    people = [
-        person_points(trial, standing=trial is standing, regression=settings.hip_regression, joints=joints)
-        for trial in ((standing, *moving) if standing is not None else moving)
-    ]
-    found: dict[str, float] = {}
-    notes: list[str] = []
-    for measurement in MEASUREMENTS:
-        own = [s for s in measurement.segments if s in model.segment_names]
-        taken = next((r for r in (ratio(measurement, p, ours) for p in people) if r is not None), None)
-        if own and taken is not None:
-            _check(taken.factor, own[0])
-            found |= dict.fromkeys(own, taken.factor)
-            if taken.pairs < len(measurement.pairs):
-                notes.append(
-                    f"MB: {', '.join(own)} measured on {taken.pairs} of {len(measurement.pairs)} distances"
-                )
-    if not found:
-        raise TrialUnusable(
-            "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there",
-            field="markers",
-            remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
-        )
-    mean = float(np.mean(list(found.values())))
-    rest = [s for s in model.segment_names if s not in found]
-    if rest:
-        notes.append(f"MB: no landmarks to measure {', '.join(rest)}: scaled by the mean factor {mean:.3f}")
-    every = {s: found.get(s, mean) for s in model.segment_names}
-    factors: dict[str, Vector] = {s: (f, f, f) for s, f in every.items()}
-    if settings.scaling == "per-axis":
-        factors, more = per_axis(factors, people, ours)
-        notes.extend(more)
-        for segment, along in factors.items():
-            for factor in along:
-                _check(factor, segment)
-    return factors, tuple(notes)
-
-
-def _check(factor: float, segment: str) -> None:
-    if not _SMALLEST < factor < 1.0 / _SMALLEST:
-        raise TrialUnusable(
-            f"segment '{segment}' would be scaled by {factor:.3g}",
-            field="markers",
-            remedy="Check the unit of the recording and that the labels mean the right landmarks",
-        )
 
 
 def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:

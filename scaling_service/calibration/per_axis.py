@@ -10,11 +10,13 @@ Everything else keeps one factor.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
+from scaling_service.anatomy.centres import Points
 from scaling_service.anatomy.frames import Frames, pelvis_frame
-from scaling_service.calibration.measurements import Points, SegmentMeasurement, ratio
+from scaling_service.calibration.measurements import SegmentMeasurement, ratio
 from scaling_service.kernels.laws import Array
 from scaling_service.models.body import Vector
 
@@ -100,11 +102,7 @@ def _long_bone(
 
 
 def _measured(measurement: SegmentMeasurement, people: Sequence[Points], ours: Points) -> float | None:
-    def factor(person: Points, model: Points) -> float | None:
-        found = ratio(measurement, person, model)
-        return None if found is None else found.factor
-
-    return _first(factor, people, ours)
+    return _first(partial(ratio, measurement), people, ours)
 
 
 def _first(

@@ -37,6 +37,9 @@ class CalibrationSettings:
         And at the latest after so many loops.
     robust_m : float, optional
         Scale of a Huber loss on marker distances; plain least squares if not given.
+    sizes : 'weighted' or 'measured'
+        Whether linear scaling weighs distances and anthropometry by their errors, or takes the plain mean of
+        a segment's distances as the paper does and anthropometry only for what was not measured.
     hip_regression : str
         Which regression gives the person's hip centres for linear scaling (a name known to
         :func:`scaling_service.anatomy.hip_centre.hip_centres`).
@@ -67,6 +70,7 @@ class CalibrationSettings:
     loop_tolerance: float = 0.01
     max_loops: int = 200
     robust_m: float | None = None
+    sizes: Literal["weighted", "measured"] = "weighted"
     hip_regression: str = "harrington2007"
     hip_centre: Literal["regression", "functional"] = "regression"
     knee_axis: Literal["epicondyles", "functional"] = "epicondyles"

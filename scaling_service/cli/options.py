@@ -40,11 +40,18 @@ class KneeAxis(StrEnum):
     FUNCTIONAL = "functional"
 
 
-class Sizes(StrEnum):
+class Factors(StrEnum):
     """How many factors a segment takes."""
 
     UNIFORM = "uniform"
     PER_AXIS = "per-axis"
+
+
+class Sizes(StrEnum):
+    """What decides the size of a segment."""
+
+    WEIGHTED = "weighted"
+    MEASURED = "measured"
 
 
 class Knee(StrEnum):
@@ -152,6 +159,14 @@ KneeAxisOption = Annotated[
 SizesOption = Annotated[
     Sizes,
     typer.Option(
+        help="Weigh each segment's distances and what persons of this stature and mass are like by their "
+        "errors, or take the mean of its distances alone, as the paper does.",
+        rich_help_panel=_BEYOND,
+    ),
+]
+FactorsOption = Annotated[
+    Factors,
+    typer.Option(
         "--scaling",
         help="One factor for each segment, or factors along its axes where markers determine them.",
         rich_help_panel=_BEYOND,
@@ -182,11 +197,17 @@ def resolve(
 
 
 def beyond(
-    settings: Settings, hip_centre: HipCentre, knee_axis: KneeAxis, scaling: Sizes, knee: Knee
+    settings: Settings,
+    sizes: Sizes,
+    hip_centre: HipCentre,
+    knee_axis: KneeAxis,
+    scaling: Factors,
+    knee: Knee,
 ) -> Settings:
     """Settings with the options that go beyond Puchaud 2019."""
     calibration = replace(
         settings.calibration,
+        sizes=sizes.value,
         hip_centre=hip_centre.value,
         knee_axis=knee_axis.value,
         scaling=scaling.value,

@@ -59,9 +59,10 @@ def scale(
     up: options.Up = None,
     forward: options.Forward = None,
     smooth_hz: options.SmoothHz = None,
+    sizes: options.SizesOption = options.Sizes.WEIGHTED,
     hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
     knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
-    scaling: options.SizesOption = options.Sizes.UNIFORM,
+    scaling: options.FactorsOption = options.Factors.UNIFORM,
     knee: options.KneeOption = options.Knee.HINGE,
 ) -> None:
     """Scale a subject's model by one method.
@@ -72,7 +73,7 @@ def scale(
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, hip_centre, knee_axis, scaling, knee)
+    settings = options.beyond(settings, sizes, hip_centre, knee_axis, scaling, knee)
     _scale(subject, out, (method,), settings, comparison=False)
 
 
@@ -89,9 +90,10 @@ def compare(
     up: options.Up = None,
     forward: options.Forward = None,
     smooth_hz: options.SmoothHz = None,
+    sizes: options.SizesOption = options.Sizes.WEIGHTED,
     hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
     knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
-    scaling: options.SizesOption = options.Sizes.UNIFORM,
+    scaling: options.FactorsOption = options.Factors.UNIFORM,
     knee: options.KneeOption = options.Knee.HINGE,
     report: options.Report = True,
 ) -> None:
@@ -106,7 +108,7 @@ def compare(
     """
     chosen = None if methods is None else tuple(name.strip() for name in methods.split(","))
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, hip_centre, knee_axis, scaling, knee)
+    settings = options.beyond(settings, sizes, hip_centre, knee_axis, scaling, knee)
     _scale(subject, out, chosen, settings, comparison=True, report=report)
 
 

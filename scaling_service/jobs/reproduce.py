@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scaling_service.core.errors import InputError
@@ -73,6 +73,7 @@ def reproduce_puchaud2019(
             f"{subjects} subjects are too few", field="--subjects", remedy=f"Take at least {WALKERS + 1}"
         )
     clock = time.perf_counter()
+    settings = replace(settings, calibration=replace(settings.calibration, sizes="measured"))  # as the paper
     people = [
         VirtualPerson(seed, images=True, generic=generic) for seed in person_seeds(settings.seed, subjects)
     ]

@@ -69,6 +69,45 @@ class EstimatedParameter:
     target: str
 
 
+@dataclass(frozen=True, slots=True)
+class SegmentSize:
+    """A segment's size over the generic model's, and what it rests on.
+
+    Parameters
+    ----------
+    dimension : str
+        The person's dimension that it follows, such as ``femur_r``.
+    factor : float
+    sd : float
+        Standard deviation, relative.
+    measured, others : float
+        Shares of the estimate that the segment's own distances and those of other segments decide; the rest
+        is what persons of this stature, mass and sex are like.
+    """
+
+    dimension: str
+    factor: float
+    sd: float
+    measured: float
+    others: float
+
+    @property
+    def expected(self) -> float:
+        """The share that anthropometry decides."""
+        return 1.0 - self.measured - self.others
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedCentre:
+    """How a joint centre of the person was found in a recording.
+
+    ``sd`` is its standard deviation along x, y, z of the pelvis, m.
+    """
+
+    source: str
+    sd: Vector
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """A scaled model and how it came about.
@@ -91,6 +130,10 @@ class Calibration:
     warnings : tuple of str
     image_poses : mapping
         Segment to where its frame lies in the image, for those that were imaged.
+    sizes : mapping
+        Segment to its estimated size, where markers and anthropometry gave it.
+    centres : mapping
+        ``hip_r`` … to how the person's joint centre was found.
     """
 
     method: str
@@ -104,3 +147,5 @@ class Calibration:
     wall_s: float = 0.0
     warnings: tuple[str, ...] = ()
     image_poses: Mapping[str, ImagePose] = field(default_factory=dict)
+    sizes: Mapping[str, SegmentSize] = field(default_factory=dict)
+    centres: Mapping[str, EstimatedCentre] = field(default_factory=dict)

@@ -21,12 +21,13 @@ from tests.calibration.people import KNEES, imaged, person
 from tests.jobs.laboratory import write_subject
 
 FEET = "lower_limb_feet_18dof"
+MEASURED = CalibrationSettings(sizes="measured")
 ANKLES = [f"ankle_{turn}_{side}" for turn in ("angle", "inversion") for side in "rl"]
 
 
 def test_a_foot_is_scaled_from_the_heel_to_the_metatarsal_heads() -> None:
     factors = {"calcn_r": (1.12,) * 3, "calcn_l": (0.94,) * 3, "tibia_r": (1.05,) * 3}
-    found = linear(person(51, factors=factors, model=FEET).session, CalibrationSettings()).scale_factors
+    found = linear(person(51, factors=factors, model=FEET).session, MEASURED).scale_factors
     for segment in ("calcn_r", "calcn_l", "tibia_r", "tibia_l"):
         assert found[segment] == pytest.approx(factors.get(segment, (1.0,) * 3), rel=1e-9)
 
@@ -35,7 +36,7 @@ def test_without_feet_the_leg_is_the_same() -> None:
     """The feet's markers take no part in the sizes of the others, nor in their lengths."""
     known = person(52, shift_m=0.005, model=FEET)
     bare = replace(known.session, model=builtin("lower_limb_14dof"))
-    with_feet, without = (linear(s, CalibrationSettings()) for s in (known.session, bare))
+    with_feet, without = (linear(s, MEASURED) for s in (known.session, bare))
     for segment, factors in without.scale_factors.items():
         assert with_feet.scale_factors[segment] == pytest.approx(factors, rel=1e-12)
     assert segment_lengths(with_feet.model) == pytest.approx(segment_lengths(without.model), rel=1e-9)

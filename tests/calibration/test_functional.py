@@ -27,9 +27,10 @@ from tests.calibration.clustered import CLEAN, USUAL, Clustered, clustered, clus
 from tests.calibration.people import trial
 from tests.jobs.laboratory import write_subject
 
-BOTH = CalibrationSettings(hip_centre="functional", knee_axis="functional")
-HIP = CalibrationSettings(hip_centre="functional")
-AXIS = CalibrationSettings(knee_axis="functional")
+MEASURED = CalibrationSettings(sizes="measured")
+BOTH = CalibrationSettings(hip_centre="functional", knee_axis="functional", sizes="measured")
+HIP = CalibrationSettings(hip_centre="functional", sizes="measured")
+AXIS = CalibrationSettings(knee_axis="functional", sizes="measured")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_without_artefact_joints_are_found_exactly(clean: Clustered) -> None:
     assert max(axis_errors_deg(found, 0)) < 1e-3  # the mean of a swaying stance shrinks a cluster by 1e-5
     ours, true = segment_lengths(found.model), segment_lengths(clean.truth)
     assert ours == pytest.approx(true, abs=1e-7)
-    regressed = segment_lengths(calibrate(clean.session, "MB").model)
+    regressed = segment_lengths(calibrate(clean.session, "MB", MEASURED).model)
     assert abs(regressed["femur_r"] - true["femur_r"]) > 1e-4  # what the regression leaves
 
 
@@ -109,7 +110,7 @@ def test_two_markers_on_a_thigh_are_refused_with_the_reason(clean: Clustered) ->
 def test_a_side_that_was_not_moved_keeps_the_regression_and_says_so(clean: Clustered) -> None:
     right = tuple(t for t in clean.session.calibration if t.name == "hip_r")
     session = replace(clean.session, calibration=right)
-    found, usual = calibrate(session, "MB", HIP), calibrate(session, "MB")
+    found, usual = calibrate(session, "MB", HIP), calibrate(session, "MB", MEASURED)
     assert joint_centres(found.model)["hip_l"] == joint_centres(usual.model)["hip_l"]
     assert hip_errors(found, clean)[0] < 1e-7
     (told,) = (w for w in found.warnings if w.startswith("MB: hip_l"))

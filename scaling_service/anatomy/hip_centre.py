@@ -2,12 +2,14 @@
 
 All regressions are given in the ISB pelvis frame (:func:`scaling_service.anatomy.frames.pelvis_frame`)
 with its origin half-way between the ASIS: x forward, y up, z to the right; the left hip mirrors z.
-No correction is made for the marker's radius or the skin over the bone.
+No correction is made for the skin over the bone, nor for the marker's radius but by the regressions that ask
+for it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, radians, sin
 from typing import Protocol
 
 import numpy as np
@@ -28,11 +30,15 @@ class PelvisSize:
     width : distance between the ASIS
     depth : distance from the midpoint of the ASIS to that of the PSIS
     leg_length : distance from the ASIS to the medial malleolus of the same side, or None if not known
+    mean_leg_length : of both sides; that of the same side where only one is known
+    marker_radius : from a marker's centre to the skin
     """
 
     width: Array
     depth: Array
     leg_length: Array | None = None
+    mean_leg_length: Array | None = None
+    marker_radius: float = 0.0
 
 
 class HipRegression(Protocol):
@@ -85,6 +91,40 @@ class LinearRegression:
         return np.asarray(value + leg * size.leg_length)
 
 
+@dataclass(frozen=True, slots=True)
+class DavisRegression:
+    """The hip centre of the conventional gait model, from leg length, pelvis width and marker radius.
+
+    Davis et al. 1991 (Hum Mov Sci 10:575) found it at C = 0.115 L - 15.3 mm from the ASIS, at the angles
+    ``theta`` (to the middle) and ``beta`` (downward), the ASIS standing 0.1288 L - 48.56 mm before the hip.
+
+    Parameters
+    ----------
+    source : str
+    theta, beta : float, rad
+    """
+
+    source: str
+    theta: float
+    beta: float
+
+    @property
+    def needs_leg_length(self) -> bool:
+        """Always."""
+        return True
+
+    def __call__(self, size: PelvisSize) -> tuple[Array, Array, Array]:
+        """The right hip centre x, y, z in the pelvis frame, m; ValueError without a leg length."""
+        if size.leg_length is None:
+            raise ValueError("this regression needs the leg length")
+        mean = size.leg_length if size.mean_leg_length is None else size.mean_leg_length
+        reach = 0.115 * mean - 0.0153
+        ahead = 0.1288 * size.leg_length - 0.04856 + size.marker_radius
+        x = reach * cos(self.theta) * sin(self.beta) - ahead * cos(self.beta)
+        y = -reach * cos(self.theta) * cos(self.beta) - ahead * sin(self.beta)
+        return np.asarray(x), np.asarray(y), np.asarray(size.width / 2.0 - reach * sin(self.theta))
+
+
 HIP_REGRESSIONS: dict[str, HipRegression] = {
     "harrington2007_multi": LinearRegression(
         "Harrington 2007, J Biomech 40:595, several predictors; leave-one-out error 5.2, 3.6, 3.2 mm",
@@ -110,8 +150,10 @@ HIP_REGRESSIONS: dict[str, HipRegression] = {
         y=(0.0, 0.0, -0.078, -0.009),
         z=(0.0, 0.0, 0.086, 0.008),
     ),
+    "davis1991": DavisRegression("Davis 1991, Hum Mov Sci 10:575", radians(28.4), radians(18.0)),
+    "plug_in_gait": DavisRegression("Davis 1991 with the rounded angles of Vicon Plug-in Gait", 0.5, 0.314),
 }
-"""Coefficients of width, depth, leg length, and the constant in m."""
+"""Linear ones: coefficients of width, depth, leg length, and the constant in m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,6 +175,8 @@ def hip_centres(
     regression: str = "harrington2007",
     leg_length_r: ArrayLike | None = None,
     leg_length_l: ArrayLike | None = None,
+    width: ArrayLike | None = None,
+    marker_radius: float = 0.0,
 ) -> HipCentres:
     """Predict both hip centres from the four pelvis markers.
 
@@ -145,6 +189,11 @@ def hip_centres(
         length is known, with one predictor otherwise. (Puchaud 2019 does not say which was used.)
     leg_length_r, leg_length_l : float or (n_frames,), optional, m
         ASIS to medial malleolus. If only one is known it serves both sides.
+    width : float or (n_frames,), optional, m
+        Distance between the ASIS where it was measured on the person (under fat the markers stand elsewhere);
+        by default that of the markers.
+    marker_radius : float, m
+        Used by ``davis1991`` and ``plug_in_gait``.
 
     Returns
     -------
@@ -158,16 +207,19 @@ def hip_centres(
     """
     markers = [np.atleast_2d(np.asarray(m, dtype=float)) for m in (rasis, lasis, rpsis, lpsis)]
     front, back = (markers[0] + markers[1]) / 2.0, (markers[2] + markers[3]) / 2.0
-    width, depth = np.linalg.norm(markers[0] - markers[1], axis=1), np.linalg.norm(front - back, axis=1)
+    depth = np.linalg.norm(front - back, axis=1)
+    apart = (
+        np.linalg.norm(markers[0] - markers[1], axis=1) if width is None else np.asarray(width, dtype=float)
+    )
     frame = pelvis_frame(*markers)
-    known = leg_length_r if leg_length_r is not None else leg_length_l
-    chosen = _choose(regression, known is not None)
+    legs = [np.asarray(leg, dtype=float) for leg in (leg_length_r, leg_length_l) if leg is not None]
+    chosen = _choose(regression, bool(legs))
+    mean = np.asarray(sum(legs) / len(legs)) if legs else None
     local = []
     for leg, side in ((leg_length_r, 1.0), (leg_length_l, -1.0)):
-        length = leg if leg is not None else known
-        leg_length = None if length is None else np.asarray(length, dtype=float)
-        x, y, z = chosen(PelvisSize(width, depth, leg_length))
-        centre = np.column_stack(np.broadcast_arrays(x, y, side * z, width)[:3])
+        own = np.asarray(leg, dtype=float) if leg is not None else (legs[0] if legs else None)
+        x, y, z = chosen(PelvisSize(apart, depth, own, mean, marker_radius))
+        centre = np.column_stack(np.broadcast_arrays(x, y, side * z, depth)[:3])
         local.append(np.where(np.isfinite(frame.origin), centre, np.nan))
     right, left = local
     return HipCentres(right, left, frame.to_ground(right), frame.to_ground(left))

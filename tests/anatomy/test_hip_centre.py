@@ -35,6 +35,15 @@ def test_worked_by_hand(regression: str, legs: dict[str, float], expected_mm: tu
     np.testing.assert_allclose(found.right_ground, found.right + np.array([0, 1, 0]), atol=1e-12)
 
 
+def test_the_conventional_model_worked_by_hand() -> None:
+    legs = {"leg_length_r": 0.9, "leg_length_l": 0.9}
+    found = hip_centres(*PELVIS, regression="plug_in_gait", width=0.25, marker_radius=0.007, **legs)
+    # C = 88.2, ASIS 67.36 + 7 before the hip: 88.2 cos .5 sin .314 - 74.36 cos .314, ..., 125 - 88.2 sin .5
+    np.testing.assert_allclose(1000 * found.right[0], (-46.817, -96.585, 82.715), atol=1e-3)
+    davis = hip_centres(*PELVIS, regression="davis1991", width=0.25, marker_radius=0.007, **legs)
+    assert 0.0001 < np.linalg.norm(davis.right - found.right) < 0.001  # other angles
+
+
 def test_each_side_uses_its_own_leg() -> None:
     found = hip_centres(*PELVIS, leg_length_r=0.9, leg_length_l=0.95)
     assert 1000 * (found.right - found.left)[0, 1] == pytest.approx(0.04 * 50)

@@ -2,46 +2,69 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from scaling_service.anatomy.conventional import heel_level
-from scaling_service.anatomy.frames import Side
 from scaling_service.anatomy.lengths import joint_centres, segment_of
 from scaling_service.anatomy.markers import canonical, strip_prefix
 from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.neutral import Frame, marker_position, model_values, neutral_frames
+from scaling_service.models.neutral import marker_position, model_values, neutral_frames
 from scaling_service.models.poses import placed_markers
 from scaling_service.models.results import Array, Motion
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
-_LEG = ("LFE", "LM", "HEE", "TOE", "MT1", "MT5")
+_LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
+_CENTRES = {"hip": "HJC", "knee": "KJC", "ankle": "AJC"}
+_TOES = re.compile(r"[RL]TOE(TIP)?")
+"""The second metatarsal's head or the tip before it: on one line with the heel, seen from above."""
+
+_Place = tuple[str, Array]
+"""Segment, and a position in ground where all turns of the model are zero, (3,), m."""
 
 
 def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     """The landmarks of :data:`~scaling_service.anatomy.conventional.Points` that a model has.
 
-    Joint centres are the model's, the others its markers of that name or alias. A shank's frontal plane is
-    the thigh's where all turns of the model are zero: knee rotation counts from there, and tibial torsion
-    does not enter it. In that pose soles are level: heel and toe marker count as equally high.
+    Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
+    epicondyles or malleoli, the lateral one counts as lying beside the joint's centre in their direction.
+
+    All turns of the model at zero are its neutral pose: the shank's frontal plane is the thigh's there, so
+    that knee rotation counts from it and tibial torsion does not enter; and soles are level, heel and toe
+    marker equally high.
 
     Returns
     -------
     dict
         Landmark to a marker at its place on a segment; without those that the model does not have.
     """
-    placed = {name: Marker.at(name, frame, at) for name, (frame, at) in _centres(model).items()}
+    straight = {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
+    frames, values = neutral_frames(model, straight), model_values(model)
+
+    def place(segment: str, local: Array) -> _Place:
+        rotation, origin = frames[segment]
+        return segment, origin + rotation @ local
+
+    places = {
+        f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
+        for name, (segment, at) in joint_centres(model).items()
+        if name[:-2] in _CENTRES
+    }
     for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
         found = next((m for m in model.markers if _means(m.name, name)), None)
         if found is not None:
-            placed[name] = replace(found, name=name)
-    pose = neutral_frames(model, _straight(model))
-    for side in ("r", "l"):
-        placed |= _knee_axis(model, placed, pose, side)
-        placed |= _level_heel(model, placed, pose, side)
-    return placed
+            places[name] = place(found.segment, marker_position(found, values))
+    for letter in "RL":
+        places |= _beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
+        places |= _beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
+        places |= _knee_axis(places, letter, segment_of(model, "tibia", letter.lower()))
+        places |= _foot_line(places, letter)
+    return {
+        name: Marker.at(name, segment, _local(frames[segment], point))
+        for name, (segment, point) in places.items()
+    }
 
 
 def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
@@ -58,61 +81,44 @@ def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
     return {name: where[:, k] for k, name in enumerate(names)}
 
 
-def _centres(model: BodyModel) -> dict[str, tuple[str, tuple[float, float, float]]]:
-    letters = {"hip": "HJC", "knee": "KJC", "ankle": "AJC"}
-    return {
-        f"{name[-1].upper()}{letters[joint]}": where
-        for name, where in joint_centres(model).items()
-        if (joint := name[:-2]) in letters and name[-2:] in ("_r", "_l")
-    }
-
-
 def _means(label: str, landmark: str) -> bool:
-    return canonical(label) == landmark or strip_prefix(label).upper() == landmark
+    if canonical(label) == landmark:
+        return True
+    plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
+    return plain == landmark or (
+        landmark[1:] == "TOE" and landmark[0] == plain[:1] and bool(_TOES.fullmatch(plain))
+    )
 
 
-def _straight(model: BodyModel) -> dict[str, float]:
-    """Every turn at zero: upright, knees straight, soles level."""
-    return {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
-
-
-def _in_pose(model: BodyModel, pose: Mapping[str, Frame], marker: Marker) -> Array:
-    """A marker in ground, (1, 3), m."""
-    rotation, origin = pose[marker.segment]
-    return np.asarray(origin + rotation @ marker_position(marker, model_values(model)))[None]
-
-
-def _on(pose: Mapping[str, Frame], segment: str, name: str, point: Array) -> Marker:
-    """A marker on a segment where a point of ground, (3,), is in a pose."""
-    rotation, origin = pose[segment]
+def _local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
+    rotation, origin = frame
     x, y, z = (float(v) for v in rotation.T @ (point - origin))
-    return Marker.at(name, segment, (x, y, z))
+    return x, y, z
 
 
-def _knee_axis(
-    model: BodyModel, placed: Mapping[str, Marker], pose: Mapping[str, Frame], side: Side
-) -> dict[str, Marker]:
-    """Beside the ankle as the knee marker is beside the knee, on the shank."""
-    letter, shank = side.upper(), segment_of(model, "tibia", side)
-    names = [f"{letter}{name}" for name in ("KJC", "LFE", "AJC")]
-    if shank is None or not all(name in placed for name in names):
+def _beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
+    """The lateral landmark beside the joint's centre, in the direction from the medial one."""
+    if not {centre, lateral, medial} <= places.keys() or places[lateral][0] != places[medial][0]:
         return {}
-    knee, lateral, ankle = (_in_pose(model, pose, placed[name])[0] for name in names)
-    name = f"{letter}KAX"
-    return {name: _on(pose, shank, name, ankle + lateral - knee)}
+    segment, outside = places[lateral]
+    return {lateral: (segment, places[centre][1] + (outside - places[medial][1]) / 2.0)}
 
 
-def _level_heel(
-    model: BodyModel, placed: Mapping[str, Marker], pose: Mapping[str, Frame], side: Side
-) -> dict[str, Marker]:
+def _knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
+    """Beside the ankle as the lateral epicondyle is beside the knee, on the shank."""
+    knee, lateral, ankle = (f"{letter}{name}" for name in ("KJC", "LFE", "AJC"))
+    if shank is None or not {knee, lateral, ankle} <= places.keys():
+        return {}
+    return {f"{letter}KAX": (shank, places[ankle][1] + places[lateral][1] - places[knee][1])}
+
+
+def _foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
     """The heel at the toe's height; the toe between the metatarsal heads where it has no own marker."""
-    letter = side.upper()
-    at = {name: _in_pose(model, pose, m) for name, m in placed.items() if name.startswith(letter)}
-    heel, toe, heads = f"{letter}HEE", f"{letter}TOE", (f"{letter}MT1", f"{letter}MT5")
-    made = {}
-    if toe not in at and all(head in at for head in heads):
-        at[toe] = (at[heads[0]] + at[heads[1]]) / 2.0
-        made[toe] = _on(pose, placed[heads[0]].segment, toe, at[toe][0])
-    if heel in at and toe in at:
-        made[heel] = _on(pose, placed[heel].segment, heel, heel_level(at, side)[0])
-    return made
+    heel, toe, inner, outer = (f"{letter}{name}" for name in ("HEE", "TOE", "MT1", "MT5"))
+    found = dict(places)
+    if toe not in found and {inner, outer} <= found.keys():
+        found[toe] = (found[inner][0], (found[inner][1] + found[outer][1]) / 2.0)
+    if not {heel, toe} <= found.keys():
+        return {}
+    ends = {name: found[name][1][None] for name in (heel, toe)}
+    return {toe: found[toe], heel: (found[heel][0], heel_level(ends, "r" if letter == "R" else "l")[0])}

@@ -93,10 +93,12 @@ def _cycles_in_words(method: str, shown: ClinicalDocument) -> str:
     )
     trials = dict.fromkeys(cycle.trial for side in shown.sides.values() for cycle in side.cycles)
     several = any(curve.sd_deg is not None for side in shown.sides.values() for curve in side.curves.values())
+    drawn = "Mean and SD (shaded)" if several else "Angles"
+    role = "held out" if shown.held_out else "used to fit"
     return (
-        f"{'Mean and SD (shaded)' if several else 'Angles'} of {method} over gait cycles ({counts}) from {', '.join(trials)} "
-        f"({'held out' if shown.held_out else 'used to fit'}). Grey: mean ± 1 SD of {shown.population} at "
-        "free speed (Schwartz 2008). An adult, or a person who walks faster or slower, is not one of them."
+        f"{drawn} of {method} over gait cycles ({counts}) from {', '.join(trials)} ({role}). Grey: mean ± 1 "
+        f"SD of {shown.population} at free speed (Schwartz 2008). An adult, or a person who walks faster or "
+        "slower, is not one of them."
     )
 
 

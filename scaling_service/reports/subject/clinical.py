@@ -11,7 +11,18 @@ import plotly.graph_objects as go
 from scaling_service.anatomy.conventional import ANGLES
 from scaling_service.evaluation.gait_profile import VARIABLES, Band, schwartz2008
 from scaling_service.models.results import Array
-from scaling_service.reports.blocks import Block, Bullets, Details, Grid, Heading, Legend, Row, Table, Text
+from scaling_service.reports.blocks import (
+    Block,
+    Bullets,
+    Cell,
+    Details,
+    Grid,
+    Heading,
+    Legend,
+    Row,
+    Table,
+    Text,
+)
 from scaling_service.reports.figures import Figure, chart
 from scaling_service.reports.methods import method_columns, number
 from scaling_service.reports.page import Section
@@ -82,8 +93,8 @@ def _blocks(data: SubjectData) -> Iterator[Block]:
     yield Heading("Movement Analysis Profile and Gait Profile Score")
     yield _profile(shown)
     yield Text(_score_in_words(method, shown))
-    yield _scores(found)
     yield from _left_out(shown)
+    yield from _scores(found)
     yield Details("What these angles and scores rest on", [Bullets(_RESTS_ON)])
 
 
@@ -163,7 +174,9 @@ def _faded(side: _Side) -> str:
 
 
 def _profile(shown: ClinicalDocument) -> Figure:
-    names = [_WAYS[angle][0] for angle in VARIABLES] + ["GPS"]
+    scored = [a for a in VARIABLES if any(a in side.gvs_deg for side in shown.sides.values())]
+    whole = any(side.gps_deg is not None for side in shown.sides.values())
+    names = [*(_WAYS[angle][0] for angle in scored), *(["GPS"] if whole else [])]
     labels = [name.replace(" ", "<br>") for name in names]
     bars: list[go.Bar | go.Scatter] = []
     said = []
@@ -171,13 +184,14 @@ def _profile(shown: ClinicalDocument) -> Figure:
         if side not in shown.sides:
             continue
         scores = shown.sides[side]
-        values = [scores.gvs_deg.get(angle) for angle in VARIABLES] + [scores.gps_deg]
+        values = [*(scores.gvs_deg.get(angle) for angle in scored), *([scores.gps_deg] if whole else [])]
         bars.append(
             go.Bar(x=labels, y=values, name=name, marker={"color": style.colour}, hovertemplate="%{y:.1f}")
         )
         known = [f"{n} {v:.1f}" for n, v in zip(names, values, strict=True) if v is not None]
         said.append(f"{name}: {', '.join(known)}")
-    typical = [*(shown.reference_gvs_deg[angle] for angle in VARIABLES), shown.reference_gps_deg]
+    typical = [shown.reference_gvs_deg[angle] for angle in scored]
+    typical += [shown.reference_gps_deg] if whole else []
     bars.append(
         go.Scatter(
             x=labels,
@@ -213,21 +227,27 @@ def _score_in_words(method: str, shown: ClinicalDocument) -> str:
     )
 
 
-def _scores(found: Mapping[str, ClinicalDocument]) -> Table:
-    rows = []
-    for side, (name, _) in _SIDES.items():
-        for angle in VARIABLES:
-            scores = [_score(document, side, angle) for document in found.values()]
-            if any(score is not None for score in scores):
-                rows.append(Row(f"{_WAYS[angle][0]}, {name}", [number(score) for score in scores]))
-    for title, values in _totals(list(found.values())):
-        rows.append(Row(title, [number(value) for value in values]))
-    return Table(
-        "Gait Variable Scores and Gait Profile Score by method, degrees",
-        ["", *method_columns(list(found))],
-        rows,
-        long=True,
-    )
+def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
+    columns: list[str | Cell] = ["", *method_columns(list(found))]
+    totals = [_row(title, values) for title, values in _totals(list(found.values())) if _any(values)]
+    if totals:
+        yield Table("Gait Profile Score by method, degrees", columns, totals)
+    rows = [
+        _row(f"{_WAYS[angle][0]}, {name}", scores)
+        for side, (name, _) in _SIDES.items()
+        for angle in VARIABLES
+        if _any(scores := [_score(document, side, angle) for document in found.values()])
+    ]
+    table = Table("Gait Variable Scores by method, degrees", columns, rows)
+    yield Details("The scores of each angle", [table])
+
+
+def _any(scores: Sequence[float | None]) -> bool:
+    return any(score is not None for score in scores)
+
+
+def _row(title: str, scores: Sequence[float | None]) -> Row:
+    return Row(title, [number(score) for score in scores])
 
 
 def _score(document: ClinicalDocument, side: _Side, angle: str) -> float | None:

@@ -185,6 +185,9 @@ def test_the_angles_of_a_laboratory_from_markers_and_sizes(shared_data: Path) ->
     assert len(trials) >= 6
     for stem, lab in trials.items():
         standing, moving = points_of(trials[f"{stem[:-2]}01"]), points_of(lab)
+        for name, label in (("RKJC", "RFEO"), ("LKJC", "LFEO"), ("RAJC", "RTIO"), ("LAJC", "LTIO")):
+            theirs = lab.centre(label)[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+            assert np.nanmax(np.abs(moving[name] - theirs)) < 1e-6, f"{stem} {label}"  # m; the files' digits
         for side in ("r", "l"):
             letter = side.upper()
             moving[f"{letter}HEE"] = heel_from_offset(moving, side, foot_offset(standing, side))
@@ -192,5 +195,6 @@ def test_the_angles_of_a_laboratory_from_markers_and_sizes(shared_data: Path) ->
             for name, (label, axis) in _LABORATORY.items():
                 error = np.degrees(found[name]) - lab.angles(letter + label)[:, axis]
                 rms = np.sqrt(np.nanmean(error**2))
-                assert rms < 0.2, f"{stem} {side} {name}: {rms:.2f} deg"  # measured: at most 0.07
+                # Measured: 0.000 in walking; up to 0.07 at the ankle in standing, whose mean is its offset.
+                assert rms < 0.1, f"{stem} {side} {name}: {rms:.2f} deg"
                 assert np.isfinite(error).mean() > 0.9, f"{stem} {side} {name}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.anatomy.conventional import ANGLES, KNEE, Points, conventional_angles
 from scaling_service.anatomy.frames import Side
-from scaling_service.evaluation.clinical_landmarks import clinical_landmarks, moved_landmarks
+from scaling_service.evaluation.clinical_landmarks import clinical_landmarks, moved_landmarks, tilt_is_seen
 from scaling_service.evaluation.cycles import NODES, normalised_cycles
 from scaling_service.evaluation.gait_cycles import Cycle
 from scaling_service.models.body import BodyModel
@@ -23,6 +23,11 @@ _AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
 _LEAST_WAY_M = 0.3
 """Of the pelvis over a cycle or a recording, else the recording's x axis is the walking direction. Chosen:
 half a child's stride; on a treadmill the pelvis stays within a few centimetres."""
+
+_TILT_UNSEEN = (
+    "pelvic tilt and hip flexion, and with them the scores: no marker behind the front spines was followed on "
+    "the pelvis, so they may be off by a constant of tens of degrees"
+)
 
 _LOCKED = 1e-4
 """rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
@@ -45,6 +50,8 @@ class ClinicalAngles:
         The walking direction of the recording: turn about y that leads from x to it.
     left_out : tuple of str
         Which angles are not there and why, one sentence without a full stop each.
+    doubtful : tuple of str
+        Which are there but rest on little, likewise.
     """
 
     trial: str
@@ -53,6 +60,7 @@ class ClinicalAngles:
     pelvis: Array
     heading: float
     left_out: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +110,9 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     heading = _heading(pelvis[np.isfinite(pelvis).all(axis=1)])
     free = {side: _without_locked(angles) for side, angles in sides.items()}
     values = {side: _against(angles, side, heading) for side, angles in free.items()}
-    return ClinicalAngles(
-        motion.trial, motion.times, values, pelvis, heading, tuple(_left_out(sides, values))
-    )
+    left_out = tuple(_left_out(sides, values))
+    doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
+    return ClinicalAngles(motion.trial, motion.times, values, pelvis, heading, left_out, doubtful)
 
 
 def clinical_cycles(

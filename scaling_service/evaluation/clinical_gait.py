@@ -38,6 +38,8 @@ class ClinicalGait:
         Whether the cycles are from trials that were not fitted.
     left_out : tuple of str
         Which angles are not there and why.
+    doubtful : tuple of str
+        Which are there but rest on little.
     reason : str
         Why there is no cycle, one sentence without a full stop; empty where there is one.
     """
@@ -48,6 +50,7 @@ class ClinicalGait:
     reference: Reference
     held_out: bool
     left_out: tuple[str, ...]
+    doubtful: tuple[str, ...]
     reason: str = ""
 
 
@@ -75,9 +78,17 @@ def clinical_gait(
         cycles = _cycles(recordings, [trial for trial in followed if trial.name in fitted])
     reference = schwartz2008()
     profile = gait_profile({side: found.values for side, found in cycles.items()}, reference)
-    said = dict.fromkeys(sentence for angles in recordings.values() for sentence in angles.left_out)
+    left_out = dict.fromkeys(said for angles in recordings.values() for said in angles.left_out)
+    doubtful = dict.fromkeys(said for angles in recordings.values() for said in angles.doubtful)
     return ClinicalGait(
-        recordings, cycles, profile, reference, of_held_out, tuple(said), "" if cycles else _reason(followed)
+        recordings,
+        cycles,
+        profile,
+        reference,
+        of_held_out,
+        tuple(left_out),
+        tuple(doubtful),
+        "" if cycles else _reason(followed),
     )
 
 

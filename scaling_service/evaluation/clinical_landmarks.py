@@ -17,6 +17,9 @@ from scaling_service.models.results import Array, Motion
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
+_BEHIND_M = 0.05
+"""Chosen: a third of the way from front to back of an adult's pelvis, far beyond what markers are off."""
+
 _CENTRES = {"hip": "HJC", "knee": "KJC", "ankle": "AJC"}
 _TOES = re.compile(r"[RL]TOE(TIP)?")
 """The second metatarsal's head or the tip before it: on one line with the heel, seen from above."""
@@ -79,6 +82,27 @@ def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
     names = tuple(placed)
     where = placed_markers(model.with_markers(tuple(placed.values())), names, q)
     return {name: where[:, k] for k, name in enumerate(names)}
+
+
+def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
+    """Whether a marker that a motion follows shows how far the pelvis is tilted.
+
+    One that lies off the line through both front spines does. A motion that follows no marker of the pelvis
+    at all (as of a virtual person) is taken as known.
+    """
+    front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _means(m.name, name)}
+    if len(front) < 2:
+        return True
+    values, pelvis = model_values(model), front["RASIS"].segment
+    right, left = (marker_position(front[name], values) for name in ("RASIS", "LASIS"))
+    across = (right - left) / np.linalg.norm(right - left)
+    seen = {name for k, name in enumerate(motion.markers) if np.isfinite(motion.residuals[:, k]).any()}
+    off = [
+        float(np.linalg.norm(np.cross(marker_position(m, values) - left, across)))
+        for m in model.markers
+        if m.segment == pelvis and m.name in seen
+    ]
+    return not off or max(off) > _BEHIND_M
 
 
 def _means(label: str, landmark: str) -> bool:

@@ -72,6 +72,7 @@ def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
         reference_gps_deg=_deg(typical_score(reference)),
         held_out=gait.held_out,
         left_out=list(gait.left_out),
+        doubtful=list(gait.doubtful),
         reason=gait.reason,
     )
 

@@ -51,4 +51,5 @@ class ClinicalDocument(_Result):
     reference_gps_deg: float = Field(description="The same over all nine angles.")
     held_out: bool = Field(description="Whether the cycles are from trials that were not fitted.")
     left_out: list[str] = Field(description="Angles that are not given, and why.")
+    doubtful: list[str] = Field(description="Angles that are given but rest on little, and why.")
     reason: str = Field(description="Why there is no gait cycle; empty where there is one.")

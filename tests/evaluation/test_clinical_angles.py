@@ -95,6 +95,21 @@ def test_what_a_model_lacks_locks_or_a_recording_does_not_tell_is_left_out() -> 
     assert any("knee flexion (l)" in sentence for sentence in found.left_out)
 
 
+@pytest.mark.parametrize(
+    ("followed", "doubt"),
+    [(("RASIS", "LASIS", "RLFE"), True), (("RASIS", "LASIS", "LPSIS"), False), (("RASIS", "RPSIS"), False)],
+)
+def test_tilt_is_doubtful_where_only_the_front_of_the_pelvis_is_followed(
+    followed: tuple[str, ...], doubt: bool
+) -> None:
+    model = builtin("lower_limb_14dof")
+    motion = replace(wandering(model), markers=("LASIS", "RASIS", "RLFE", "RPSIS", "LPSIS"))
+    residuals = np.full((20, 5, 3), np.nan)
+    residuals[3:, [name in followed for name in motion.markers]] = 0.001
+    found = clinical_angles(model, replace(motion, residuals=residuals))
+    assert any("no marker behind" in sentence for sentence in found.doubtful) == doubt
+
+
 def test_a_planar_model_has_none_of_them() -> None:
     model = builtin("squat_4dof")
     found = clinical_angles(model, wandering(model))

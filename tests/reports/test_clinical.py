@@ -45,6 +45,7 @@ def document(sides: dict[Any, ClinicalSide], gps: float | None = None, **more: A
         "reference_gps_deg": 5.0,
         "held_out": True,
         "left_out": [],
+        "doubtful": ["pelvic tilt: no marker"],
         "reason": "" if sides else "the pelvis does not go straight",
     }
     return ClinicalDocument(**(fields | more))
@@ -73,6 +74,7 @@ def test_curves_stand_before_the_band_and_scores_are_the_documents() -> None:
     assert "5.5 degrees (left 5.6, right 5.6)" in html
     assert "walk&lt;1&gt;" in html
     assert "2 left and 2 right" in html
+    assert "pelvic tilt: no marker." in html
 
 
 def test_without_feet_no_score_is_given_and_it_is_said_why() -> None:

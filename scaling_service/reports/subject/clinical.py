@@ -14,6 +14,7 @@ from scaling_service.models.results import Array
 from scaling_service.reports.blocks import (
     Block,
     Bullets,
+    Callout,
     Cell,
     Details,
     Grid,
@@ -84,6 +85,8 @@ def _blocks(data: SubjectData) -> Iterator[Block]:
         )
         yield from _left_out(shown)
         return
+    if shown.doubtful:
+        yield Callout("Read with doubt", [Bullets([f"{said}." for said in shown.doubtful])], "poor")
     yield Text(_cycles_in_words(method, shown))
     yield Legend([(name, style.colour, style.dash) for name, style in _SIDES.values()])
     bands = schwartz2008().bands

@@ -25,8 +25,8 @@ _LEAST_WAY_M = 0.3
 half a child's stride; on a treadmill the pelvis stays within a few centimetres."""
 
 _TILT_UNSEEN = (
-    "pelvic tilt and hip flexion, and with them the scores: no marker behind the front spines was followed on "
-    "the pelvis, so they may be off by a constant of tens of degrees"
+    "pelvic tilt and hip flexion, and with them the scores: no marker behind the front spines of the pelvis "
+    "was followed, so they may be off by a constant of tens of degrees"
 )
 
 _LOCKED = 1e-4

@@ -7,8 +7,10 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from scaling_service.evaluation.clinical_gait import ClinicalGait
 from scaling_service.evaluation.generalisation import generalisation
 from scaling_service.evaluation.kinematic_error import KinematicError
+from scaling_service.jobs.clinical import clinical_document, clinical_of
 from scaling_service.jobs.hashes import input_hashes
 from scaling_service.jobs.tasks import Results, Scaling
 from scaling_service.models.results import EstimatedParameter
@@ -78,7 +80,11 @@ def provenance(results: Results) -> Provenance:
 
 
 def method_document(
-    scaling: Scaling, results: Results, files: Sequence[str] = (), warnings: Sequence[str] = ()
+    scaling: Scaling,
+    results: Results,
+    files: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    gait: ClinicalGait | None = None,
 ) -> MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
@@ -108,6 +114,7 @@ def method_document(
             calibration=_rounded(calibration.wall_s, 4),
             inverse_kinematics=_rounded(scaling.inverse_kinematics_s, 4),
         ),
+        clinical=clinical_document(clinical_of(scaling, results) if gait is None else gait),
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )

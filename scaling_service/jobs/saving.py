@@ -16,6 +16,7 @@ from scaling_service.core.errors import DependencyMissing, InputError
 from scaling_service.formats.osim import write_osim
 from scaling_service.jobs.bones import FOLDER as BONES
 from scaling_service.jobs.bones import SKELETON, write_bones
+from scaling_service.jobs.clinical import CYCLES_TABLE, clinical_of, write_clinical
 from scaling_service.jobs.documents import comparison_document, method_document, scaling_document
 from scaling_service.jobs.judging import verdict_document, verdict_of
 from scaling_service.jobs.motions import write_motion
@@ -36,10 +37,10 @@ def save(
 ) -> ComparisonDocument:
     """Write results into a folder.
 
-    Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot`` and
-    ``scaling.json``, and with its bones where it is made from images; ``comparison.json`` and ``report.html``
-    stand beside them. All is written elsewhere first, so that a failure leaves the folder as it was. Other
-    files in it stay.
+    Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot``,
+    ``<trial>_clinical.csv`` and ``scaling.json``, ``clinical_angles.csv`` where there are gait cycles, and
+    its bones where it is made from images; ``comparison.json`` and ``report.html`` stand beside them. All is
+    written elsewhere first, so that a failure leaves the folder as it was. Other files in it stay.
 
     Parameters
     ----------
@@ -95,6 +96,8 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
+    gait = clinical_of(scaling, results)
+    write_clinical(folder, gait)
     try:
         _write_osim(folder / "model.osim", scaling, results)
     except DependencyMissing as error:
@@ -102,7 +105,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    document = method_document(scaling, results, files, warnings)
+    document = method_document(scaling, results, files, warnings, gait)
     write_json(folder / "scaling.json", scaling_document(results, document))
     return document
 
@@ -206,7 +209,9 @@ def _exchange(new: Path, folder: Path, old: Path) -> None:
 
 def _of_a_model(place: Path) -> list[Path]:
     return [
-        path for pattern in ("*_ik.mot", SKELETON, f"{BONES}/*.stl") for path in sorted(place.glob(pattern))
+        path
+        for pattern in ("*_ik.mot", "*_clinical.csv", CYCLES_TABLE, SKELETON, f"{BONES}/*.stl")
+        for path in sorted(place.glob(pattern))
     ]
 
 

@@ -14,12 +14,12 @@ from scaling_service.jobs.arrays import ArrayFiles
 from scaling_service.jobs.overlay import knee_axes
 from scaling_service.jobs.proof_tables import at_frames, plates_of
 from scaling_service.jobs.saving import write_json
-from scaling_service.jobs.scene_poses import glides, placed_markers, segment_poses
 from scaling_service.jobs.scene_shapes import glb, surfaces
 from scaling_service.models.body import BodyModel
 from scaling_service.models.forces import GroundForces
 from scaling_service.models.images import Bone
 from scaling_service.models.neutral import marker_position, model_values
+from scaling_service.models.poses import glides, placed_markers, segment_poses
 from scaling_service.models.trial import Array, Trial
 from scaling_service.schemas.arrays import ArrayEntry
 from scaling_service.schemas.scene import (

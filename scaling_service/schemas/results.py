@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from scaling_service.schemas.clinical import ClinicalDocument
+
 SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
@@ -85,6 +87,9 @@ class MethodResult(_Result):
     )
     iterations: int
     wall_s: WallTime
+    clinical: ClinicalDocument | None = Field(
+        default=None, description="Joint angles in a gait laboratory's definitions, their profile and score."
+    )
     warnings: list[str]
     files: list[str] = Field(description="What was written beside this document.")
 

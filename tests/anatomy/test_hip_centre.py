@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from scaling_service.anatomy.hip_centre import HIP_REGRESSIONS, hip_centres
 from scaling_service.core.errors import InputError
 from scaling_service.models.builtin import builtin
+from tests.anatomy.clinic_files import clinic_trials
 
 # width 240 mm, depth 160 mm
 PELVIS = np.array([[0.0, 1.0, 0.12], [0.0, 1.0, -0.12], [-0.16, 1.0, 0.04], [-0.16, 1.0, -0.04]])[:, None]
@@ -34,6 +37,30 @@ def test_worked_by_hand(regression: str, legs: dict[str, float], expected_mm: tu
     np.testing.assert_allclose(1000 * found.right[0], expected_mm, atol=1e-9)
     np.testing.assert_allclose(found.left, found.right * [1, 1, -1], atol=1e-12)
     np.testing.assert_allclose(found.right_ground, found.right + np.array([0, 1, 0]), atol=1e-12)
+
+
+def test_the_conventional_model_worked_by_hand() -> None:
+    legs = {"leg_length_r": 0.9, "leg_length_l": 0.9}
+    found = hip_centres(*PELVIS, regression="plug_in_gait", width=0.25, marker_radius=0.007, **legs)
+    # C = 88.2, ASIS 67.36 + 7 before the hip: 88.2 cos .5 sin .314 - 74.36 cos .314, ..., 125 - 88.2 sin .5
+    np.testing.assert_allclose(1000 * found.right[0], (-46.817, -96.585, 82.715), atol=1e-3)
+    davis = hip_centres(*PELVIS, regression="davis1991", width=0.25, marker_radius=0.007, **legs)
+    assert 0.0001 < np.linalg.norm(davis.right - found.right) < 0.001  # other angles
+
+
+def test_the_hip_centres_of_a_laboratory(shared_data: Path) -> None:
+    """Its tables have Davis' angles; its knees come from Plug-in Gait's (test_conventional)."""
+    for stem, lab in clinic_trials(shared_data).items():
+        found = hip_centres(
+            *(lab.marker(label) for label in ("RASI", "LASI", "SACR", "SACR")),
+            regression="davis1991",
+            leg_length_r=lab.sizes["RLegLength"],
+            leg_length_l=lab.sizes["LLegLength"],
+            width=lab.sizes["InterAsisDistance"],
+            marker_radius=lab.sizes["MarkerDiameter"] / 2,
+        )
+        for ours, label in ((found.right_ground, "RHJC"), (found.left_ground, "LHJC")):
+            assert np.nanmax(np.abs(ours - lab.centre(label))) < 1e-5, f"{stem} {label}"  # m
 
 
 def test_each_side_uses_its_own_leg() -> None:

@@ -40,7 +40,15 @@ def test_every_method_has_its_files(results: Results, tmp_path: Path) -> None:
     save(results, tmp_path / "new" / "out")
     for method in results.scalings:
         names = {p.name for p in (tmp_path / "new" / "out" / method).iterdir()}
-        assert names == {"model.osim", "model.json", "hips_ik.mot", "walk_ik.mot", "scaling.json"}
+        assert names == {
+            "model.osim",
+            "model.json",
+            "hips_ik.mot",
+            "walk_ik.mot",
+            "hips_clinical.csv",
+            "walk_clinical.csv",
+            "scaling.json",
+        }
     assert not [p for p in tmp_path.rglob("*") if p.name.startswith(".")]
 
 

@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 from scaling_service.jobs.arrays import MOST_FRAMES, ArrayFiles
 from scaling_service.jobs.loading import Loaded
 from scaling_service.jobs.proof_tables import at_frames
-from scaling_service.jobs.scene_poses import segment_poses
 from scaling_service.jobs.scene_results import AFTER, BEFORE, scene_of_discovery, scene_of_results
 from scaling_service.jobs.scene_shapes import MOST_FACES, glb, long_ends, simple_shape
 from scaling_service.jobs.tasks import Results, run
 from scaling_service.models.builtin import builtin
 from scaling_service.models.neutral import neutral_frames
+from scaling_service.models.poses import segment_poses
 from scaling_service.models.trial import Array
 from scaling_service.schemas.arrays import ArrayEntry
 from scaling_service.schemas.scene import BodyEntry, MotionEntry, SceneDocument, SceneTrial

@@ -5,6 +5,7 @@ from __future__ import annotations
 from scaling_service.reports.blocks import Block, Text
 from scaling_service.reports.page import Page, Section
 from scaling_service.reports.subject.angles import angles_section
+from scaling_service.reports.subject.clinical import clinical_section
 from scaling_service.reports.subject.data import SubjectData
 from scaling_service.reports.subject.errors import errors_section
 from scaling_service.reports.subject.geometry import geometry_section
@@ -34,6 +35,7 @@ def subject_page(data: SubjectData) -> Page:
             errors_section(data),
             geometry_section(data),
             angles_section(data),
+            clinical_section(data),
             numbers_section(data),
             provenance_section(data),
         ],

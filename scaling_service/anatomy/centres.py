@@ -139,34 +139,40 @@ class Pelvis:
         return np.asarray(np.linalg.norm((self.rasis + self.lasis) / 2.0 - self.back, axis=1))
 
 
-def read_pelvis(points: Points) -> Pelvis | None:
-    """Both ASIS and the back of the pelvis, None where there is none.
+def with_mirrored_psis(points: Points) -> Points:
+    """The points with a PSIS that is not there as the mirror image of the other one, between the ASIS."""
+    known = [name for name in ("RPSIS", "LPSIS") if name in points and _ever(points[name])]
+    if len(known) != 1 or not {"RASIS", "LASIS"} <= points.keys():
+        return points
+    rasis, lasis, own = points["RASIS"], points["LASIS"], points[known[0]]
+    across = rasis - lasis
+    across = across / np.linalg.norm(across, axis=1, keepdims=True)
+    off = np.sum((own - (rasis + lasis) / 2.0) * across, axis=1, keepdims=True)
+    other = "LPSIS" if known[0] == "RPSIS" else "RPSIS"
+    return {**points, other: own - 2.0 * off * across}
 
-    The back is the middle of both PSIS, else the sacrum, else one PSIS moved half-way to its mirror image.
+
+def read_pelvis(points: Points) -> Pelvis | None:
+    """Both ASIS and the back of the pelvis; None where it is not there.
+
+    The back is the middle of both PSIS, else the sacrum, else the middle of one PSIS and its mirror image.
     """
     if not {"RASIS", "LASIS"} <= points.keys():
         return None
-    rasis, lasis = points["RASIS"], points["LASIS"]
-    psis = [points[name] for name in ("RPSIS", "LPSIS") if name in points and _ever(points[name])]
+    front = points["RASIS"], points["LASIS"]
+    psis = [points[name] for name in ("RPSIS", "LPSIS") if name in points]
     if len(psis) == 2 and _ever(psis[0] + psis[1]):
-        return Pelvis(rasis, lasis, (psis[0] + psis[1]) / 2.0, "both PSIS")
+        return Pelvis(*front, (psis[0] + psis[1]) / 2.0, "both PSIS")
     if "SACR" in points and _ever(points["SACR"]):
-        return Pelvis(rasis, lasis, points["SACR"], "the sacrum for both PSIS")
-    if not psis:
+        return Pelvis(*front, points["SACR"], "the sacrum for both PSIS")
+    both = with_mirrored_psis(points)
+    if both is points:
         return None
-    return Pelvis(rasis, lasis, _on_midline(rasis, lasis, psis[0]), "one PSIS and its mirror image")
+    return Pelvis(*front, (both["RPSIS"] + both["LPSIS"]) / 2.0, "one PSIS and its mirror image")
 
 
 def _ever(trajectory: Array) -> bool:
     return bool(np.isfinite(trajectory).all(axis=1).any())
-
-
-def _on_midline(rasis: Array, lasis: Array, point: Array) -> Array:
-    """A point moved along the line of the ASIS into the plane that halves it."""
-    across = rasis - lasis
-    across = across / np.linalg.norm(across, axis=1, keepdims=True)
-    off = np.sum((point - (rasis + lasis) / 2.0) * across, axis=1, keepdims=True)
-    return np.asarray(point - off * across)
 
 
 def construct_centres(

@@ -89,11 +89,12 @@ def measure_ratios(
     own = np.empty(len(taken))
     for row, (measurement, pair, person) in enumerate(taken):
         seen = distances(pair, person.points)
-        logs[row] = np.log(np.nanmean(seen) / distances(pair, model)[0])
+        ours = float(distances(pair, model)[0])
+        logs[row] = np.log(np.nanmean(seen) / ours)
         found = errors[id(person)]
         shifts = found.of_distance(pair)
         moving = 0.0 if person.standing else float(np.nanstd(seen) / np.nanmean(seen))
-        own[row] = measurement.shape_sd**2 + moving**2
+        own[row] = (measurement.shape_m / ours) ** 2 + moving**2
         if np.isfinite(shifts).all():
             spread[row, [column[key] for key in found.inputs]] = shifts
         else:

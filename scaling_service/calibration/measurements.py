@@ -29,8 +29,8 @@ class SegmentMeasurement:
     pairs : tuple of pairs of points
         Each point is a tuple of landmarks whose mean is meant.
     source : str
-    shape_sd : float
-        Relative standard deviation of such a distance against the segment's size between persons of one size.
+    shape_m : float
+        Standard deviation of such a distance between persons in whom the segment has one size, in the model.
     instead : tuple of pairs
         Taken where more of these than of ``pairs`` can be.
     besides : tuple of pairs
@@ -40,7 +40,7 @@ class SegmentMeasurement:
     segments: tuple[str, ...]
     pairs: tuple[Pair, ...]
     source: str
-    shape_sd: float = 0.0
+    shape_m: float = 0.0
     instead: tuple[Pair, ...] = ()
     besides: tuple[Pair, ...] = ()
 
@@ -48,9 +48,9 @@ class SegmentMeasurement:
 _PUCHAUD = "Puchaud 2019, section 2.2.2"
 _CHOSEN = "chosen: the landmarks at the segment's ends"
 
-_PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.05, 0.05, 0.03
-"""Chosen, from the spreads that are left at one size: inter-ASIS width 4.5 %, pelvic depth 8 %, the distance
-between the hips 2.5 %; a limb's ends over skin against its joints' centres, a third to a half of these."""
+_PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
+"""m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
+2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
 
 
 def _side(side: str) -> tuple[SegmentMeasurement, ...]:

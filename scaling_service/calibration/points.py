@@ -8,7 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.anatomy.centres import BodySizes, Centre, Points, construct_centres
+from scaling_service.anatomy.centres import (
+    BodySizes,
+    Centre,
+    Points,
+    construct_centres,
+    with_mirrored_psis,
+)
 from scaling_service.anatomy.chord import chord_centre
 from scaling_service.anatomy.lengths import joint_centres
 from scaling_service.anatomy.markers import canonical, strip_prefix
@@ -63,14 +69,17 @@ class PersonPoints:
 
 
 def name_points(landmarks: Points, centres: Mapping[str, Centre]) -> Points:
-    """Landmarks and centres in one mapping; an ankle also by how it was found, such as ``ankle_r_middle``."""
+    """Landmarks and centres in one mapping, with a missing PSIS as the other's mirror image.
+
+    An ankle is there also by how it was found, such as ``ankle_r_middle``.
+    """
     named = {name: centre.at for name, centre in centres.items()}
     kinds = {
         f"{name}_{c.kind}": c.at
         for name, c in centres.items()
         if name.startswith("ankle") and "chord" not in name
     }
-    return {**landmarks, **named, **kinds}
+    return {**with_mirrored_psis(landmarks), **named, **kinds}
 
 
 def person_points(

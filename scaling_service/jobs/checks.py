@@ -102,7 +102,7 @@ def _median_distance(one: Array, other: Array) -> float:
 def require_landmarks(session: Session) -> None:
     """Refuse recordings in which a landmark has a name that nothing here knows.
 
-    All pelvis landmarks are needed for the hip centres as soon as one is there (both PSIS, or the sacrum),
+    Pelvis landmarks are needed for the hip centres as soon as one is there (both ASIS; a PSIS or the sacrum),
     the outer landmark of a knee or ankle as soon as the inner one is. A leg that was not marked at all
     is nobody's mistake. Landmarks of which the model has no marker are not needed.
 
@@ -115,7 +115,8 @@ def require_landmarks(session: Session) -> None:
     theirs = {canonical(label) for trial in trials for label in trial.labels}
     needed = [outer for outer, inner in NEEDED_TOGETHER if inner in theirs]
     if theirs & {"RASIS", "LASIS", "RPSIS", "LPSIS", "SACR"}:
-        needed += ["RASIS", "LASIS", *(["RPSIS", "LPSIS"] if "SACR" not in theirs else [])]
+        back = theirs & {"SACR", "RPSIS", "LPSIS"}
+        needed += ["RASIS", "LASIS", *(() if back else ("RPSIS", "LPSIS"))]
     for landmark in needed:
         if landmark in ours and landmark not in theirs:
             known = set(session.model.marker_names)

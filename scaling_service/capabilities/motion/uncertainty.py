@@ -72,9 +72,8 @@ def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> Coordi
     sd = np.zeros(q.shape)
     for rows in _blocks(len(q)):
         spread = _linearised(task, q[rows], residuals[rows], held[rows])
-        follow = np.linalg.solve(spread.curvature, spread.rates)
-        noise = np.repeat(task.weights * variance, 3)
-        sd[rows, task.free] = np.sqrt(np.einsum("nij,nij,j->ni", follow, follow, noise))
+        follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
+        sd[rows, task.free] = np.sqrt(np.square(follow) @ np.repeat(task.weights * variance, 3))
     sd[held & task.free] = np.nan
     shown = seen(residuals).any(axis=0)
     return CoordinateSd(sd, np.where(shown, np.sqrt(variance), np.nan), at_end)
@@ -126,7 +125,9 @@ def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Arr
     for some in (rows[part] for part in _blocks(len(rows))):
         shown = seen(residuals[some])
         spread = _linearised(task, q[some], residuals[some], held[some])
-        hat = np.matmul(spread.rates.transpose(0, 2, 1), np.linalg.solve(spread.curvature, spread.rates))
+        hat = np.matmul(
+            spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
+        )
         left = np.repeat(shown, 3, axis=1)[:, :, None] * np.eye(3 * count) - hat
         blocks = np.square(left).reshape(len(some), count, 3, count, 3).sum(axis=(2, 4))
         squares += np.nansum(task.weights[:, None] * residuals[some] ** 2, axis=(0, 2))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from scaling_service.kernels.plan import Entry, is_plain
 from scaling_service.kernels.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
+_KEPT = 32  # plans; as many as trees are kept
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +73,13 @@ class Elimination:
 
 
 def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
-    """Plan the elimination of the free coordinates of an articulated tree."""
+    """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
+    return _planned(tree, np.asarray(free, dtype=bool).tobytes())
+
+
+@lru_cache(maxsize=_KEPT)
+def _planned(tree: Tree, chosen: bytes) -> Elimination:
+    free = np.frombuffer(chosen, dtype=bool)
     own = [_coordinates(tree, link, free) for link in range(len(tree.links))]
     depth: list[int] = []
     for link in tree.links:

@@ -8,6 +8,7 @@ that few of them remain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from scaling_service.kernels.moves import Fixed, Link, Move, Shift, Turn
 from scaling_service.kernels.rigid import rotation_about
 from scaling_service.kernels.tree import MarkerTerm, Tree
 from scaling_service.models.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
+
+_KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
 
 class _Index:
@@ -69,13 +72,19 @@ def compile_model(
 ) -> Tree:
     """Compile a model, with some or all of its markers in the order given.
 
-    Segments that carry none of the markers are left out, for nothing seen depends on them.
+    Segments that carry none of the markers are left out, for nothing seen depends on them. Equal models give
+    the same tree, so that what it works out once serves every recording.
 
     Raises
     ------
     KeyError
         A marker that the model does not have.
     """
+    return _compiled(model, None if markers is None else tuple(markers), tuple(signals))
+
+
+@lru_cache(maxsize=_KEPT)
+def _compiled(model: BodyModel, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
     chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
     index = _Index(model, signals)
     kept = _carriers(model, {m.segment for m in chosen})

@@ -35,12 +35,15 @@ class Tracked:
     result : MotionResult
     options : MotionOptions
     wall_s : float
+    subject_file : Path, optional
+        Beside which the recordings lie, where there is one.
     """
 
     loaded: Loaded
     result: MotionResult
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
+    subject_file: Path | None = None
 
     @property
     def subject(self) -> Subject:
@@ -55,6 +58,7 @@ def ik(
     *,
     marker_set: str | Path | None = None,
     subject: str = "",
+    subject_file: Path | None = None,
     progress: Progress | None = None,
 ) -> Tracked:
     """Follow recordings with a model that exists.
@@ -71,6 +75,8 @@ def ik(
         OpenSim markers to add; ``.osim`` only.
     subject : str
         Whose recordings they are, for the document.
+    subject_file : Path, optional
+        Files beside it are named relative to it in the document.
     progress : callable, optional
 
     Returns
@@ -104,7 +110,7 @@ def ik(
             progress=lambda what, share: report(what, _READING + (1.0 - _READING) * share),
         )
     report("done", 1.0)
-    return Tracked(loaded, result, options, time.perf_counter() - clock)
+    return Tracked(loaded, result, options, time.perf_counter() - clock, subject_file)
 
 
 def processing_of(options: MotionOptions) -> ProcessingSettings:

@@ -74,9 +74,9 @@ def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
     return MotionDocument(
         code_version=code_version(),
         subject=tracked.subject.id,
-        model=tracked.subject.model,
+        model=Path(tracked.subject.model).name,
         settings=tracked.options.resolved() | {"processing": asdict(processing_of(tracked.options))},
-        input_hashes=input_hashes(tracked.subject),
+        input_hashes=input_hashes(tracked.subject, tracked.subject_file),
         seed=0,
         markers_used={name: list(labels) for name, labels in tracked.loaded.markers_used.items()},
         axes=tracked.loaded.axes,

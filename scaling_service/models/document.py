@@ -220,7 +220,6 @@ def _check_names(model: BodyModel, at: _Place) -> None:
             check(law, marker.name)
     for coupler in model.couplers:
         check(coupler.law, coupler.dependent)
-        _must_exist(coupler.dependent, coordinates, "coordinate", coupler.dependent, at)
         _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, at)
 
 

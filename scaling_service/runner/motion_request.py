@@ -24,7 +24,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
     model: str | None = Field(
         default=None,
         description="A built-in name, or an uploaded .osim or model.json; the subject's own unless given.",
-        examples=["model.json"],
+        examples=["lower_limb_14dof"],
     )
     recordings: list[str] | None = Field(
         default=None,

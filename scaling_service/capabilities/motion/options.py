@@ -21,7 +21,6 @@ class MotionOptions(BaseModel):
     markers: dict[str, str] = Field(
         default={},
         description="Model marker to label in the recordings, where name and known aliases differ.",
-        examples=[{"RLFE": "RKNE"}],
     )
     up: str | None = Field(
         default=None,

@@ -55,10 +55,10 @@ def read_model_json(path: str | Path) -> BodyModel:
 
 def _other(content: Any) -> str:
     """What a document seems to be."""
-    if isinstance(content, dict) and {"subject", "trials"} <= content.keys():
-        return "a subject file"
     if isinstance(content, dict) and "code_version" in content:
         return "a document of results"
+    if isinstance(content, dict) and {"subject", "trials"} <= content.keys():
+        return "a subject file"
     return "some other document"
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -100,9 +101,10 @@ def ik(
         evaluation=files,
     )
     report("reading the recordings", 0.0)
-    loaded = load(places, Settings(processing=processing_of(options), up=options.up, forward=options.forward))
-    session = loaded.session
-    with blamed_on(None, files):
+    settings = Settings(processing=processing_of(options), up=options.up, forward=options.forward)
+    with _without_subject_file(), blamed_on(None, files):
+        loaded = load(places, settings)
+        session = loaded.session
         result = track_all(
             session.model,
             session.evaluation,
@@ -111,6 +113,19 @@ def ik(
         )
     report("done", 1.0)
     return Tracked(loaded, result, options, time.perf_counter() - clock, subject_file)
+
+
+@contextmanager
+def _without_subject_file() -> Iterator[None]:
+    """Let remedies that speak of a subject file say where labels are mapped here."""
+    try:
+        yield
+    except InputError as error:
+        if error.remedy is not None:
+            error.remedy = error.remedy.replace(
+                "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
+            )
+        raise
 
 
 def processing_of(options: MotionOptions) -> ProcessingSettings:

@@ -10,6 +10,7 @@ import pytest
 
 from scaling_service.cli.app import EXIT_INPUT, main
 from scaling_service.formats.sto import read_sto
+from scaling_service.formats.trc import read_trc, write_trc
 
 
 def test_motions_their_uncertainty_and_poses_are_written(
@@ -41,6 +42,7 @@ def test_motions_their_uncertainty_and_poses_are_written(
         (["--marker", "RLFE=nothing"], "label 'nothing' is in no recording"),
         (["--up", "sideways"], "sideways"),
         (["--marker-set", "m.xml"], ".osim models only"),
+        (["--smooth-hz", "80"], "Choose one between 0 and 50 Hz"),
     ],
 )
 def test_wrong_options(more: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,3 +52,16 @@ def test_wrong_options(more: list[str], said: str, folder: Path, capsys: pytest.
     assert said in message
     assert len(message.splitlines()) == 1
     assert not (folder / "out").exists()
+
+
+def test_labels_that_no_model_marker_has_are_mapped_by_an_option(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walk = read_trc(folder / "walk.trc")
+    write_trc(folder / "odd.trc", walk.relabelled({name: f"m{k}" for k, name in enumerate(walk.labels)}))
+    assert (
+        main(["ik", "lower_limb_14dof", str(folder / "odd.trc"), "--out", str(folder / "out")]) == EXIT_INPUT
+    )
+    message = capsys.readouterr().err
+    assert "--marker MARKER=LABEL" in message
+    assert str(folder / "odd.trc") in message

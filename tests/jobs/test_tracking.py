@@ -124,7 +124,12 @@ WRONG: list[tuple[str, Callable[[], Any], type[InputError], str]] = [
     ("no JSON", lambda: "segments: [", FileUnreadable, "not JSON"),
     ("nested too deep", lambda: "[" * 100_000, FileUnreadable, "not JSON"),
     ("a list", lambda: "[1, 2]", FileUnreadable, "not a model"),
-    ("results", lambda: {"code_version": "1", "schema_version": 1}, FileUnreadable, "a document of results"),
+    (
+        "results",
+        lambda: {"code_version": "1", "subject": "S01", "trials": {}},
+        FileUnreadable,
+        "a document of results",
+    ),
     ("a subject file", lambda: document(), FileUnreadable, "a subject file"),
     (
         "another version",

@@ -8,6 +8,7 @@ that few of them remain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -72,19 +73,33 @@ def compile_model(
 ) -> Tree:
     """Compile a model, with some or all of its markers in the order given.
 
-    Segments that carry none of the markers are left out, for nothing seen depends on them. Equal models give
-    the same tree, so that what it works out once serves every recording.
+    Segments that carry none of the markers are left out, for nothing seen depends on them. A model
+    gives the same tree again, so that what it works out once serves every recording.
 
     Raises
     ------
     KeyError
         A marker that the model does not have.
     """
-    return _compiled(model, None if markers is None else tuple(markers), tuple(signals))
+    return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A model that equals only itself: to compare all its numbers takes longer than a step of a solution."""
+
+    model: BodyModel
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.model is other.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
 
 
 @lru_cache(maxsize=_KEPT)
-def _compiled(model: BodyModel, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
+def _compiled(same: _Same, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
+    model = same.model
     chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
     index = _Index(model, signals)
     kept = _carriers(model, {m.segment for m in chosen})

@@ -5,7 +5,8 @@ the frame), so its covariance is ``H^-1 J^T W S W J H^-1`` whatever the weights 
 S holds one variance for each marker, for skin moves more in one place than in another.
 
 What all markers of a segment do together looks like a motion of the bone and leaves no residual: it is not
-in these numbers. Nor is an error of the model's joints that the recording's residuals do not show.
+in these numbers. Nor is an error of the model's joints that the recording's residuals do not show. A gap that
+processing filled counts as seen.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from scaling_service.calibration.inertial import identify_inertia
     from scaling_service.calibration.settings import CalibrationSettings
+    from scaling_service.capabilities.motion.options import MotionOptions
     from scaling_service.core.errors import InputError
     from scaling_service.estimation.inverse_kinematics import inverse_kinematics
     from scaling_service.evaluation.kinematic_error import kinematic_error
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from scaling_service.jobs.settings import Settings
     from scaling_service.jobs.subjects import load_subject
     from scaling_service.jobs.tasks import Results, Scaling, compare, scale
+    from scaling_service.jobs.tracking import Tracked, ik
+    from scaling_service.jobs.tracking_saving import save_motions
     from scaling_service.models.subject import Subject
     from scaling_service.processing.pipeline import ProcessingSettings
 
@@ -37,16 +40,19 @@ __all__ = [
     "DiscoverSettings",
     "DynamicsSettings",
     "InputError",
+    "MotionOptions",
     "ProcessingSettings",
     "Results",
     "Scaling",
     "Settings",
     "Subject",
+    "Tracked",
     "batch",
     "compare",
     "discover",
     "dynamics",
     "identify_inertia",
+    "ik",
     "inverse_kinematics",
     "kinematic_error",
     "load_subject",
@@ -56,6 +62,7 @@ __all__ = [
     "save",
     "save_discovery",
     "save_dynamics",
+    "save_motions",
     "scale",
 ]
 
@@ -64,16 +71,19 @@ _HOMES = {
     "DiscoverSettings": "jobs.discover_settings",
     "DynamicsSettings": "jobs.dynamics_settings",
     "InputError": "core.errors",
+    "MotionOptions": "capabilities.motion.options",
     "ProcessingSettings": "processing.pipeline",
     "Results": "jobs.tasks",
     "Scaling": "jobs.tasks",
     "Settings": "jobs.settings",
     "Subject": "models.subject",
+    "Tracked": "jobs.tracking",
     "batch": "jobs.batch",
     "compare": "jobs.tasks",
     "discover": "jobs.discover",
     "dynamics": "jobs.dynamics",
     "identify_inertia": "calibration.inertial",
+    "ik": "jobs.tracking",
     "inverse_kinematics": "estimation.inverse_kinematics",
     "kinematic_error": "evaluation.kinematic_error",
     "load_subject": "jobs.subjects",
@@ -83,6 +93,7 @@ _HOMES = {
     "save": "jobs.saving",
     "save_discovery": "jobs.discover_saving",
     "save_dynamics": "jobs.dynamics_saving",
+    "save_motions": "jobs.tracking_saving",
     "scale": "jobs.tasks",
 }
 

@@ -20,6 +20,7 @@ from scaling_service.cli.discover import discover
 from scaling_service.cli.dynamics import dynamics
 from scaling_service.cli.keys import app as keys
 from scaling_service.cli.landmarks import landmarks
+from scaling_service.cli.motion import ik
 from scaling_service.cli.proof import proof
 from scaling_service.cli.reproduce import reproduce
 from scaling_service.cli.scaling import compare, demo, scale
@@ -43,7 +44,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _command in (
-    demo, proof, scale, compare, dynamics, consistent, discover, batch, landmarks, reproduce, serve,
+    demo, proof, scale, compare, ik, dynamics, consistent, discover, batch, landmarks, reproduce, serve,
 ):  # fmt: skip
     app.command()(_command)
 for _name, _group in (("datasets", datasets), ("keys", keys), ("data", data), ("settings", settings)):

@@ -61,7 +61,7 @@ def introduce(console: Console, document: Provenance, how: str = "") -> None:
     """Whose result it is and how it came about, then how the files were read."""
     after = f": {escape(how)}" if how else ""
     console.print(f"Subject [bold]{escape(document.subject)}[/bold]{after}", highlight=False)
-    for line in _understood(document):
+    for line in understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
 
 
@@ -71,7 +71,7 @@ def say(console: Console, word: str, style: str, lines: Iterable[str]) -> None:
         console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
 
 
-def _understood(document: Provenance) -> Iterator[str]:
+def understood(document: Provenance) -> Iterator[str]:
     """How labels and axes were read: where it was wrong, everything after is."""
     taken = [
         f"{marker} = {' or '.join(labels)}"

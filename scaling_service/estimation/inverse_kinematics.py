@@ -44,6 +44,7 @@ _ROUGH = SweepSettings(left=5e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
+_FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,8 +153,7 @@ def inverse_kinematics(
     Lu & O'Connor 1999, J Biomech 32:129-134.
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
-    solution = solve_task(task, trial.times, start, progress)
-    return _motion(task, trial, solution)
+    return motion_of(task, trial, solve_task(task, trial.times, start, progress))
 
 
 def solve_task(
@@ -265,9 +265,12 @@ def _interpolated(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Arr
     return result
 
 
-def _motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
-    placed = positions(task.tree, forward(task.tree, np.ascontiguousarray(solution.q.T), task.p))
-    residual = task.measured - np.moveaxis(placed, -1, 0)
+def motion_of(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
+    """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
+    residual = np.empty(task.measured.shape)
+    for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
+        placed = positions(task.tree, forward(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p))
+        np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
     known = determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
     sometimes = ever(known)
     q = np.where(known | ~sometimes, solution.q, np.nan)

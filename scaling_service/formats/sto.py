@@ -17,6 +17,7 @@ from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.formats.tables import (
     Line,
     check_times,
+    formatted_rows,
     numbered_lines,
     parse_rows,
     read_text,
@@ -242,9 +243,10 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
         for key, value in table.header.items()
         if key.lower() not in _OWN_KEYS and "\n" not in value
     ]
-    form = "\t".join(["%.12g"] * columns)
-    lines += ["endheader", "\t".join(table.columns), *(form % tuple(row) for row in table.data.tolist())]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    lines += ["endheader", "\t".join(table.columns), ""]
+    with Path(path).open("w", encoding="utf-8") as stream:
+        stream.write("\n".join(lines))
+        stream.writelines(formatted_rows("\t".join(["%.12g"] * columns), table.data))
 
 
 def motion_table(

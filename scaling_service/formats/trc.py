@@ -16,6 +16,7 @@ from scaling_service.formats.tables import (
     Line,
     check_times,
     clean_positions,
+    formatted_rows,
     numbered_lines,
     parse_rows,
     read_text,
@@ -356,7 +357,9 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     values[(values == 0).all(-1), 0] = 10.0**-decimals
     n, m = trial.n_frames, len(trial.labels)
     rate = f"{trial.rate_hz:.6f}".rstrip("0").rstrip(".")
-    rows = np.concatenate((trial.times[:, None], values.reshape(n, -1)), axis=1)
+    rows = np.concatenate(
+        (np.arange(1.0, n + 1.0)[:, None], trial.times[:, None], values.reshape(n, -1)), axis=1
+    )
     form = "%d\t%.9f" + f"\t%.{decimals}f" * (3 * m)
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
@@ -365,6 +368,8 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
         "Frame#\tTime\t" + "\t".join(f"{label}\t\t" for label in trial.labels),
         "\t\t" + "\t".join(f"X{k}\tY{k}\tZ{k}" for k in range(1, m + 1)),
         "",
-        *(form % (k, *row) for k, row in enumerate(rows.tolist(), start=1)),
+        "",
     ]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with Path(path).open("w", encoding="utf-8") as stream:
+        stream.write("\n".join(lines))
+        stream.writelines(formatted_rows(form, rows))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from scaling_service.jobs.loading import recordings
 from scaling_service.models.subject import Subject
+from scaling_service.schemas.subject import MODEL_SUFFIXES
 
 
 def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
@@ -33,7 +34,7 @@ def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str
 def _inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
     if subject_file is not None:
         yield subject_file.resolve()
-    if subject.model.lower().endswith(".osim"):
+    if subject.model.lower().endswith(MODEL_SUFFIXES):
         yield Path(subject.model)
     yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
     yield from recordings(subject)

@@ -17,6 +17,7 @@ from scaling_service.anatomy.markers import (
     strip_prefix,
 )
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.formats.model_json import SUFFIX, read_model_json
 from scaling_service.formats.osim import read_osim, read_scale_setup
 from scaling_service.formats.recording import read_recording
 from scaling_service.jobs.checks import refuse_one_spot, refuse_repeated, require_measurements
@@ -97,12 +98,12 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
-    """A built-in model by name, or an OpenSim model by path.
+    """A built-in model by name, or by path an OpenSim model or one that this program wrote.
 
     Parameters
     ----------
     name_or_path : str or path
-        Anything that ends in ``.osim`` is a path.
+        Anything that ends in ``.osim`` or ``.json`` is a path.
     marker_set : path, optional
         OpenSim markers to add; ``.osim`` only.
 
@@ -114,6 +115,9 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
             return read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+    if str(name_or_path).lower().endswith(SUFFIX):
+        with blamed_on(Path(name_or_path)):
+            return read_model_json(name_or_path)
     return builtin(str(name_or_path))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from scaling_service.formats.osim.shapes import values
 from scaling_service.formats.sto import motion_table, write_sto
 from scaling_service.models.body import BodyModel, Coupler, Law
 from scaling_service.models.results import Array, Motion
+
+_STEP = 1e-5  # rad or m; chosen: the laws are cubic pieces, so rounding and curvature both stay below 1e-9
 
 
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
@@ -26,16 +29,42 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     model : BodyModel
         Says which coordinates turn, and which follow others.
     """
+    followed = [law_values(coupler.law, _leading(coupler, motion)) for coupler in model.couplers]
+    _write(path, motion, motion.q, followed, model)
+
+
+def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
+    """Write standard deviations under the columns that :func:`write_motion` writes, in the same units.
+
+    Parameters
+    ----------
+    path : Path
+    motion : Motion
+    sd : ndarray, shape (n_frames, n_coordinates), rad or m
+        A dependent coordinate's is that of the leading one times the slope of its law.
+    model : BodyModel
+    """
+    followed = []
+    for coupler in model.couplers:
+        x, k = _leading(coupler, motion), motion.coordinates.index(coupler.independent)
+        rise = law_values(coupler.law, x + _STEP) - law_values(coupler.law, x - _STEP)
+        followed.append(np.abs(rise / (2.0 * _STEP)) * sd[:, k])
+    _write(path, motion, sd, followed, model)
+
+
+def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
     kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
-    q = np.column_stack([motion.q, *(_followed(coupler, motion) for coupler in model.couplers)])
-    write_sto(path, motion_table(motion.trial, motion.times, names, kinds, q))
+    write_sto(
+        path, motion_table(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+    )
 
 
-def _followed(coupler: Coupler, motion: Motion) -> Array:
-    x = motion.q[:, motion.coordinates.index(coupler.independent)]
-    return law_values(coupler.law, x)
+def _leading(coupler: Coupler, motion: Motion) -> Array:
+    """The coordinate that a dependent one follows, (n_frames,)."""
+    x: Array = motion.q[:, motion.coordinates.index(coupler.independent)]
+    return x
 
 
 def law_values(law: Law, x: Array) -> Array:

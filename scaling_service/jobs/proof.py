@@ -35,6 +35,7 @@ from scaling_service.schemas.proof import (
     RecordingProof,
 )
 from scaling_service.schemas.reading import check_document
+from scaling_service.schemas.subject import MODEL_SUFFIXES
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
@@ -199,8 +200,9 @@ def _model(
     """The model whose markers are looked for; the usual one where that cannot be had."""
     places = {role: file for file, (role, _) in roles.items()}
     wanted = str(known.get("model") or places.get("model") or USUAL)
-    is_file = wanted.lower().endswith(".osim")
-    marker_set = known.get("marker_set") or places.get("marker_set") if is_file else None
+    is_file = wanted.lower().endswith(MODEL_SUFFIXES)
+    takes_more = wanted.lower().endswith(".osim")
+    marker_set = known.get("marker_set") or places.get("marker_set") if takes_more else None
     try:
         return read_model(folder / wanted if is_file else wanted, folder / marker_set if marker_set else None)
     except InputError as error:

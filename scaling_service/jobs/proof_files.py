@@ -148,7 +148,10 @@ def _document(file: Path) -> Found:
         check_document(content)
         return dict(content)
 
-    if not re.search(r"^\W*subject\b", _beginning(file), re.MULTILINE):
+    beginning = _beginning(file)
+    if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
+        return Found(file.name, "model", "a model of this program")
+    if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
         return Found(file.name, "other", "a document without a subject")
     return _tried(Found(file.name, "subject", "it describes a subject"), file, read)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from scaling_service.jobs.proof_files import Found
 from scaling_service.jobs.proof_roles import Roles, of_bones, of_forces, of_others, of_recordings
+from scaling_service.schemas.subject import MODEL_SUFFIXES
 
 _LISTS = ("trials.calibration", "trials.evaluation")
 
@@ -24,7 +25,7 @@ def named_in(document: Mapping[str, Any]) -> dict[str, str]:
 
 def _named(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     model = document.get("model")
-    if isinstance(model, str) and model.lower().endswith(".osim"):
+    if isinstance(model, str) and model.lower().endswith(MODEL_SUFFIXES):
         yield "model", model
     for place in ("marker_set", "scale_setup", "image_markers"):
         if document.get(place):

@@ -119,13 +119,15 @@ def of_others(found: Sequence[Found], imaged: bool) -> Iterator[tuple[str, tuple
     markers = [f.name for f in found if f.kind == "image_markers" and f.usable]
     if len(markers) == 1:
         yield markers[0], ("image_markers", "the only one")
-    models = [f.name for f in found if f.kind == "model" and f.usable]
+    usable = [f.name for f in found if f.kind == "model" and f.usable]
+    # What this program wrote may lie beside the file that it was made from.
+    models = [name for name in usable if name.lower().endswith(".osim")] or usable
     generic = [name for name in models if re.search(r"generic|unscaled", name, re.IGNORECASE)]
     chosen = generic if len(generic) == 1 else models
     if imaged or len(chosen) != 1:
         return
     yield chosen[0], ("model", "the only one" if len(models) == 1 else "its name says that it is not scaled")
-    for place in ("marker_set", "scale_setup"):
+    for place in ("marker_set", "scale_setup") if chosen[0].lower().endswith(".osim") else ():
         files = [f.name for f in found if f.kind == "setup" and f.content == place]
         if len(files) == 1:
             yield files[0], (place, "the only one")

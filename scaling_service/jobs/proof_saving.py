@@ -15,6 +15,7 @@ from scaling_service.jobs.proof import Progress, prove
 from scaling_service.jobs.saving import all_or_nothing, write_json
 from scaling_service.jobs.settings import Settings
 from scaling_service.schemas.proof import ProofDocument
+from scaling_service.schemas.subject import MODEL_SUFFIXES
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 
@@ -74,7 +75,7 @@ def _elsewhere(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         return (folder / name).as_posix()
 
     content = dict(document)
-    if str(content["model"]).lower().endswith(".osim"):
+    if str(content["model"]).lower().endswith(MODEL_SUFFIXES):
         content["model"] = at(content["model"])
     content |= {key: at(content[key]) for key in _FILES if key in content}
     content["trials"] = {

@@ -132,7 +132,7 @@ class _Finder:
             f"there is no built-in model '{name}'",
             file=self._file,
             field="model",
-            remedy=f"{guess}Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file",
+            remedy=f"{guess}Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim or model.json",
         )
 
     @staticmethod

@@ -149,9 +149,10 @@ def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Arr
         result[:, i, i] += trace
         result[:, 3 + i, 3 + i] = clusters.weight
         result[:, j, 3 + i] = result[:, 3 + i, j] = first[:, k]
-        result[:, i, 3 + j] = result[:, 3 + j, i] = -first[:, k]
-        result[:, i, 6] = misfit.turned[:, j, k] - misfit.turned[:, k, j]
-        result[:, i, 6] += centre[:, j] * force[:, k] - centre[:, k] * force[:, j]
+        np.negative(first[:, k], out=result[:, i, 3 + j])
+        result[:, 3 + j, i] = result[:, i, 3 + j]
+        np.subtract(misfit.turned[:, j, k], misfit.turned[:, k, j], out=result[:, i, 6])
+    result[:, :3, 6] += cross(centre, force)
     result[:, 3:, 6] = force
     return result
 

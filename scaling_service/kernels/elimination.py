@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,21 +21,26 @@ from scaling_service.kernels.plan import Entry, is_plain
 from scaling_service.kernels.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
+_KEPT = 32  # plans; as many as trees are kept
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moves:
-    """What columns do at one node each: turn about, or shift along, a direction of the parent node's frame.
+    """What columns do at nodes: turn about, or shift along, a direction of the parent node's frame.
 
-    ``constant`` (m, 3, 1) is the part of the direction that does not vary; ``varying`` holds the row
-    and the term of what does. No column stands twice.
+    The rows come in sets, turns before shifts; ``targets`` holds the rows of each set and their columns, of
+    which none stands twice in a set. ``turning`` counts the sets of turns, ``turned`` are the nodes of these.
+    ``constant`` (m, 3, 1) is the part of the direction that does not vary; ``matrix`` (3 m, len(varying))
+    times the rates of the terms ``varying`` is the part that does.
     """
 
-    columns: Index
+    targets: tuple[tuple[slice, Index], ...]
+    turning: int
+    turned: Index
     parents: Index
-    nodes: Index
     constant: Array
-    varying: tuple[tuple[int, Array, TermArrays], ...]
+    matrix: Array
+    varying: tuple[TermArrays, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +65,7 @@ class Elimination:
     variables, column_row : ndarray of int, shape (n_columns,)
         The coordinate of each column, and the row of its link.
     row_of_link, link_of_row : ndarray of int, shape (n_links,)
-    turns, shifts : tuple of _Moves
+    moves : _Moves
     """
 
     depths: tuple[Depth, ...]
@@ -66,12 +73,17 @@ class Elimination:
     column_row: Index
     row_of_link: Index
     link_of_row: Index
-    turns: tuple[_Moves, ...]
-    shifts: tuple[_Moves, ...]
+    moves: _Moves
 
 
 def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
-    """Plan the elimination of the free coordinates of an articulated tree."""
+    """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
+    return _planned(tree, np.asarray(free, dtype=bool).tobytes())
+
+
+@lru_cache(maxsize=_KEPT)
+def _planned(tree: Tree, chosen: bytes) -> Elimination:
+    free = np.frombuffer(chosen, dtype=bool)
     own = [_coordinates(tree, link, free) for link in range(len(tree.links))]
     depth: list[int] = []
     for link in tree.links:
@@ -96,8 +108,7 @@ def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
         np.array([row[link] for _, link in columns], dtype=np.intp),
         np.argsort(order),
         np.array(order, dtype=np.intp),
-        _moves(tree, columns, turns=True),
-        _moves(tree, columns, turns=False),
+        _moves(tree, columns),
     )
 
 
@@ -114,7 +125,42 @@ def _coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
     return [v for v in dict.fromkeys(used) if v != NONE and free[v]]
 
 
-def _moves(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> tuple[_Moves, ...]:
+Item = tuple[int, int, list[Entry]]
+"""A column, a node that it moves, and the terms by which it does."""
+
+
+def _moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
+    turns, shifts = (_sets(tree, columns, turns=turns) for turns in (True, False))
+    items = [item for group in (*turns, *shifts) for item in group]
+    nodes = np.array([node for _, node, _ in items], dtype=np.intp)
+    constant = np.zeros((len(items), 3, 1))
+    varying: list[tuple[int, Entry]] = []
+    for row, (_, _, entries) in enumerate(items):
+        for entry in entries:
+            if is_plain(entry.term, tree.factors):
+                constant[row, :, 0] += entry.direction
+            else:
+                varying.append((row, entry))
+    matrix = np.zeros((len(items), 3, len(varying)))
+    for k, (row, entry) in enumerate(varying):
+        matrix[row, :, k] = entry.direction
+    ends = np.cumsum([0, *(len(group) for group in (*turns, *shifts))]).tolist()
+    targets = tuple(
+        (slice(start, stop), np.array([column for column, _, _ in items[start:stop]], dtype=np.intp))
+        for start, stop in pairwise(ends)
+    )
+    return _Moves(
+        targets,
+        len(turns),
+        nodes[: ends[len(turns)]],
+        tree.plan.parent[nodes],
+        constant,
+        matrix.reshape(3 * len(items), len(varying)),
+        tuple(entry.term for _, entry in varying),
+    )
+
+
+def _sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
     """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
     found: list[dict[int, list[Entry]]] = [{} for _ in columns]
     number = {variable: column for column, (variable, _) in enumerate(columns)}
@@ -123,46 +169,30 @@ def _moves(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> tu
             column = number.get(tree.factors[entry.term.factor].coordinate)
             if column is not None:
                 found[column].setdefault(entry.node, []).append(entry)
-    return tuple(
-        _set(tree, [(c, *list(at.items())[k]) for c, at in enumerate(found) if len(at) > k])
+    return [
+        [(c, *list(at.items())[k]) for c, at in enumerate(found) if len(at) > k]
         for k in range(max(map(len, found), default=0))
-    )
-
-
-def _set(tree: Tree, items: Sequence[tuple[int, int, Sequence[Entry]]]) -> _Moves:
-    nodes = np.array([node for _, node, _ in items], dtype=np.intp)
-    constant = np.zeros((len(items), 3, 1))
-    varying = []
-    for row, (_, _, entries) in enumerate(items):
-        for entry in entries:
-            if is_plain(entry.term, tree.factors):
-                constant[row, :, 0] += entry.direction
-            else:
-                varying.append((row, entry.direction[:, None], entry.term))
-    columns = np.array([column for column, _, _ in items], dtype=np.intp)
-    return _Moves(columns, tree.plan.parent[nodes], nodes, constant, tuple(varying))
+    ]
 
 
 def twists(plan: Elimination, poses: Poses) -> Array:
     """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
-    result = np.zeros((len(plan.variables), 6, poses.frames.shape[-1]))
-    for moves in plan.turns:
-        turn = _directions(moves, poses)
-        result[moves.columns, :3] += turn
-        result[moves.columns, 3:] += cross(poses.frames[moves.nodes, 3], turn)
-    for moves in plan.shifts:
-        result[moves.columns, 3:] += _directions(moves, poses)
-    return result
-
-
-def _directions(moves: _Moves, poses: Poses) -> Array:
-    """Axes or shifts per unit of their coordinates in ground, (m, 3, n)."""
+    moves, n = plan.moves, poses.frames.shape[-1]
+    result = np.zeros((len(plan.variables), 6, n))
     local = moves.constant
     if moves.varying:
-        local = np.repeat(local, poses.frames.shape[-1], axis=2)
-        for row, direction, term in moves.varying:
-            local[row] += direction * poses.values.by_coordinate(term)
-    result: Array = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
+        rates = np.empty((len(moves.varying), n))
+        for k, term in enumerate(moves.varying):
+            rates[k] = poses.values.by_coordinate(term)
+        local = local + (moves.matrix @ rates).reshape(len(local), 3, n)
+    directions = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
+    about_ground = cross(poses.frames[moves.turned, 3], directions[: len(moves.turned)])
+    for k, (rows, columns) in enumerate(moves.targets):
+        if k < moves.turning:
+            result[columns, :3] += directions[rows]
+            result[columns, 3:] += about_ground[rows]
+        else:
+            result[columns, 3:] += directions[rows]
     return result
 
 

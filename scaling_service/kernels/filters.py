@@ -7,6 +7,7 @@ unless filling it is the function's purpose. Frames come first; each further col
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -85,32 +86,27 @@ def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Ar
     x = np.array(signal, dtype=float)
     if x.shape[0] == 0:
         return x
-    reach = np.minimum(_distance_to_edge(np.isfinite(x)), window // 2)
+    reach = _reach(np.isfinite(x), window // 2)
     for _ in range(passes):
         x = _central_mean(x, reach)
     return x
 
 
-def _distance_to_edge(seen: Mask) -> NDArray[np.intp]:
-    """Frames to the nearer end of the run that each seen sample is in; 0 at the ends and where not seen."""
-    index = np.arange(seen.shape[0]).reshape(-1, *([1] * (seen.ndim - 1)))
-    before = index - np.maximum.accumulate(np.where(seen, -1, index), axis=0) - 1
-    last = seen.shape[0] - 1
-    after = np.flip(index - np.maximum.accumulate(np.where(np.flip(seen, 0), -1, index), axis=0) - 1, 0)
-    # A gap before frame 0 and after the last one.
-    nearer = np.minimum(np.minimum(before, index), np.minimum(after, last - index))
-    reach: NDArray[np.intp] = np.clip(nearer, 0, None)
-    return reach
+def _reach(seen: Mask, most: int) -> list[Mask]:
+    """Which samples (n - 2 k, ...) are seen with all up to k frames to either side, k = 1 ... most."""
+    reached, whole = [], seen
+    for k in range(1, min(most, (len(seen) - 1) // 2) + 1):
+        whole = whole[1:-1] & seen[2 * k :] & seen[: -2 * k]
+        reached.append(whole)
+    return reached
 
 
-def _central_mean(x: Array, reach: NDArray[np.intp]) -> Array:
-    """Mean over ``reach`` frames to either side of each sample."""
-    total, mean = x.copy(), x.copy()
-    for k in range(1, int(reach.max(initial=0)) + 1):
-        pair = np.full_like(x, np.nan)
-        pair[k:-k] = x[2 * k :] + x[: -2 * k]
-        total = total + pair
-        mean = np.where(reach == k, total / (2 * k + 1), mean)
+def _central_mean(x: Array, reach: Sequence[Mask]) -> Array:
+    """Mean over as many frames to either side of each sample as its ``reach`` allows."""
+    total, mean = x, x.copy()
+    for k, reached in enumerate(reach, start=1):
+        total = total[1:-1] + x[2 * k :] + x[: -2 * k]
+        np.divide(total, 2 * k + 1, out=mean[k:-k], where=reached)
     return mean
 
 

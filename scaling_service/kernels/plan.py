@@ -55,20 +55,26 @@ class Linear:
     """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
 
     ``constant`` is (n_rows,); ``matrix`` (len(varying), n_coordinates) adds to the rows ``varying``;
-    ``others`` holds (row, gain, term).
+    ``gains`` (len(curved), len(factors)) times the ``factors`` adds to the rows ``curved``; ``others`` holds
+    (row, gain, term) of the terms with a parameter.
     """
 
     constant: Array
     varying: slice | Index
     matrix: Array
+    curved: slice | Index
+    gains: Array
+    factors: tuple[int, ...]
     others: tuple[tuple[int, float, TermArrays], ...]
 
     def values(self, q: Array, values: Values) -> Array:
         """Values of all rows, (n_rows, n_frames)."""
         result = np.repeat(self.constant[:, None], q.shape[1], axis=1)
         result[self.varying] += self.matrix @ q
+        if self.factors:
+            result[self.curved] += self.gains @ np.array([values.factors[k] for k in self.factors])
         for row, gain, term in self.others:
-            scale = gain * values.p[term.parameter] if term.parameter != NONE else gain
+            scale = gain * values.p[term.parameter]
             result[row] += scale * values.factors[term.factor] if term.factor != NONE else scale
         return result
 
@@ -200,16 +206,29 @@ def _linear(
 ) -> Linear:
     width = len(constants[0])
     matrix = np.zeros((len(constants) * width, n_coordinates))
+    gains = np.zeros((len(matrix), len(factors)))
     others = []
     for k, own in enumerate(terms):
+        rows = slice(k * width, (k + 1) * width)
         for term in own:
             if is_plain(term, factors):
-                matrix[k * width : (k + 1) * width, factors[term.factor].coordinate] += term.gain
+                matrix[rows, factors[term.factor].coordinate] += term.gain
+            elif term.parameter == NONE:
+                gains[rows, term.factor] += term.gain
             else:
                 others += [(k * width + i, float(gain), term) for i, gain in enumerate(term.gain) if gain]
-    varying = np.flatnonzero(matrix.any(axis=1))
+    varying, curved = np.flatnonzero(matrix.any(axis=1)), np.flatnonzero(gains.any(axis=1))
+    used = np.flatnonzero(gains.any(axis=0))
     constant = np.array(constants, dtype=float).ravel()
-    return Linear(constant, run_of(varying), matrix[varying], tuple(others))
+    return Linear(
+        constant,
+        run_of(varying),
+        matrix[varying],
+        run_of(curved),
+        gains[np.ix_(curved, used)],
+        tuple(used.tolist()),
+        tuple(others),
+    )
 
 
 def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:

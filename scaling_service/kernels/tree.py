@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scaling_service.kernels.laws import NONE, Array, Factor, ShapeGroup, TermArrays, Values, shape_groups
 from scaling_service.kernels.moves import Fixed, Link
-from scaling_service.kernels.plan import Entry, Plan, plan_of
+from scaling_service.kernels.plan import Entry, Plan, plan_of, run_of
 
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 """The components of a cross product: i from j and k."""
@@ -82,6 +82,11 @@ class Tree:
     def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
         """For every link the markers that sit on it."""
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
+
+    @cached_property
+    def entries_of_link(self) -> tuple[tuple[Entry, ...], ...]:
+        """For every link the varying terms of its moves, in their order."""
+        return tuple(tuple(e for e in self.plan.entries if e.link == k) for k in range(len(self.links)))
 
     @cached_property
     def variables(self) -> tuple[tuple[int, ...], ...]:
@@ -252,7 +257,7 @@ def positions(tree: Tree, poses: Poses) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the second-last axis (3 components), frames last."""
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in CYCLE:
         component = result[..., i, :]
         np.multiply(a[..., j, :], b[..., k, :], out=component)
@@ -276,15 +281,19 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
     """
     row = {int(v): k for k, v in enumerate(variables)}
     result = np.zeros((len(variables), *placed.shape))
-    moving = [e for e in tree.plan.entries if len(tree.carried[e.link])]
-    for entry, motion in zip(moving, poses.directions(moving), strict=True):
-        rows = tree.carried[entry.link]
-        wanted = [(v, r) for v, r in rates_of(tree, poses.values, entry.term) if v in row]
-        if not wanted:
+    for link, rows in enumerate(tree.carried):
+        moving = [e for e in tree.entries_of_link[link] if any(v in row for v in variables_of(tree, e.term))]
+        if not len(rows) or not moving:
             continue
-        turned = cross(motion, placed[rows] - poses.frames[entry.node, 3]) if entry.is_turn else motion
-        for variable, rate in wanted:
-            result[row[variable], rows] += turned * rate
+        below, motions = run_of(rows), poses.directions(moving)[:, None]
+        turns = [k for k, entry in enumerate(moving) if entry.is_turn]
+        centres = poses.frames[[moving[k].node for k in turns], 3]
+        turned = dict(zip(turns, cross(motions[turns], placed[below] - centres[:, None]), strict=True))
+        for k, entry in enumerate(moving):
+            moved = turned.get(k, motions[k])
+            for variable, rate in rates_of(tree, poses.values, entry.term):
+                if variable in row:
+                    result[row[variable], below] += moved * rate
     for marker, terms in tree.terms_of_marker.items():
         axes = poses.node_axes[poses.plan.link_node[tree.marker_link[marker]]]
         for term in terms:

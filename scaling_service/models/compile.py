@@ -8,6 +8,8 @@ that few of them remain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,8 @@ from scaling_service.kernels.moves import Fixed, Link, Move, Shift, Turn
 from scaling_service.kernels.rigid import rotation_about
 from scaling_service.kernels.tree import MarkerTerm, Tree
 from scaling_service.models.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
+
+_KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
 
 class _Index:
@@ -69,13 +73,33 @@ def compile_model(
 ) -> Tree:
     """Compile a model, with some or all of its markers in the order given.
 
-    Segments that carry none of the markers are left out, for nothing seen depends on them.
+    Segments that carry none of the markers are left out, for nothing seen depends on them. A model
+    gives the same tree again, so that what it works out once serves every recording.
 
     Raises
     ------
     KeyError
         A marker that the model does not have.
     """
+    return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A model that equals only itself: to compare all its numbers takes longer than a step of a solution."""
+
+    model: BodyModel
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.model is other.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+
+@lru_cache(maxsize=_KEPT)
+def _compiled(same: _Same, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
+    model = same.model
     chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
     index = _Index(model, signals)
     kept = _carriers(model, {m.segment for m in chosen})

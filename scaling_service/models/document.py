@@ -190,9 +190,16 @@ def _decode_tuple(inner: tuple[Any, ...], value: object, at: _Place) -> tuple[ob
 def _decode_number(value: object, at: _Place) -> float:
     if isinstance(value, str) and value in _INFINITE:
         return _INFINITE[value]
-    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
         raise at.wrong(value, "a number")
     return float(value)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond what a double holds
+        return False
 
 
 def _check_names(model: BodyModel, at: _Place) -> None:
@@ -213,7 +220,6 @@ def _check_names(model: BodyModel, at: _Place) -> None:
             check(law, marker.name)
     for coupler in model.couplers:
         check(coupler.law, coupler.dependent)
-        _must_exist(coupler.dependent, coordinates, "coordinate", coupler.dependent, at)
         _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, at)
 
 

@@ -23,7 +23,7 @@ class Subject:
     Parameters
     ----------
     model : str
-        The name of a built-in model or the absolute path of an ``.osim`` file.
+        The name of a built-in model, or the absolute path of an ``.osim`` file or a ``model.json``.
     marker_map : mapping
         Model marker to label in the recordings.
     extra_markers : mapping

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scaling_service.kernels.masks import seen
-from scaling_service.models.trial import Repair, Trial
+from scaling_service.models.trial import Array, Repair, Trial
 
 FARTHEST = 20.0
 """Distance from the middle of a frame's markers, over the typical one, beyond which a marker is no part of a
@@ -34,11 +34,10 @@ def without_strays(trial: Trial) -> Trial:
     rows = np.flatnonzero(shown.sum(axis=1) >= FEWEST)
     if not len(rows):
         return trial
-    middle = np.nanmedian(trial.markers[rows], axis=1, keepdims=True)
-    distance = np.linalg.norm(trial.markers[rows] - middle, axis=2)
+    known = np.where(shown[rows, :, None], trial.markers[rows], np.nan)
+    distance = np.linalg.norm(known - _median(known), axis=2)
     flags = np.zeros_like(shown)
-    with np.errstate(invalid="ignore"):
-        flags[rows] = distance > FARTHEST * np.nanmedian(distance)
+    flags[rows] = distance > FARTHEST * np.median(distance[shown[rows]])
     if not flags.any():
         return trial
     detail = f"over {FARTHEST:g} times farther from the other markers than usual, taken as not seen"
@@ -48,3 +47,12 @@ def without_strays(trial: Trial) -> Trial:
         if n
     ]
     return trial.with_markers(np.where(flags[..., None], np.nan, trial.markers), *repairs)
+
+
+def _median(positions: Array) -> Array:
+    """Median over the markers (n, m, 3) that are known, (n, 1, 3); numpy's own takes ten times as long."""
+    ordered = np.sort(positions, axis=1)  # NaN last
+    count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
+    low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
+    middle: Array = 0.5 * (low + high)
+    return middle

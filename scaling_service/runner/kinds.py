@@ -10,12 +10,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from scaling_service.capabilities.motion.result import MotionDocument
 from scaling_service.runner.child import Progress
 from scaling_service.runner.cohort_request import RECORD, BatchRequest, MemberRequest, MemberResult
 from scaling_service.runner.comparing import JointAnglesRequest, KinematicErrorRequest, SegmentLengthsRequest
 from scaling_service.runner.consistent_request import ConsistentRequest
 from scaling_service.runner.discover_request import DiscoverRequest
 from scaling_service.runner.dynamics_request import DynamicsRequest
+from scaling_service.runner.motion_request import MotionRequest
 from scaling_service.runner.proof_request import ProofRequest
 from scaling_service.runner.requests import JobRequest, LandmarksRequest, ScalingRequest
 from scaling_service.runner.single import LinearRequest, OptimisedRequest
@@ -131,6 +133,7 @@ KINDS: Mapping[str, Kind] = {
         "comparisons/joint-angles",
         JointAngleComparison,
     ),
+    "motion": Kind(MotionRequest, Late("motion"), "motions", MotionDocument),
     "dynamics": Kind(DynamicsRequest, Late("dynamics"), "dynamics", DynamicsDocument),
     "consistent": Kind(ConsistentRequest, Late("consistent"), "consistent-motions", ConsistentDocument),
     "discovery": Kind(DiscoverRequest, Late("discover"), "discoveries", DiscoveryDocument),

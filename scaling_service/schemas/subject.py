@@ -17,6 +17,9 @@ HEIGHT_RANGE_M = (0.3, 2.8)
 MASS_RANGE_KG = (1.0, 400.0)
 """Chosen: from an infant to beyond what a force plate is built for; grams fall outside."""
 
+MODEL_SUFFIXES = (".osim", ".json")
+"""Of models that are files: OpenSim's, and this program's own (model.json)."""
+
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 Identifier = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
 
@@ -123,7 +126,7 @@ class SubjectDocument(_Strict):
     """
 
     subject: Person
-    model: Name = Field(description="A built-in model's name, or the path of an .osim file.")
+    model: Name = Field(description="A built-in model's name, or the path of an .osim file or a model.json.")
     marker_set: Name | None = Field(default=None, description="OpenSim markers to add; .osim models only.")
     scale_setup: Name | None = Field(default=None, description="OpenSim scale set-up; .osim models only.")
     markers: dict[Name, Name] = Field(default={}, description="Model marker to label in the recordings.")
@@ -137,12 +140,12 @@ class SubjectDocument(_Strict):
     @property
     def model_is_file(self) -> bool:
         """Whether ``model`` is a path rather than a built-in name."""
-        return self.model.lower().endswith(".osim")
+        return self.model.lower().endswith(MODEL_SUFFIXES)
 
     @model_validator(mode="after")
     def _consistent(self) -> SubjectDocument:
         for field in ("marker_set", "scale_setup"):
-            if getattr(self, field) is not None and not self.model_is_file:
+            if getattr(self, field) is not None and not self.model.lower().endswith(".osim"):
                 raise _wrong(
                     f"it belongs to .osim models only, and the model is '{self.model}'",
                     "Remove it, or give the path of an .osim file under `model:`",

@@ -15,9 +15,13 @@ import pytest
 from scaling_service.formats.trc import write_trc
 from scaling_service.jobs.proof import prove
 from scaling_service.jobs.proof_roles import bone_of
+from scaling_service.jobs.proof_saving import prove_folder
 from scaling_service.jobs.proof_warnings import _OTHER
 from scaling_service.jobs.settings import Settings
+from scaling_service.jobs.subjects import load_subject
 from scaling_service.jobs.tasks import scale
+from scaling_service.models.builtin import builtin
+from scaling_service.models.document import to_document
 from scaling_service.models.trial import Array
 from scaling_service.schemas.arrays import ArrayEntry
 from scaling_service.schemas.proof import ProofDocument
@@ -240,3 +244,15 @@ def test_every_warning_of_loading_says_what_to_do(lab: Path) -> None:
     for word in ("evaluation", "NONE", "RFH", "look exchanged", "than usual"):
         assert word in told
     assert all(p.remedy and p.remedy != _OTHER for p in found)
+
+
+def test_a_model_that_this_program_wrote_is_taken_where_there_is_no_other(tmp_path: Path) -> None:
+    laboratory(tmp_path)
+    (tmp_path / "S01.yaml").unlink()
+    (tmp_path / "model.json").write_text(
+        json.dumps(to_document(builtin("lower_limb_14dof"))), encoding="utf-8"
+    )
+    found = prove_folder(tmp_path, tmp_path / "looked")
+    assert next(file.role for file in found.files if file.name == "model.json") == "model"
+    subject = load_subject(tmp_path / "looked" / "subject.yaml")
+    assert subject.model == str(tmp_path / "looked" / ".." / "model.json")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -60,6 +61,13 @@ def rich_model() -> BodyModel:
 @pytest.mark.parametrize("model", [rich_model(), *map(builtin, BUILTIN_NAMES)], ids=lambda m: m.name)
 def test_round_trip_is_exact(model: BodyModel) -> None:
     assert from_document(through_json(to_document(model))) == model
+
+
+def test_a_dependent_coordinate_is_no_coordinate_of_the_model() -> None:
+    """It stands under the couplers only, as models read from OpenSim have it."""
+    ball = BodyModel("ball", (Segment("ball", "ground", "free", ()),), (Coordinate("knee"),))
+    model = replace(ball, couplers=(Coupler("patella", "knee", Law.of("knee", 0.5)),))
+    assert from_document(to_document(model)) == model
 
 
 @given(finite, finite, st.booleans())

@@ -8,6 +8,7 @@ export const ROUTES: Record<string, string> = {
   "kinematic-error": "comparisons/kinematic-error",
   "segment-lengths": "comparisons/segment-lengths",
   "joint-angles": "comparisons/joint-angles",
+  motion: "motions",
   dynamics: "dynamics",
   consistent: "consistent-motions",
   discovery: "discoveries",

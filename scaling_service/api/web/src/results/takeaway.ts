@@ -10,8 +10,10 @@ import { download, open } from "../ui/save.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { size } from "../ui/words.ts";
 import type { Finished } from "./result.ts";
+import { reuse } from "./reuse.ts";
 
-export async function takeAway({ job, origin, signal }: Finished, place: HTMLElement): Promise<void> {
+export async function takeAway(found: Finished, place: HTMLElement): Promise<void> {
+  const { job, origin, signal } = found;
   const failed = h("div");
   place.append(failed);
   const files = await listFiles(job.id);
@@ -31,6 +33,7 @@ export async function takeAway({ job, origin, signal }: Finished, place: HTMLEle
         ? h("a", { class: "button", href: `/v1/jobs/${job.id}`, target: "_blank", rel: "noopener" }, "The same in the API")
         : h("code", null, `GET ${location.origin}/v1/jobs/${job.id}`),
     ),
+    ...[reuse(found, files)].filter((section) => section !== null),
     ...commands(job.kind, origin.specification.request),
     table({
       caption: "Files",

@@ -70,6 +70,7 @@ const KINDS: Record<string, string> = {
   "kinematic-error": "Kinematic error",
   "segment-lengths": "Segment lengths",
   "joint-angles": "Joint angles",
+  motion: "Motion with a model used again",
   dynamics: "Residual forces",
   consistent: "Motion that forces agree with",
   discovery: "Search for the missing effect",

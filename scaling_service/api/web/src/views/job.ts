@@ -61,6 +61,8 @@ async function viewOf(kind: string): Promise<ResultView> {
       return (await import("../results/comparison.ts")).comparison;
     case "discovery":
       return (await import("../results/discovery.ts")).discovery;
+    case "motion":
+      return (await import("../results/motion.ts")).motion;
     case "dynamics":
       return (await import("../results/dynamics.ts")).dynamics;
     case "consistent":

@@ -1,0 +1,46 @@
+/** How a model follows recordings: errors trial by trial, and what the markers do not tell. */
+
+import { getResult } from "../api/jobs.ts";
+import { h } from "../ui/dom.ts";
+import { cell, table } from "../ui/table.ts";
+import { few, number, words } from "../ui/words.ts";
+import { parts, type ResultView } from "./result.ts";
+import { takeAway } from "./takeaway.ts";
+
+interface MotionDocument {
+  model: string;
+  warnings: string[];
+  trials: Record<string, {
+    kinematic_error_mm: { mean: number; rms: number; max: number };
+    not_determined: string[];
+    frames_not_determined: Record<string, number>;
+    frames: number;
+  }>;
+}
+
+export const motion: ResultView = async (found) => {
+  const document = await getResult<MotionDocument>(found.job.id, found.signal);
+  await parts("Parts of the motion", found, [
+    { name: "errors", title: "Errors", show: (place) => place.append(...errors(document)) },
+    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
+  ]);
+};
+
+function errors({ model, warnings, trials }: MotionDocument): HTMLElement[] {
+  const rows = Object.entries(trials).map(([name, told]) => {
+    const { mean, rms, max } = told.kinematic_error_mm;
+    const lost = [...told.not_determined, ...Object.keys(told.frames_not_determined).map((one) => `${one} at times`)];
+    return [cell(name), cell(String(told.frames), told.frames), ...[mean, rms, max].map((value) => cell(number(value), value)),
+      cell(few(lost.map(words)) || "nothing")];
+  });
+  return [
+    ...warnings.map((warning) => h("p", { class: "note" }, warning)),
+    table({
+      caption: `Kinematic error with ${model}`,
+      name: "motion",
+      columns: ["recording", "frames", "mean, mm", "RMS, mm", "largest, mm", "not determined"].map((title) => ({ title })),
+      rows,
+      note: "Standard deviations of all coordinates in all frames stand in the files that end in _ik_sd.mot.",
+    }),
+  ];
+}

@@ -1,0 +1,57 @@
+/** A model that a job made follows other recordings: those of its subject, or new ones. */
+
+import type { FileEntry } from "../api/documents.ts";
+import { send } from "../api/http.ts";
+import { ask, filePath } from "../api/jobs.ts";
+import { Problem } from "../api/problem.ts";
+import { getSubject, upload } from "../api/subjects.ts";
+import { toJob } from "../routes.ts";
+import { select } from "../ui/choice.ts";
+import { h, newId } from "../ui/dom.ts";
+import { guarded } from "../ui/problem.ts";
+import type { Finished } from "./result.ts";
+
+const MODEL = /(^|\/|_)model\.json$/;
+
+/** Nothing where the job made no model, or is no single subject's. */
+export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): HTMLElement | null {
+  const models = files.map(({ name }) => name).filter((name) => MODEL.test(name));
+  const { subject } = origin.specification.request;
+  let chosen = models[0];
+  if (chosen === undefined || typeof subject !== "string") return null;
+  const id = newId("recordings");
+  const picked: HTMLInputElement = h("input", { id, type: "file", multiple: true, accept: ".c3d,.trc" });
+  const failed = h("div");
+  const start = (): void => void guarded(failed, async () => {
+    if (chosen === undefined) return;
+    const recordings = [...(picked.files ?? [])];
+    await refuseReplacing(subject, recordings);
+    const model = `${job.id.slice(0, 8)}_${chosen.replaceAll("/", "_")}`;
+    await upload(subject, model, await (await send(filePath(job.id, chosen))).blob());
+    for (const file of recordings) await upload(subject, file.name, file);
+    const names = recordings.map(({ name }) => name);
+    const asked = await ask("motions", { subject, model, ...(names.length > 0 ? { recordings: names } : {}) });
+    location.hash = toJob(asked.id);
+  });
+  return h(
+    "section",
+    { class: "card" },
+    h("h3", null, "Use a model again"),
+    h("p", { class: "quiet" }, "It follows other recordings of this person; without any chosen, all of the subject's movements."),
+    h("div", { class: "actions" },
+      models.length > 1 && select("model", models.map((name) => ({ value: name, text: name })), chosen, (name) => void (chosen = name)),
+      h("span", { class: "field" }, h("label", { for: id }, "recordings"), picked),
+      h("button", { onclick: start }, "Follow")),
+    failed,
+  );
+}
+
+/** What is uploaded under a name that the subject has would take the place of the subject's own file. */
+async function refuseReplacing(subject: string, recordings: readonly File[]): Promise<void> {
+  if (recordings.length === 0) return;
+  const there = new Set((await getSubject(subject)).files.map(({ name }) => name));
+  const twice = recordings.find(({ name }) => there.has(name));
+  if (twice !== undefined) {
+    throw new Problem({ problem: "the subject has a file of this name already", file: twice.name, remedy: "Rename the recording" });
+  }
+}

@@ -1,0 +1,1 @@
+"""The motion of recordings with a model that exists: inverse kinematics with its uncertainty."""

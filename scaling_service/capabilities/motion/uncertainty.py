@@ -1,0 +1,141 @@
+"""How surely the markers of each frame give each coordinate.
+
+The estimate moves with the markers' noise as ``H^-1 J^T W e`` (``H = J^T W J``, the Gauss-Newton matrix of
+the frame), so its covariance is ``H^-1 J^T W S W J H^-1`` whatever the weights W: the sandwich of Huber 1967.
+S holds one variance for each marker, for skin moves more in one place than in another.
+
+What all markers of a segment do together looks like a motion of the bone and leaves no residual: it is not
+in these numbers. Nor is an error of the model's joints that the recording's residuals do not show. A gap that
+processing filled counts as seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from scaling_service.estimation.inverse_kinematics import Task
+from scaling_service.kernels.laws import Array
+from scaling_service.kernels.masks import seen
+from scaling_service.kernels.tree import Tree, forward, jacobian, positions
+
+Mask = NDArray[np.bool_]
+
+_BLOCK = 256  # frames linearised together, as elsewhere
+_MOST_FRAMES = 1000  # chosen: equally spaced; their residuals give a variance to about 3 %
+_PRIOR_FREEDOM = 30.0  # chosen: below about ten frames a marker's own residuals say less than all markers' do
+_MIXING = 0.1  # chosen: combinations of markers that share a residual this much are not told apart
+_RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
+_RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoordinateSd:
+    """Standard deviations of coordinates, and of the noise that they come from.
+
+    Parameters
+    ----------
+    sd : ndarray, shape (n_frames, n_coordinates), rad or m
+        Zero for coordinates that the model locks; NaN where the markers do not determine one, and where it
+        stands at the end of its range, which then decides and not the markers.
+    noise : ndarray, shape (n_markers,), m
+        Standard deviation of one coordinate of each marker about the model; NaN for one never seen.
+    at_range_end : ndarray of bool, shape (n_frames, n_coordinates)
+    """
+
+    sd: Array
+    noise: Array
+    at_range_end: Mask
+
+
+def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> CoordinateSd:
+    """Standard deviation of every coordinate in every frame.
+
+    Parameters
+    ----------
+    task : Task
+        As solved.
+    q : ndarray, shape (n_frames, n_coordinates), rad or m
+        The solution.
+    residuals : ndarray, shape (n_frames, n_markers, 3), m
+        Measured minus model; NaN where not seen.
+    known : ndarray of bool, shape (n_frames, n_coordinates)
+        Whether the markers of the frame determine the coordinate.
+    """
+    lower, upper = task.bounds
+    at_end = ((q <= lower) | (q >= upper)) & task.free
+    held = at_end | ~known
+    variance = _marker_variances(task, q, residuals, held)
+    sd = np.zeros(q.shape)
+    for rows in _blocks(len(q)):
+        spread = _linearised(task, q[rows], residuals[rows], held[rows])
+        follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
+        sd[rows, task.free] = np.sqrt(np.square(follow) @ np.repeat(task.weights * variance, 3))
+    sd[held & task.free] = np.nan
+    shown = seen(residuals).any(axis=0)
+    return CoordinateSd(sd, np.where(shown, np.sqrt(variance), np.nan), at_end)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Linearised:
+    """Whitened rates of the markers (n, n_free, 3 n_markers), and their Gauss-Newton matrix."""
+
+    rates: Array
+    curvature: Array
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
+
+
+def _linearised(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
+    """Rates times root weights, zero for what is held and what is not seen."""
+    free = np.flatnonzero(task.free)
+    heavy = np.repeat(np.where(seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = _rates(task.tree, q, task.p, free)
+    rates *= heavy[:, None]
+    rates *= ~held[:, free, None]
+    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    diagonal = np.einsum("nii->ni", curvature)
+    diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
+    return _Linearised(rates, curvature)
+
+
+def _rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+    """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
+    poses = forward(tree, np.ascontiguousarray(q.T), p)
+    rates = jacobian(tree, poses, positions(tree, poses), variables)
+    return np.ascontiguousarray(np.moveaxis(rates.reshape(len(variables), -1, len(q)), -1, 0))
+
+
+def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
+    """Variance of one coordinate of each marker, (n_markers,), m2.
+
+    A fit of full freedom ``M = 1 - J^T H^-1 J`` leaves ``E|r_m|^2 = sum_k |M_mk|^2 v_k``: the residual of a
+    marker holds the noise of others, too. As M is idempotent, ``u_m = |r_m|^2 / trace M_mm`` is a weighted
+    mean of the ``v_k`` (HC2 of MacKinnon & White 1985); that mean is undone as far as it is well posed
+    (Rao 1971, MINQUE). Markers with few residuals lean on the mean of all (Smyth 2004).
+    """
+    rows = np.unique(np.linspace(0, len(q) - 1, min(len(q), _MOST_FRAMES)).round().astype(np.intp))
+    count = len(task.weights)
+    squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
+    for some in (rows[part] for part in _blocks(len(rows))):
+        shown = seen(residuals[some])
+        spread = _linearised(task, q[some], residuals[some], held[some])
+        hat = np.matmul(
+            spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
+        )
+        left = np.repeat(shown, 3, axis=1)[:, :, None] * np.eye(3 * count) - hat
+        blocks = np.square(left).reshape(len(some), count, 3, count, 3).sum(axis=(2, 4))
+        squares += np.nansum(task.weights[:, None] * residuals[some] ** 2, axis=(0, 2))
+        freedom += np.einsum("nii->i", left.reshape(len(some), 3 * count, 3 * count)).reshape(count, 3).sum(1)
+        shares += blocks.sum(axis=0)
+    pooled = squares.sum() / max(freedom.sum(), 1.0)
+    own = (squares + _PRIOR_FREEDOM * pooled) / (freedom + _PRIOR_FREEDOM)
+    shares = (shares + np.diag(_PRIOR_FREEDOM * np.ones(count))) / (freedom + _PRIOR_FREEDOM)[:, None]
+    apart, _ = nnls(np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own]))
+    return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))

@@ -1,0 +1,67 @@
+"""The command `ik`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.cli.app import EXIT_INPUT, main
+from scaling_service.formats.sto import read_sto
+from scaling_service.formats.trc import read_trc, write_trc
+
+
+def test_motions_their_uncertainty_and_poses_are_written(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["ik", "lower_limb_14dof", str(folder / "walk.trc"), str(folder / "hips.trc")]
+    assert main([*given, "--out", str(folder / "out"), "--poses", "--smooth-hz", "8"]) == 0
+    out = capsys.readouterr().out
+    assert "Kinematic error, mm" in out
+    assert "walk_ik.mot, walk_ik_sd.mot, walk_poses.sto, ik.json" in out
+    told = json.loads((folder / "out/ik.json").read_text(encoding="utf-8"))
+    assert told["settings"]["processing"]["cutoff_hz"] == 8.0
+    assert set(told["trials"]["walk"]["kinematic_error_mm"]) == {"mean", "rms", "max", "per_marker"}
+    poses = read_sto(folder / "out/walk_poses.sto")
+    assert poses.columns[1:7] == ("pelvis_X", "pelvis_Y", "pelvis_Z", "pelvis_Ox", "pelvis_Oy", "pelvis_Oz")
+    motion = read_sto(folder / "out/walk_ik.mot")
+    assert np.isfinite(poses.data).all()
+    assert poses.column("pelvis_X") == pytest.approx(motion.column("pelvis_tx"), abs=1e-9)
+    spread = read_sto(folder / "out/walk_ik_sd.mot")
+    assert spread.columns == motion.columns
+    assert (spread.data[:, 1:] > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--marker", "RLFE"], "--marker: 'RLFE' is not MARKER=LABEL"),
+        (["--marker", "RLFE=a", "--marker", "RLFE=b"], "'RLFE' is mapped twice"),
+        (["--marker", "RLFE=nothing"], "label 'nothing' is in no recording"),
+        (["--up", "sideways"], "sideways"),
+        (["--marker-set", "m.xml"], ".osim models only"),
+        (["--smooth-hz", "80"], "Choose one between 0 and 50 Hz"),
+    ],
+)
+def test_wrong_options(more: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["ik", "lower_limb_14dof", str(folder / "walk.trc"), "--out", str(folder / "out"), *more]
+    assert main(given) == EXIT_INPUT
+    message = capsys.readouterr().err
+    assert said in message
+    assert len(message.splitlines()) == 1
+    assert not (folder / "out").exists()
+
+
+def test_labels_that_no_model_marker_has_are_mapped_by_an_option(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walk = read_trc(folder / "walk.trc")
+    write_trc(folder / "odd.trc", walk.relabelled({name: f"m{k}" for k, name in enumerate(walk.labels)}))
+    assert (
+        main(["ik", "lower_limb_14dof", str(folder / "odd.trc"), "--out", str(folder / "out")]) == EXIT_INPUT
+    )
+    message = capsys.readouterr().err
+    assert "--marker MARKER=LABEL" in message
+    assert str(folder / "odd.trc") in message

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from scaling_service.anatomy.markers import canonical
 from scaling_service.calibration.per_axis import AXES
@@ -34,6 +36,9 @@ kept they did not, for 0.1 mm more of kinematic error (0.8 mm on the trial held 
 
 _FEET = ("calcn", "foot")
 
+NO_SDS: Mapping[str, float] = MappingProxyType({})
+"""No size is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
@@ -42,7 +47,13 @@ class Freedom:
     lengths: bool
     all_markers: bool
 
-    def apply(self, model: BodyModel, seen: frozenset[str], settings: CalibrationSettings) -> BodyModel:
+    def apply(
+        self,
+        model: BodyModel,
+        seen: frozenset[str],
+        settings: CalibrationSettings,
+        length_sds: Mapping[str, float] = NO_SDS,
+    ) -> BodyModel:
         """The model with its parameters freed.
 
         Only what the recordings can speak of is freed: markers that were seen, and sizes of
@@ -52,12 +63,15 @@ class Freedom:
         ----------
         seen : frozenset of str
             Markers seen in the calibration frames.
+        length_sds : mapping
+            Segment to the relative standard deviation of its size so far; else the settings decide.
         """
         carrying = {m.segment for m in model.markers if m.name in seen and m.weight > 0.0}
         if self.lengths:
             for segment in model.segments:
                 if segment.name in carrying:
-                    model = _freed_size(model, segment.name, settings)
+                    known = length_sds.get(segment.name, settings.length_sd)
+                    model = _freed_size(model, segment.name, settings, known)
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
         for joint in tiltable_knees(model):
             model = free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
@@ -74,8 +88,8 @@ class Freedom:
         return model
 
 
-def _freed_size(model: BodyModel, segment: str, settings: CalibrationSettings) -> BodyModel:
-    spread = (settings.length_bound, settings.length_sd)
+def _freed_size(model: BodyModel, segment: str, settings: CalibrationSettings, sd: float) -> BodyModel:
+    spread = (settings.length_bound, sd)
     if settings.scaling == "per-axis" and segment in AXES:
         return free_scale_axes(model, segment, AXES[segment], *spread)
     return free_scale(model, segment, *spread)

@@ -57,7 +57,9 @@ def optimise(
     names = [m.name for m in start.model.markers if m.weight > 0.0]
     frames = calibration_frames(trials, names, settings.n_frames)
     shown = frozenset(n for n, once in zip(names, ever(seen(frames.trial.markers)), strict=True) if once)
-    freed = freedom.apply(start.model, shown, settings)
+    weighted = settings.sizes == "weighted"
+    sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
+    freed = freedom.apply(start.model, shown, settings, sds)
     fitted = STRATEGIES[settings.strategy](Fit.of(start.model, freed, frames, settings), settings, progress)
     fit, solution = fitted.fit, fitted.solution
     doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
@@ -75,6 +77,8 @@ def optimise(
         time.perf_counter() - clock,
         (*start.warnings, *_warnings(method, estimated, solution, doubt)),
         start.image_poses,
+        {} if freedom.lengths else start.sizes,
+        start.centres,
     )
 
 

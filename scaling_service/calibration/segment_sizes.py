@@ -130,10 +130,15 @@ def estimate_sizes(
     sizes = {}
     for segment, dimension in dimensions.items():
         k = names.index(dimension)
-        own = float(gain[k, [j for j, row in enumerate(rows) if row == dimension]].sum())
-        others = float(gain[k].sum()) - own
+        mine = [j for j, row in enumerate(rows) if row == dimension]
+        share = float(gain[k, mine].sum())
         sizes[segment] = SegmentSize(
-            dimension, float(np.exp(logs[k])), float(np.sqrt(max(covariance[k, k], 0.0))), own, others
+            dimension,
+            float(np.exp(logs[k])),
+            float(np.sqrt(covariance[k, k])),
+            share,
+            float(gain[k].sum()) - share,
+            bool(mine),
         )
     return _with_followers(model, sizes)
 

@@ -25,8 +25,9 @@ class CalibrationSettings:
     marker_bound_m : float
         Bound on each shift of a marker's local coordinate.
     length_sd, axis_sd_deg, marker_sd_m : float
-        Standard deviations of the prior around the first guess, for the ``joint`` strategy. Sizes:
-        5 % is what remains of a segment's length once stature is known (Puchaud 2019, table 2);
+        Standard deviations of the prior around the first guess, for the ``joint`` strategy. Sizes: where
+        the first guess has no deviation of its own, 5 %, which is what remains of a segment's length once
+        stature is known (Puchaud 2019, table 2);
         axes moved by less than 5 deg there; marker shifts of MB_am were 12.3 (9.8) mm, which is
         9 mm along each axis. The paper's loop has no prior, but stops early.
     prior : bool

@@ -27,7 +27,6 @@ from scaling_service.models.results import EstimatedCentre, SegmentSize
 from scaling_service.models.subject import Session, Subject
 
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
-_MOSTLY = 0.5  # chosen: of a length that rests on anthropometry by more, a person is told
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,11 +163,11 @@ def _notes(
         if value is not None
     ]
     like = f"persons of this {', '.join(known)}" if known else "adults and children of any size"
-    unmeasured = [name for name, size in sizes.items() if size.expected > _MOSTLY and dimension_of(name)]
+    unmeasured = [name for name, size in sizes.items() if not size.own and dimension_of(name)]
     if unmeasured:
         notes.append(
-            f"MB: {few(unmeasured)}: hardly measured; the size is that of {like}, as far as what was "
-            f"measured allows (standard deviation {_percent([sizes[n].sd for n in unmeasured])})"
+            f"MB: {few(unmeasured)}: not measured; the size is that of {like}, as far as the other segments "
+            f"allow (standard deviation {_percent([sizes[n].sd for n in unmeasured])})"
         )
     following = [name for name in sizes if dimension_of(name) is None]
     if following:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from scaling_service.jobs.tasks import Progress as Report
-from scaling_service.schemas.results import ComparisonDocument, MethodResult, Provenance
+from scaling_service.schemas.results import ComparisonDocument, LengthEstimate, MethodResult, Provenance
 
 _WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)
 Cells = Sequence[str]
@@ -80,6 +80,8 @@ def understood(document: Provenance) -> Iterator[str]:
     ]
     if taken:
         yield f"Markers taken: {', '.join(taken)}"
+    if document.sizes:
+        yield f"Sizes: {', '.join(f'{name} {value:g}' for name, value in document.sizes.items())}"
     decided = dict.fromkeys(
         f"{trial}: {repair.detail}" if repair.what == "unit" else repair.detail
         for trial, repairs in document.repairs.items()
@@ -105,7 +107,10 @@ def _table(document: ComparisonDocument) -> Table:
         table.add_column("truth", justify="right")
     for title, rows in (
         ("Kinematic error, mm (mean ± sd over frames)", _errors(methods)),
-        ("Segment lengths, mm", _lengths(methods, truth.segment_lengths_mm if truth else {})),
+        (
+            "Segment lengths, mm (± standard deviation)",
+            _lengths(methods, truth.segment_lengths_mm if truth else {}),
+        ),
         ("Knee axis turned about x, y, deg", _axes(methods)),
         ("Mean marker shift, mm", [("", [_mean_shift(m) for m in methods])]),
         ("Fitted numbers", _fitted(methods)),
@@ -147,7 +152,7 @@ def _pooled(method: MethodResult, key: str) -> str:
 
 def _lengths(methods: Sequence[MethodResult], true: Mapping[str, float]) -> Iterator[tuple[str, Cells]]:
     for name in _union(m.segment_lengths_mm for m in methods):
-        cells = [_number(m.segment_lengths_mm.get(name)) for m in methods]
+        cells = [_with_sd(m.segment_lengths_mm.get(name), m.length_estimates.get(name)) for m in methods]
         yield name, [*cells, _number(true.get(name))] if true else cells
 
 
@@ -179,6 +184,10 @@ def _distances(
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.1f}"
+
+
+def _with_sd(value: float | None, estimate: LengthEstimate | None) -> str:
+    return _number(value) + (f" ± {estimate.sd_mm:.1f}" if estimate is not None else "")
 
 
 def _ratio(value: float | None) -> str:

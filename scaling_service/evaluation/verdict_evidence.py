@@ -60,6 +60,10 @@ class MethodEvidence:
         ``hip_r``, ``hip_l`` to the position in the pelvis, m.
     knee_axes : mapping
         ``r``, ``l`` to the turns of the axis about x and y of the thigh, rad.
+    length_sds : mapping
+        ``femur_r`` … to the standard deviation of its estimate, m, where distances and anthropometry gave it.
+    inferred : tuple of str
+        Segments of which nothing was measured.
     """
 
     method: str
@@ -74,6 +78,8 @@ class MethodEvidence:
     lengths: Mapping[str, float] = field(default_factory=dict)
     hip_centres: Mapping[str, Vector] = field(default_factory=dict)
     knee_axes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    length_sds: Mapping[str, float] = field(default_factory=dict)
+    inferred: tuple[str, ...] = ()
 
     @property
     def judged_on(self) -> Following | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from scaling_service.core.text import few
 from scaling_service.evaluation.verdict_evidence import Evidence, Level, MethodEvidence, Trust
 from scaling_service.evaluation.verdict_rules import (
     AGREES,
@@ -61,9 +62,23 @@ def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Trust:
     return Trust(
         topic,
         "unknown",
-        "No image checks them. Over 26 persons, femur lengths from markers differed from images by "
-        "4.0 ± 13.8 mm, inter-hip distances by -10.8 ± 19.9 mm (Puchaud 2019, section 3.1).",
+        f"No image checks them. {_spread(chosen)}Over 26 persons, femur lengths from markers differed from "
+        "images by 4.0 ± 13.8 mm, inter-hip distances by -10.8 ± 19.9 mm (Puchaud 2019, section 3.1).",
     )
+
+
+def _spread(chosen: MethodEvidence) -> str:
+    """How well the lengths are known by their own errors, and which segments were not measured at all."""
+    text = ""
+    if chosen.length_sds:
+        worst = max(chosen.length_sds, key=lambda name: chosen.length_sds[name])
+        text += f"By the errors of markers and sizes, up to ± {mm(chosen.length_sds[worst])} mm ({worst}). "
+    if chosen.inferred:
+        text += (
+            f"Not measured, so as large as in persons of this size and as other segments suggest: "
+            f"{few(chosen.inferred)}. "
+        )
+    return text
 
 
 def _angles(chosen: MethodEvidence, evidence: Evidence) -> Trust:

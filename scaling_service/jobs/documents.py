@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -13,14 +13,17 @@ from scaling_service.evaluation.kinematic_error import KinematicError
 from scaling_service.jobs.clinical import clinical_document, clinical_of
 from scaling_service.jobs.hashes import input_hashes
 from scaling_service.jobs.tasks import Results, Scaling
-from scaling_service.models.results import EstimatedParameter
+from scaling_service.models.results import Calibration, EstimatedParameter
+from scaling_service.models.subject import Subject
 from scaling_service.models.trial import Repair
 from scaling_service.schemas.results import (
     ComparisonDocument,
     FittedParameter,
     JointCentre,
     KneeAxis,
+    LengthEstimate,
     MethodResult,
+    PersonCentre,
     Provenance,
     RepairNote,
     ScalingDocument,
@@ -29,6 +32,7 @@ from scaling_service.schemas.results import (
     VerdictDocument,
     WallTime,
 )
+from scaling_service.schemas.sizes import SIZE_UNIT
 
 _MM = 1e3
 
@@ -76,7 +80,15 @@ def provenance(results: Results) -> Provenance:
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in results.loaded.markers_used.items()},
         repairs={trial.name: repair_notes(trial.repairs) for trial in trials},
+        sizes=stated_sizes(session.subject),
     )
+
+
+def stated_sizes(subject: Subject) -> dict[str, float]:
+    """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
+    whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
+    lengths = {f"{name}{SIZE_UNIT}": _rounded(value * _MM, 2) for name, value in subject.sizes_m.items()}
+    return {name: value for name, value in whole.items() if value is not None} | lengths
 
 
 def method_document(
@@ -97,6 +109,12 @@ def method_document(
         held_out_mean_mm=_mm_or_none(overall.held_out),
         held_out_ratio=None if math.isnan(overall.ratio) else _rounded(overall.ratio, 4),
         segment_lengths_mm={name: _mm(length) for name, length in shape.lengths.items()},
+        length_estimates=_length_estimates(calibration, shape.lengths),
+        person_centres={
+            name: PersonCentre(source=centre.source, sd_mm=(_mm(x), _mm(y), _mm(z)))
+            for name, centre in calibration.centres.items()
+            for x, y, z in (centre.sd,)
+        },
         joint_centres_mm={
             name: JointCentre(frame=frame, xyz=(_mm(x), _mm(y), _mm(z)))
             for name, (frame, (x, y, z)) in shape.joint_centres.items()
@@ -118,6 +136,22 @@ def method_document(
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
+
+
+def _length_estimates(calibration: Calibration, lengths: Mapping[str, float]) -> dict[str, LengthEstimate]:
+    """By name of the length; a planar model's has no side and is estimated as the right one."""
+    sizes = {size.dimension: size for size in calibration.sizes.values()}
+    found = {name: sizes.get(name) or sizes.get(f"{name}_r") for name in lengths}
+    return {
+        name: LengthEstimate(
+            sd_mm=_mm(size.sd * lengths[name]),
+            measured=_rounded(size.measured, 4),
+            others=_rounded(size.others, 4),
+            expected=_rounded(size.expected, 4),
+        )
+        for name, size in found.items()
+        if size is not None
+    }
 
 
 def _error(error: KinematicError, fitted: bool) -> TrialError:

@@ -67,6 +67,12 @@ def _method(scaling: Scaling, fitted: Iterable[str], held_out: Iterable[str]) ->
             name: at for name, (_, at) in shape.joint_centres.items() if name.partition("_")[0] == "hip"
         },
         knee_axes=shape.knee_axes,
+        length_sds={
+            size.dimension: size.sd * shape.lengths[size.dimension]
+            for size in calibration.sizes.values()
+            if size.dimension in shape.lengths
+        },
+        inferred=tuple(name for name, size in calibration.sizes.items() if not size.own),
     )
 
 

@@ -83,6 +83,8 @@ class SegmentSize:
     measured, others : float
         Shares of the estimate that the segment's own distances and those of other segments decide; the rest
         is what persons of this stature, mass and sex are like.
+    own : bool
+        Whether a distance of the segment itself was measured.
     """
 
     dimension: str
@@ -90,6 +92,7 @@ class SegmentSize:
     sd: float
     measured: float
     others: float
+    own: bool = True
 
     @property
     def expected(self) -> float:

@@ -39,6 +39,24 @@ class JointCentre(_Result):
     xyz: tuple[float, float, float]
 
 
+class LengthEstimate(_Result):
+    """How well a length between joint centres is known, and what decides it; the shares add up to one."""
+
+    sd_mm: float = Field(description="Standard deviation.")
+    measured: float = Field(description="Share of the segment's own distances.")
+    others: float = Field(description="Share of other segments' distances.")
+    expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
+
+
+class PersonCentre(_Result):
+    """How a joint centre of the person was found in a recording."""
+
+    source: str
+    sd_mm: tuple[float, float, float] = Field(
+        description="Standard deviation along x (forward), y (up), z (to the right) of the pelvis."
+    )
+
+
 class KneeAxis(_Result):
     """Turns of a knee's axis about x and y of the thigh, degrees."""
 
@@ -77,7 +95,14 @@ class MethodResult(_Result):
     )
     held_out_ratio: float | None = Field(default=None, description="Held out over fitted; null without both.")
     segment_lengths_mm: dict[str, float]
+    length_estimates: dict[str, LengthEstimate] = Field(
+        default={},
+        description="Of lengths that distances and anthropometry gave; fitted ones have parameters.",
+    )
     joint_centres_mm: dict[str, JointCentre]
+    person_centres: dict[str, PersonCentre] = Field(
+        default={}, description="`hip_r` and on: where lengths were measured from."
+    )
     knee_axis_deg: dict[str, KneeAxis]
     marker_shift_mm: dict[str, float]
     scale_factors: dict[str, tuple[float, float, float]]
@@ -114,6 +139,10 @@ class Provenance(_Result):
     seed: int
     markers_used: dict[str, list[str]] = Field(description="Model marker to the labels taken for it.")
     repairs: dict[str, list[RepairNote]] = Field(description="Trial to what was done to it.")
+    sizes: dict[str, float] = Field(
+        default={},
+        description="Height, mass and sizes measured by hand, of the subject file or the recordings.",
+    )
 
 
 class ScalingDocument(Provenance, MethodResult):

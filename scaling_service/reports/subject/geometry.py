@@ -30,6 +30,7 @@ def _blocks(data: SubjectData) -> Iterator[Block]:
     methods = data.document.methods
     reference, title = _reference_lengths(data)
     yield _lengths(data, reference, title)
+    yield from _rests_on(methods)
     if reference:
         yield _length_differences(methods, reference, title)
     else:
@@ -64,17 +65,44 @@ def _lengths(data: SubjectData, reference: Mapping[str, float], title: str) -> T
         cells: list[str | Cell] = []
         for method in methods.values():
             value, against = method.segment_lengths_mm.get(name), reference.get(name)
-            text = number(value)
+            estimate = method.length_estimates.get(name)
+            text = number(value) + (f" ± {number(estimate.sd_mm)}" if estimate is not None else "")
             if value is not None and against is not None:
                 cells.append(Cell(f"{text} ({signed(value - against)})", shade=abs(value - against) / _FAR))
             else:
                 cells.append(text)
         rows.append(Row(words(name), [*cells, *([number(reference.get(name))] if reference else [])]))
     columns: list[str | Cell] = ["", *method_columns(list(methods)), *([title] if reference else [])]
-    note = f"In brackets: the difference from the {title}." if reference else ""
+    note = "± is one standard deviation, from the errors of markers and sizes."
+    note += f" In brackets: the difference from the {title}." if reference else ""
     if title == "image":
         note += " Only lengths between imaged joint centres are held against the image."
     return Table("Segment lengths between joint centres, mm", columns, rows, note)
+
+
+def _rests_on(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
+    """What decides the lengths of linear scaling, and where they were measured from."""
+    method = next((m for m in methods.values() if m.length_estimates), None)
+    if method is None:
+        return
+    yield Table(
+        f"What the lengths of {plain(method.method)} rest on, %",
+        ["", "its own distances", "other segments", "persons of this size"],
+        [
+            Row(words(name), [f"{100 * share:.0f}" for share in (e.measured, e.others, e.expected)])
+            for name, e in method.length_estimates.items()
+        ],
+        "A share may be negative where distances of other segments correct a marker that two segments share.",
+    )
+    if method.person_centres:
+        yield Table(
+            "Joint centres that distances were measured from",
+            ["", "found by", "± forward, up, right, mm"],
+            [
+                Row(words(name), [plain(centre.source), ", ".join(number(sd) for sd in centre.sd_mm)])
+                for name, centre in method.person_centres.items()
+            ],
+        )
 
 
 def _length_differences(

@@ -28,6 +28,7 @@ export interface MethodResult {
   held_out_mean_mm: number | null;
   held_out_ratio: number | null;
   segment_lengths_mm: Record<string, number>;
+  length_estimates?: Record<string, { sd_mm: number; measured: number; others: number; expected: number }>;
   joint_centres_mm: Record<string, { frame: string; xyz: [number, number, number] }>;
   knee_axis_deg: Record<string, { x: number; y: number }>;
   marker_shift_mm: Record<string, number>;

@@ -54,11 +54,12 @@ function lengths(methods: MethodResult[], reference: Record<string, number>, nam
     name: "segment_lengths_mm",
     columns: [{ title: "segment" }, ...methodColumns(methods.map((method) => method.method))],
     rows,
-    note: `In each cell: the length, ± half its 95 % interval where its scale factor was fitted, and its difference from ${name}. Errors that all trials share, such as a misplaced marker, are not in the interval.`,
+    note: `In each cell: the length, ± half its 95 % interval by the errors of markers and sizes or of the fit, and its difference from ${name}. Errors that all trials share, such as a misplaced marker, are not in the interval.`,
   });
 }
 
 const lengthInterval = (method: MethodResult, segment: string): number | null =>
+  method.length_estimates?.[segment] !== undefined ? NORMAL_95 * method.length_estimates[segment].sd_mm :
   scaledInterval(method, segment === "inter_hip" ? "pelvis" : segment.replace("shank", "tibia"), method.segment_lengths_mm[segment]);
 
 /** Half the interval of what grows with the factor of its segment, and is as uncertain; null where no factor was fitted. */

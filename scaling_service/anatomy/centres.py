@@ -31,6 +31,10 @@ JOINT_SD_M = 0.003
 """Chosen, along each axis: the middle of epicondyles or malleoli against the centre in which the bones turn.
 The malleoli's tips have theirs 4 mm off that of the talus' sphere."""
 
+MALLEOLUS_DROP_M = 0.005
+"""The lateral malleolus lies 10 mm lower than the medial one (TLEM, lower_limb_14dof), so the ankle's centre is
+half of that above the point that the chord construction finds at its level."""
+
 COMMON_PLANE_DEG = 35.0
 """Chosen: a thigh or shank marker by which the joint's plane is turned further than this against the pelvis
 or the knee is no marker of that plane; standing feet turn out by 10 to 20 degrees."""
@@ -282,8 +286,16 @@ def _chord(
         if wand is not None and _tells_plane(start.at, outer, wand, outward):
             plane, how = wand, f"in the plane of {side.upper()}{name}"
     at = chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
+    if joint == "ankle":
+        at = lift_ankle(at, start.at)
     source = f"half its width from the lateral marker, {how}"
     return Centre(at, source, (JOINT_SD_M,) * 3, "chord") if _ever(at) else None
+
+
+def lift_ankle(found: Array, knee: Array) -> Array:
+    """The ankle's centre from where the chord construction finds it at the lateral malleolus' level."""
+    along = knee - found
+    return np.asarray(found + MALLEOLUS_DROP_M * along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
 def _outward(

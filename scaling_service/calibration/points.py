@@ -13,6 +13,7 @@ from scaling_service.anatomy.centres import (
     Centre,
     Points,
     construct_centres,
+    lift_ankle,
     with_mirrored_psis,
 )
 from scaling_service.anatomy.chord import chord_centre
@@ -170,6 +171,7 @@ def _ankle_kinds(points: Points, side: str) -> Points:
     chord = None
     if lateral is not None and knee is not None:
         chord = chord_centre(knee, lateral, 2.0 * lateral - ankle, np.linalg.norm(lateral - ankle, axis=1))
+        chord = lift_ankle(chord, knee)
     return {
         f"ankle_{side}_middle": ankle,
         f"ankle_{side}_chord": ankle if chord is None or not np.isfinite(chord).all() else chord,

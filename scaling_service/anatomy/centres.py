@@ -32,7 +32,7 @@ JOINT_SD_M = 0.003
 The malleoli's tips have theirs 4 mm off that of the talus' sphere."""
 
 MALLEOLUS_DROP_M = 0.005
-"""The lateral malleolus lies 10 mm lower than the medial one (TLEM, lower_limb_14dof), so the ankle's centre is
+"""The lateral malleolus lies 10 mm lower than the medial one (TLEM, lower_limb_14dof), so the ankle centre is
 half of that above the point that the chord construction finds at its level."""
 
 COMMON_PLANE_DEG = 35.0

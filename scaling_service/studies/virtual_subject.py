@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.anatomy.palpation import landmark_sd
 from scaling_service.core.streams import stream
 from scaling_service.kernels.laws import Array
 from scaling_service.kernels.tree import marker_positions
@@ -26,18 +27,6 @@ from scaling_service.studies.virtual_artefact import Artefact, draw_artefact, re
 from scaling_service.studies.virtual_cohort import KNEE_AXIS_DEG, Sex, factors_of, person_of, tilt_of_knee
 
 GENERIC = "lower_limb_14dof"
-
-PALPATION_MM: Mapping[str, Vector] = {
-    "ASIS": (7.0, 7.0, 7.0),
-    "PSIS": (6.0, 8.0, 6.0),
-    "LFE": (5.0, 5.0, 4.0),
-    "MFE": (5.0, 5.0, 4.0),
-    "FH": (4.0, 5.0, 4.0),
-    "LM": (3.0, 3.0, 3.0),
-    "MM": (3.0, 3.0, 3.0),
-}
-"""SD of a marker's place about its landmark, x, y, z. Proposed (facts section 8) from the overall errors
-of Della Croce et al. 1999, 2005 (6-21 mm within, 13-25 mm between examiners)."""
 
 CAMERA_MM: Mapping[str, float] = {"static": 0.2, "dynamic": 0.5}
 """SD of each coordinate in each frame, standing and moving (facts section 8)."""
@@ -209,7 +198,7 @@ def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
     offsets = {}
     for marker in generic.markers:
         if marker.weight > 0.0:
-            spread = 1e-3 * size * np.array(PALPATION_MM[marker.name[1:]])
+            spread = size * np.array(landmark_sd(marker.name))
             x, y, z = (float(v) for v in spread * stream(seed, "placement", marker.name).normal(size=3))
             offsets[marker.name] = (x, y, z)
     return offsets

@@ -14,6 +14,7 @@ from scaling_service.kernels.masks import ever
 from scaling_service.kernels.masks import seen as seen_in
 from scaling_service.models.body import BodyModel
 from scaling_service.models.trial import Trial
+from scaling_service.processing.nameless import is_nameless
 from scaling_service.schemas.proof import ExtraMarker, MarkerProof
 
 RIGID_MM, STANDS_OUT = 5.0, 0.6
@@ -47,7 +48,11 @@ def extra_markers(
     for entry in markers:
         if entry.label is not None:
             carried.setdefault(entry.segment, []).append(entry.label)
-    return [_entry(label, known.get(label), carried, trials) for label in unused if not looks_computed(label)]
+    return [
+        _entry(label, known.get(label), carried, trials)
+        for label in unused
+        if not looks_computed(label) and not is_nameless(label)
+    ]
 
 
 def with_extra_markers(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from scaling_service.jobs.proof_static import clusters_of
 from scaling_service.kernels.filters import runs
+from scaling_service.kernels.masks import ever, seen
 from scaling_service.models.forces import CONTACT_N, GroundForces
 from scaling_service.models.trial import Array, Trial
 from scaling_service.schemas.arrays import PlateEntry
@@ -104,10 +105,10 @@ def _over(foot: Array, corners: Array) -> NDArray[np.bool_]:
 
 def _rests(foot: Array, corners: Array, rate_hz: float) -> NDArray[np.bool_]:
     """Frames in which the middle of a foot is over a plate and hardly moves."""
-    known = np.isfinite(foot).all(axis=2)
+    known = seen(foot)
     middle = np.where(known[..., None], foot, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
     low, high = (f(corners[:, [0, 2]], axis=0) for f in (np.min, np.max))
-    over = known.any(axis=1) & ((middle > low) & (middle < high)).all(axis=1)
+    over = ever(known.T) & ((middle > low) & (middle < high)).all(axis=1)
     if len(middle) < 2:
         return np.asarray(over)
     speed = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate_hz

@@ -10,6 +10,7 @@ import numpy as np
 
 from scaling_service.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.core.errors import InputError
+from scaling_service.jobs.proof_extra import said_of
 from scaling_service.jobs.proof_recordings import Seen
 from scaling_service.kernels.masks import ever, seen
 from scaling_service.models.trial import Trial
@@ -110,19 +111,22 @@ def in_metres(seen_: Seen) -> Trial:
 
 
 def clusters_of(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Segment to the labels that are known to sit on it, computed points left out.
+    """Segment to the labels that are known to sit on it, by marker sets or words, computed points left out.
 
     Examples
     --------
-    >>> clusters_of(["RASI", "LASI", "RTHI", "RFEO", "odd"])
-    {'pelvis': ['RASI', 'LASI'], 'femur_r': ['RTHI']}
+    >>> clusters_of(["RASI", "LASI", "RTHI", "R_thigh9", "RFEO", "odd"])
+    {'pelvis': ['RASI', 'LASI'], 'femur_r': ['RTHI', 'R_thigh9']}
     """
     found: dict[str, list[str]] = {}
     for label in labels:
         meant = meaning(label)
-        if meant is not None and not looks_computed(label):
-            sided = meant.side and meant.segment not in ("pelvis", "torso", "head")
-            found.setdefault(f"{meant.segment}_{meant.side}" if sided else meant.segment, []).append(label)
+        segment = said_of(label) if meant is None else meant.segment
+        if segment is None or looks_computed(label):
+            continue
+        if meant is not None and meant.side and segment not in ("pelvis", "torso", "head"):
+            segment = f"{segment}_{meant.side}"
+        found.setdefault(segment, []).append(label)
     return found
 
 
@@ -173,9 +177,11 @@ def stands_upright(trial: Trial) -> bool:
     """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
     shape = shape_of([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
     for side in "RL":
-        ankle, knee = (tuple(sorted((f"{side}{name}", f"{side}ASIS"))) for name in ("LM", "LFE"))
-        shank = tuple(sorted((f"{side}LFE", f"{side}LM")))
-        if {ankle, knee, shank} <= set(shape) and shape[ankle] < _STRAIGHT * (shape[knee] + shape[shank]):
+        leg, thigh, shank = (
+            shape.get((f"{side}{first}", f"{side}{second}"))
+            for first, second in (("ASIS", "LM"), ("ASIS", "LFE"), ("LFE", "LM"))
+        )
+        if leg and thigh and shank and leg < _STRAIGHT * (thigh + shank):
             return False
     return True
 

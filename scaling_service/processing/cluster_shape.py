@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.kernels.filters import runs
+from scaling_service.kernels.masks import ever
 from scaling_service.models.trial import Array, Trial
 
 Clusters = Mapping[str, Sequence[str]]
@@ -107,7 +108,8 @@ def exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchan
         yield from _joined(
             Exchange(
                 tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
-                *(float(trial.times[k]) for k in (start, stop - 1)),
+                float(trial.times[start]),
+                float(trial.times[stop - 1]),
                 *found[1:],
             )
             for start, stop in _blocks(changed, measured)
@@ -144,7 +146,7 @@ def _better_order(
     names: Sequence[str], pairs: Sequence[tuple[str, str]], measured: Array, usual: Shape
 ) -> tuple[tuple[str, ...], float, float] | None:
     """The order of labels that fits a block best, with the largest difference before and after."""
-    known = np.isfinite(measured).any(axis=0)
+    known = ever(np.isfinite(measured))
     kept = [pair for pair, is_known in zip(pairs, known, strict=True) if is_known]
     if len(kept) < 2:
         return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.kernels.masks import seen
+from scaling_service.kernels.masks import Mask, seen
 from scaling_service.models.trial import Array, Trial
 
 _NAMELESS = re.compile(
@@ -80,7 +80,7 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
             yield Nameless(label, frames)
 
 
-def _distance_in_gaps(markers: Array, shown: Array, column: int, other: int) -> tuple[float, int, int]:
+def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
     """How far a trajectory is from a line through another's gaps, m; that one's column; frames filled."""
     here, there = shown[:, column], shown[:, other]
     rows = np.flatnonzero(here & ~there)

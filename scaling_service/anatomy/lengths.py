@@ -25,6 +25,9 @@ _ROLES: Mapping[str, tuple[str, ...]] = {
     "humerus": ("humerus", "upperarm", "arm"),
     "ulna": ("ulna", "forearm"),
     "hand": ("hand",),
+    "calcn": ("calcn", "foot"),
+    "toes": ("toes",),
+    "head": ("head",),
 }
 """What a segment is, and the names that say so, with the side as ``_r`` or ``_l`` or in front as ``r_``."""
 
@@ -101,7 +104,8 @@ def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     Parameters
     ----------
     role : str
-        ``pelvis``, ``femur``, ``tibia``, ``foot``, ``torso``, ``humerus``, ``ulna`` or ``hand``.
+        ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the foot's
+        markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
     side : 'r', 'l' or ''
     """
     names = {segment.name.casefold(): segment.name for segment in model.segments}

@@ -1,9 +1,10 @@
 """Marker names: which labels of a recording mean which markers of a model.
 
-Laboratories call one landmark by many names. Those known to mean the same place form a class, named
-after the built-in models' marker; two names match when they are of one class, so that a model of any
-origin can meet a recording of any origin. Tracking markers, whose place is each laboratory's own choice
-(``RTHI``, ``R.TH1``), are in no class: they match by name only.
+Laboratories call one landmark by many names. Those known to mean the same place (see
+:mod:`scaling_service.models.marker_sets`) form a class, named after the built-in models' marker; two names
+match when they are of one class, so that a model of any origin can meet a recording of any origin. Tracking
+markers, whose place is each laboratory's own choice (``RTHI``, ``R.TH1``), are in no class: they match by
+name only.
 """
 
 from __future__ import annotations
@@ -12,57 +13,22 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 
 from scaling_service.core.errors import InputError
-
-_SIDED: dict[str, str] = {
-    # pelvis and thigh: Plug-in Gait; ISB (Wu 2002) R.IAS read as RIAS, RIPS
-    "RASIS": "RASI RIAS",
-    "RPSIS": "RPSI RIPS",
-    "RGT": "RTRO RGTR RFTC",
-    # knee: Plug-in Gait, OpenSim examples, Stanford, CusToM (KNE, KNI), IOR (RFLE, RFME, RFAX, RTTC)
-    "RLFE": "RKNE RKNEE RKNEELAT RLKNEE RLEK RLFC RFLE",
-    "RMFE": "RMFC RMKNE RMKNEE RKNM RKNEEMED RMEK RFME RKNI",
-    "RFH": "RHFB RHF RFAX",
-    "RTUB": "RATT RTTC",
-    # ankle: sphyrion is the tip of the medial malleolus; IOR: RFAL, RTAM; CusToM: ANE, ANI
-    "RLM": "RANK RANKLE RANKLELAT RLANKLE RLMAL RFAL RANE",
-    "RMM": "RMMA RMMAL RSPH RMANK RMANKLE RANKLEMED RTAM RANI",
-    # foot: heel and metatarsal heads; "toe" alone means head or tip, so RTOE and R.Toe stay apart
-    "RHEE": "RHEEL RCAL RCALC RFCC",
-    "RMT1": "RD1M RMFH1 RMTH1 R1META RFM1",
-    "RMT5": "RD5M RMFH5 RMTH5 R5META RFM5",
-    # trunk and arm
-    "RSHO": "RSHOULDER RACR RACROMION RACROMIUM",
-    "RSC": "RCLAVICLE RSTERNUM",
-    "RELB": "RELBOW RELBOWLAT RLELBOW RLELB RLEL RLHE RHLE",
-    "RMEL": "RMELB RMELBOW RELBOWMED RMHE RHME",
-    "RWRA": "RWRISTRADIUS RRS RFARADIUS",
-    "RWRB": "RWRISTULNA RUS RFAULNA",
-    "RMH2": "RHMH2 RFIN",
-    "RMH5": "RHMH5",
-    "RFHD": "RTEMP RTEMPLE",
-}
-"""Right-hand landmarks, in capitals without separators; the left ones follow by exchanging the R."""
-
-_MIDLINE: dict[str, str] = {
-    "CLAV": "SUP IJ",  # jugular notch
-    "STRN": "STR PX",  # xiphoid process
-    "SACR": "VSACRAL SACRUM",
-    "HV": "TOPHEAD",
-    "C7": "",
-    "T10": "",
-}
+from scaling_service.models.marker_sets import Side, landmarks, marker_sets
 
 _SEPARATORS = re.compile(r"[\s._\-]+")
 _SUFFIX = "STUDY"  # r_knee_study: how OpenCap's video pipeline writes the markers of a physical set
-_DISTINCT = frozenset({"RTOE", "LTOE"})
-"""Names that mean another place once separators are written: Plug-in Gait's RTOE is the second metatarsal's
-head, R.Toe (Rajagopal 2016 walking data) and R.Toe.Tip the tip, 5 cm further."""
-
-_COMPUTED = re.compile(r"[HKASEW]JC|(JOINT|GROUND)$|^MID(?!FOOT)")
-"""Joint centres, projections and midpoints, as OpenSim's examples and Stanford's files name them."""
+_COMPUTED = re.compile(
+    r"[HKASEW]JC|(JOINT|GROUND)$|^MID(?!FOOT)"  # OpenSim's examples and Stanford's files
+    r"|^[RL]?CENT(RE|ER)OFMASS(FLOOR)?$"
+    r"|^(PEL|HED|TRX|[RL](FE|TI|FO|TO|CL|HU|RA|HN))[OALP]$"  # origin and axes of Plug-in Gait's segments
+    r"|(ANGLE|MOMENT|FORCE|POWER)S?$|GROUNDREACTION|NORMALI[SZ]EDGRF"  # its results
+)
+"""Joint centres, projections, midpoints, axes and results, as the files of public recordings name them and
+Vicon's Plug-in Gait Reference Guide does."""
 
 PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -84,18 +50,22 @@ PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """Markers of ``squat_4dof`` and the markers of a body in space whose mean in the sagittal plane they are."""
 
 
-def _classes() -> dict[str, str]:
-    table = {}
-    for name, others in _SIDED.items():
-        for alias in (name, *others.split()):
-            table[alias] = name
-            table[f"L{alias[1:]}"] = f"L{name[1:]}"
-    for name, others in _MIDLINE.items():
-        table.update(dict.fromkeys((name, *others.split()), name))
-    return table
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a label is known to stand for, whatever the recording.
 
+    Parameters
+    ----------
+    landmark : str, optional
+        The built-in models' name of the landmark; None of tracking markers.
+    segment : str
+        What carries it, without side, as the built-in models call it.
+    side : 'r', 'l' or ''
+    """
 
-_CLASS_OF: Mapping[str, str] = MappingProxyType(_classes())
+    landmark: str | None
+    segment: str
+    side: Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +106,46 @@ def strip_prefix(label: str) -> str:
     return label.rsplit(":", 1)[-1].strip()
 
 
+def plain_key(name: str) -> str:
+    """A name in capitals, without prefix, separators and the suffix ``_study``, for comparison.
+
+    Examples
+    --------
+    >>> plain_key("S01:r_knee_study"), plain_key("R.Knee")
+    ('RKNEE', 'RKNEE')
+    """
+    return _SEPARATORS.sub("", strip_prefix(name).upper()).removesuffix(_SUFFIX)
+
+
+def meaning(name: str) -> Meaning | None:
+    """What a name stands for in the marker sets that are known; None if in none, or in two differently.
+
+    Examples
+    --------
+    >>> meaning("RTIB"), meaning("S01:r.ASIS")
+    (Meaning(landmark=None, segment='tibia', side='r'), Meaning(landmark='RASIS', segment='pelvis', side='r'))
+    """
+    return _meanings().get(plain_key(name))
+
+
+@cache
+def _meanings() -> Mapping[str, Meaning]:
+    """Plain key to what it means, from landmarks, their aliases and all labels of marker sets."""
+    found: dict[str, Meaning | None] = {}
+
+    def add(names: Iterable[str], meant: Meaning) -> None:
+        for name in names:
+            key = plain_key(name)
+            found[key] = meant if found.get(key, meant) == meant else None
+
+    for landmark in landmarks().values():
+        add((landmark.name, *landmark.aliases), Meaning(landmark.name, landmark.segment, landmark.side))
+    for marker_set in marker_sets().values():
+        for label in () if marker_set.key_points else marker_set.labels:
+            add(label.names, Meaning(label.landmark, label.segment, label.side))
+    return {key: meant for key, meant in found.items() if meant is not None}
+
+
 def canonical(name: str) -> str | None:
     """The built-in models' name of the landmark that a name is known to mean; None if it is not known.
 
@@ -144,11 +154,8 @@ def canonical(name: str) -> str | None:
     >>> canonical("r.ASIS"), canonical("L_mknee"), canonical("S01:RMMA"), canonical("RTHI")
     ('RASIS', 'LMFE', 'RMM', None)
     """
-    plain = strip_prefix(name).upper()
-    key = _SEPARATORS.sub("", plain).removesuffix(_SUFFIX)
-    if key in _DISTINCT and key != plain:
-        return None
-    return _CLASS_OF.get(key)
+    meant = meaning(name)
+    return None if meant is None else meant.landmark
 
 
 def looks_computed(label: str) -> bool:
@@ -156,10 +163,10 @@ def looks_computed(label: str) -> bool:
 
     Examples
     --------
-    >>> [looks_computed(name) for name in ("R_HJC_reg", "L.KneeJoint", "MidASIS", "RASIS", "R.Ankle")]
-    [True, True, True, False, False]
+    >>> [looks_computed(name) for name in ("R_HJC_reg", "L.KneeJoint", "MidASIS", "RFEO", "RASIS", "R.Ankle")]
+    [True, True, True, True, False, False]
     """
-    return bool(_COMPUTED.search(_SEPARATORS.sub("", strip_prefix(label)).upper()))
+    return bool(_COMPUTED.search(plain_key(label)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,20 +7,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scaling_service.calibration.methods import calibrate
 from scaling_service.core.errors import InputError
+from scaling_service.core.text import few
 from scaling_service.jobs.arrays import ArrayFiles
 from scaling_service.jobs.checks import require_landmarks
 from scaling_service.jobs.loading import load, read_model
-from scaling_service.jobs.proof_extra import extra_markers
+from scaling_service.jobs.proof_extra import extra_markers, with_extra_markers
 from scaling_service.jobs.proof_files import Found, look_into
 from scaling_service.jobs.proof_markers import propose
-from scaling_service.jobs.proof_proposal import named_in, proposal, roles_of
+from scaling_service.jobs.proof_model import choose_model
+from scaling_service.jobs.proof_person import sizes_proof, unknown_person, with_sizes
+from scaling_service.jobs.proof_proposal import named_in, ordered, proposal, roles_of
 from scaling_service.jobs.proof_recordings import Seen, axes_entry, problem_of, session_axes
+from scaling_service.jobs.proof_set import consequences, marker_set_proof
 from scaling_service.jobs.proof_tables import Ground, recording_proof
+from scaling_service.jobs.proof_told import exchange_in, of_labels, of_plates, of_standing, of_times, of_units
 from scaling_service.jobs.proof_warnings import warning_entry
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.subjects import subject_from_document
+from scaling_service.kernels.masks import ever
+from scaling_service.kernels.masks import seen as seen_in
 from scaling_service.models.body import BodyModel
 from scaling_service.models.builtin import builtin
 from scaling_service.models.forces import GroundForces
@@ -42,9 +51,6 @@ Progress = Callable[[str, float], None]
 
 FOLDER = "proof"
 """Of the tables, below the job's files."""
-
-USUAL = "lower_limb_14dof"
-"""Model that is proposed where nothing says another."""
 
 _READ, _SHOWN = 0.5, 0.7  # chosen: about the shares of time
 _SURE = 0.99  # by names alone, scaling finds the same
@@ -100,11 +106,14 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     known = _known(found, document)
     roles = roles_of(found, known)
-    sheet = _Sheet(problems=list(_missing(known, names)))
+    sheet = _Sheet(problems=[*_missing(known, names), *_folders(folder)])
+    seen = [f.content for f in found if isinstance(f.content, Seen)]
+    sizes = sizes_proof(known, seen)
     report("showing the recordings", _READ)
     _show(found, roles, settings, ArrayFiles(outputs, FOLDER), sheet)
     report("naming the markers", _SHOWN)
-    model = _model(folder, known, roles, sheet)
+    usual, why = _usual(roles, sheet)
+    model = _model(folder, known, roles, sheet, usual)
     standing = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
     markers, unused = propose(
         model,
@@ -113,21 +122,75 @@ def prove(
         known.get("markers") or {},
         labels or {},
     )
-    proposed = proposal(known, found, roles, model.name, _explicit(markers, known))
+    proposed = proposal(known, found, roles, usual, _explicit(markers, known))
+    if proposed is not None:
+        proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, sheet.trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
-    sheet.problems += _refusals(folder, proposed, settings)
+    sheet.problems += [*_compared(found, known, roles, seen, sheet), *unknown_person(sizes)]
+    told = {exchange_in(problem) for problem in sheet.problems} - {None}
+    sheet.problems += [p for p in _refusals(folder, proposed, settings) if exchange_in(p) not in told]
+    every = list(dict.fromkeys(label for trial in sheet.trials.values() for label in trial.labels))
+    chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
         subject=str(known["subject"]["id"]),
-        model=str(known.get("model") or (proposed or {}).get("model") or USUAL),
+        model=chosen,
+        model_why=why if chosen == usual and not known.get("model") else None,
         axes=sheet.axes,
         files=[_role(item, roles, known) for item in found],
         recordings=sheet.recordings,
+        marker_set=marker_set_proof(every),
+        consequences=list(consequences(every, sizes)),
+        sizes=sizes,
         markers=markers,
         unused_labels=unused,
-        extra_markers=extra_markers(markers, unused, sheet.trials),
+        extra_markers=extra_markers(markers, unused, sheet.trials, model),
         proposal=proposed,
         problems=sheet.problems,
     )
+
+
+def _folders(folder: Path) -> Iterator[ProblemEntry]:
+    """Folders inside, which are not looked at; those that this look has written are no matter."""
+    inside = sorted(p.name for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
+    unread = [name for name in inside if any(p.is_file() for p in (folder / name).iterdir())]
+    unread = [name for name in unread if not (folder / name / "proof.json").is_file()]
+    if unread:
+        yield ProblemEntry(
+            severity="warning",
+            problem=f"folders inside it are not looked at: {few(unread)}",
+            remedy="Put their files beside the others if they belong to this person",
+        )
+
+
+def _usual(roles: Mapping[str, tuple[str, str]], sheet: _Sheet) -> tuple[str, str]:
+    """The built-in model for these recordings, and why."""
+    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    moving = {file: trial for file, trial in sheet.trials.items() if file != static and file in roles}
+    shown = [
+        [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
+        for trial in (moving or sheet.trials).values()
+    ]
+    return choose_model(shown, any(recording.plates for recording in sheet.recordings))
+
+
+def _compared(
+    found: Sequence[Found],
+    known: Mapping[str, Any],
+    roles: Mapping[str, tuple[str, str]],
+    seen: Sequence[Seen],
+    sheet: _Sheet,
+) -> Iterator[ProblemEntry]:
+    """What the recordings, compared with each other and with their forces, give cause to correct."""
+    spans = {
+        f.name: (float(f.content.times[0]), float(f.content.times[-1]))
+        for f in found
+        if isinstance(f.content, GroundForces)
+    }
+    yield from of_standing(roles, sheet.trials, wanted=not known.get("trials"))
+    yield from of_units(seen)
+    yield from of_labels(sheet.trials)
+    yield from of_times(sheet.recordings, spans)
+    yield from of_plates(sheet.recordings)
 
 
 def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
@@ -195,11 +258,11 @@ def _missing(known: Mapping[str, Any], names: Sequence[str]) -> Iterator[Problem
 
 
 def _model(
-    folder: Path, known: Mapping[str, Any], roles: Mapping[str, tuple[str, str]], sheet: _Sheet
+    folder: Path, known: Mapping[str, Any], roles: Mapping[str, tuple[str, str]], sheet: _Sheet, usual: str
 ) -> BodyModel:
     """The model whose markers are looked for; the usual one where that cannot be had."""
     places = {role: file for file, (role, _) in roles.items()}
-    wanted = str(known.get("model") or places.get("model") or USUAL)
+    wanted = str(known.get("model") or places.get("model") or usual)
     is_file = wanted.lower().endswith(MODEL_SUFFIXES)
     takes_more = wanted.lower().endswith(".osim")
     marker_set = known.get("marker_set") or places.get("marker_set") if takes_more else None
@@ -207,7 +270,7 @@ def _model(
         return read_model(folder / wanted if is_file else wanted, folder / marker_set if marker_set else None)
     except InputError as error:
         sheet.problems.append(problem_of(error, file=wanted))
-        return builtin(USUAL)
+        return builtin(usual)
 
 
 def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
@@ -236,7 +299,7 @@ def _role(item: Found, roles: Mapping[str, tuple[str, str]], known: Mapping[str,
     role, why = roles.get(item.name, (None, item.why))
     named = item.name in named_in(known).values()
     if item.kind == "forces" and role is None and item.usable:
-        why = f"{why}, but no recording without plates of its own has a name like it"
+        why = f"{why}, but no movement without plates of its own has its name or time"
     return FileRole(
         name=item.name,
         kind=item.kind,

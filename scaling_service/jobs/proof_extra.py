@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from scaling_service.anatomy.marker_sets import tracking_segments
 from scaling_service.anatomy.markers import looks_computed, strip_prefix
+from scaling_service.kernels.masks import ever
+from scaling_service.kernels.masks import seen as seen_in
+from scaling_service.models.body import BodyModel
 from scaling_service.models.trial import Trial
+from scaling_service.processing.nameless import is_nameless
 from scaling_service.schemas.proof import ExtraMarker, MarkerProof
 
 RIGID_MM, STANDS_OUT = 5.0, 0.6
@@ -18,14 +24,14 @@ change to the next segment's markers; else nothing is said."""
 FEWEST = 3
 """Markers that a segment must have: a shank's marker keeps its distance from both epicondyles, too."""
 
-_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|TUB|SHN|SHK|SHANK|LEG")))
-"""Words in usual labels of tracking markers, and where those sit."""
+_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
+"""Words in labels of tracking markers that no marker set knows, and where those sit."""
 
 
 def extra_markers(
-    markers: Sequence[MarkerProof], unused: Sequence[str], trials: Mapping[str, Trial]
+    markers: Sequence[MarkerProof], unused: Sequence[str], trials: Mapping[str, Trial], model: BodyModel
 ) -> list[ExtraMarker]:
-    """The segment of each further label: as its name says, else the one whose markers keep their distances.
+    """The segment of each further label: as its set or name says, else the one it keeps its distances to.
 
     Parameters
     ----------
@@ -35,20 +41,63 @@ def extra_markers(
         Labels that no marker took; points that software computed are left out.
     trials : mapping
         Name to recording, m.
+    model : BodyModel
     """
+    known = tracking_segments(unused, model)
     carried: dict[str, list[str]] = {}
     for entry in markers:
         if entry.label is not None:
             carried.setdefault(entry.segment, []).append(entry.label)
-    return [_entry(label, carried, trials) for label in unused if not looks_computed(label)]
+    return [
+        _entry(label, known.get(label), carried, trials)
+        for label in unused
+        if not looks_computed(label) and not is_nameless(label)
+    ]
 
 
-def _entry(label: str, carried: Mapping[str, Sequence[str]], trials: Mapping[str, Trial]) -> ExtraMarker:
+def with_extra_markers(
+    proposed: Mapping[str, Any], model: BodyModel, unused: Sequence[str], trials: Mapping[str, Trial]
+) -> dict[str, Any]:
+    """A subject document with the tracking markers that its marker set knows, where it names none itself.
+
+    Only labels that are seen while standing, which places them, and in a movement, which they then follow.
+
+    Parameters
+    ----------
+    proposed : mapping
+    model : BodyModel
+    unused : sequence of str
+        Labels that no marker of the model took.
+    trials : mapping
+        File to recording.
+    """
+    static = trials.get(str(proposed["trials"].get("static")))
+    if proposed.get("extra_markers") or static is None:
+        return dict(proposed)
+    standing = _shown([static])
+    moving = _shown([t for file, t in trials.items() if t is not static and _is_named(file, proposed)])
+    known = tracking_segments([label for label in unused if label in standing & moving], model)
+    found = {strip_prefix(label): segment for label, segment in known.items()}
+    return {**proposed, **({"extra_markers": found} if found else {})}
+
+
+def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
+    return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
+
+
+def _shown(trials: Sequence[Trial]) -> set[str]:
+    """The labels that are seen in some frame of any of these recordings."""
+    return {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen_in(t.markers)))}
+
+
+def _entry(
+    label: str, known: str | None, carried: Mapping[str, Sequence[str]], trials: Mapping[str, Trial]
+) -> ExtraMarker:
     spreads = {name: _spread_mm(label, others, trials) for name, others in carried.items()}
-    segment = said_of(label)
-    if segment not in spreads:
+    segment = known or said_of(label)
+    if segment not in spreads and known is None:
         segment = _clear({name: s for name, s in spreads.items() if len(carried[name]) >= FEWEST})
-    spread = float("inf") if segment is None else spreads[segment]
+    spread = float("inf") if segment is None else spreads.get(segment, float("inf"))
     return ExtraMarker(
         label=label, segment=segment, spread_mm=round(spread, 1) if np.isfinite(spread) else None
     )

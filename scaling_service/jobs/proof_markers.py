@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.anatomy.markers import likeness, looks_computed, strip_prefix
+from scaling_service.anatomy.markers import likeness, looks_computed, meaning, strip_prefix
 from scaling_service.kernels.rigid import fit_rigid
 from scaling_service.models.body import BodyModel
 from scaling_service.models.neutral import neutral_markers
@@ -120,8 +120,16 @@ def _assigned(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
 def _by_place(
     model: BodyModel, standing: Trial, taken: Mapping[str, _Choice], missing: Sequence[str]
 ) -> dict[str, _Choice]:
-    """Labels that lie where the model, standing as the person does, expects a marker."""
-    seen = {label: _middle(standing, label) for label in standing.labels if not looks_computed(label)}
+    """Labels that lie where the model, standing as the person does, expects a marker.
+
+    A label that a marker set knows stands for what it says, however near to another marker it lies.
+    """
+    used = {choice.label for choice in taken.values()}
+    seen = {
+        label: _middle(standing, label)
+        for label in standing.labels
+        if label in used or (meaning(label) is None and not looks_computed(label))
+    }
     seen = {label: at for label, at in seen.items() if np.isfinite(at).all()}
     model_at = neutral_markers(model)
     known = [m for m, choice in taken.items() if choice.label in seen]
@@ -130,7 +138,6 @@ def _by_place(
     expected = _placed_like(
         model_at, [*known, *missing], known, np.stack([seen[taken[m].label] for m in known])
     )
-    used = {choice.label for choice in taken.values()}
     pairs = sorted(
         (float(np.linalg.norm(seen[label] - expected[marker])), marker, label)
         for marker in missing

@@ -7,8 +7,9 @@ from typing import Any
 
 from scaling_service.jobs.proof_files import Found
 from scaling_service.jobs.proof_roles import Roles, of_bones, of_forces, of_others, of_recordings
-from scaling_service.schemas.subject import MODEL_SUFFIXES
+from scaling_service.schemas.subject import MODEL_SUFFIXES, SubjectDocument
 
+_TRIALS = ("static", "calibration", "evaluation")
 _LISTS = ("trials.calibration", "trials.evaluation")
 
 
@@ -92,7 +93,9 @@ def proposal(
         }
         if not trials:
             return None
-        content["trials"] = {k: files[0] if k == "static" else sorted(files) for k, files in trials.items()}
+        content["trials"] = {
+            k: trials[k][0] if k == "static" else sorted(trials[k]) for k in _TRIALS if k in trials
+        }
     content["model"] = content.get("model") or next(iter(places.get("model", [])), model)
     for place in ("marker_set", "scale_setup", "image_markers"):
         if place in places:
@@ -108,9 +111,9 @@ def proposal(
     return content
 
 
-def _below(part: str, places: Mapping[str, list[str]]) -> dict[str, list[str]]:
-    """Files by their key in one part of the document."""
-    return {p.partition(".")[2]: files for p, files in places.items() if p.startswith(f"{part}.")}
+def ordered(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A subject document with its parts in the order in which they are described."""
+    return {key: document[key] for key in SubjectDocument.model_fields if key in document}
 
 
 def _unit(found: Sequence[Found], files: Any) -> str:

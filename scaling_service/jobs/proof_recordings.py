@@ -46,6 +46,8 @@ class Seen:
         Of its own plates, in the laboratory's axes.
     corners : ndarray, shape (n_plates, 4, 3), m, optional
         Of its own plates, in the laboratory's axes.
+    kinds : tuple of int
+        Types of its own plates by the C3D standard.
     problems : tuple of ProblemEntry
     """
 
@@ -55,6 +57,7 @@ class Seen:
     axes: Orientation
     forces: GroundForces | None = None
     corners: Array | None = None
+    kinds: tuple[int, ...] = ()
     problems: tuple[ProblemEntry, ...] = ()
 
 
@@ -95,7 +98,8 @@ def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
     try:
         plates = read_c3d_plates(content)
         corners = np.stack([plate.corners for plate in plates.plates]) if plates.plates else None
-        return replace(seen, forces=ground_forces(plates), corners=corners)
+        kinds = tuple(plate.kind for plate in plates.plates)
+        return replace(seen, forces=ground_forces(plates), corners=corners, kinds=kinds)
     except InputError as error:
         if error.field in NO_PLATES:
             return seen

@@ -5,21 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
+from scaling_service.core.text import few
 from scaling_service.jobs.proof_files import Found
 from scaling_service.jobs.proof_recordings import Seen
+from scaling_service.jobs.proof_static import Standing, standings, words
+from scaling_service.jobs.proof_tables import WALKED_M, walked
 from scaling_service.models.forces import GroundForces
 
-STILL_M = 0.01
-"""Chosen: the middle marker of somebody who stands sways less than this (standard deviation)."""
+TIMES_S, LONGER_S = 0.1, 1.0
+"""Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
+this much before and after them."""
 
 Roles = dict[str, tuple[str, str]]
 """File to its place in the document, and why."""
 
-_STANDING = re.compile(r"stat|stand|steh|neutral|[ta][ _-]?pose|anatom", re.IGNORECASE)
-_MOVING = re.compile(r"hip|knee|ankle|func|squat|circ|flex", re.IGNORECASE)
-_EVALUATED = re.compile(r"walk|gait|gang|run|jog|stair|jump|dyn", re.IGNORECASE)
+_MOVING = re.compile(r"hip|knee|ankle|func|squat|circ|flex|star")
+_EVALUATED = re.compile(r"walk|gait|gang|run|jog|stair|jump|hop|dyn")
+"""How a word of a movement's name begins."""
 
 _BONES = (
     ("pelvis", re.compile(r"pelvi|becken")),
@@ -33,46 +35,89 @@ _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
 def of_recordings(found: Sequence[Found]) -> Roles:
     """Standing, movements to fit, movements to judge.
 
-    Without a movement to fit, all walks but the first serve for that.
+    Who stands still is told by the markers. Of the movements, names tell which serve for what. Without a
+    movement to fit, all walks but the first serve for that; without one to judge, the first of those whose
+    names say nothing does, a walk before others, if another is left to fit.
     """
-    recordings = [(f.name, f.content) for f in found if isinstance(f.content, Seen)]
-    roles: Roles = {}
-    for name, seen in recordings:
-        role, why = _role(name, seen)
-        if role == "static" and any(taken == "trials.static" for taken, _ in roles.values()):
-            continue  # one is enough; the others wait for the user
-        roles[name] = (f"trials.{role}", why)
-    held_out = [name for name, (role, _) in roles.items() if role == "trials.evaluation"]
-    if held_out and not any(role == "trials.calibration" for role, _ in roles.values()):
-        for name in held_out[1:] or held_out:
-            roles[name] = ("trials.calibration", "there is no other movement to fit")
+    recordings = [f.content for f in found if isinstance(f.content, Seen)]
+    still = standings(recordings)
+    roles: Roles = {s.file: ("trials.static", _best_of(still)) for s in still[:1]}
+    quiet = {s.file for s in still}
+    moves = {item.file: _by_name(item.file) for item in recordings if item.file not in quiet}
+    roles |= {file: (f"trials.{role or 'calibration'}", why) for file, (role, why) in moves.items()}
+    held_out = [file for file, (role, _) in moves.items() if role == "evaluation"]
+    unnamed = [file for file, (role, _) in moves.items() if role is None]
+    if held_out and len(held_out) == len(moves):
+        for file in held_out[1:] or held_out:
+            roles[file] = ("trials.calibration", "there is no other movement to fit")
+    elif not held_out and unnamed and len(moves) > 1:
+        walks = {item.file for item in recordings if walked(item.trial, item.axes) >= WALKED_M}
+        chosen = next((file for file in unnamed if file in walks), unnamed[0])
+        roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
     return roles
 
 
-def _role(name: str, seen: Seen) -> tuple[str, str]:
-    stem = name.rpartition(".")[0]
-    for role, pattern in (("static", _STANDING), ("evaluation", _EVALUATED), ("calibration", _MOVING)):
-        if found := pattern.search(stem):
-            return role, f"its name says {found[0]}"
-    spread = np.nanstd(seen.trial.markers, axis=0) if seen.trial.n_frames > 1 else np.zeros((1, 3))
-    swaying = float(np.nanmedian(np.linalg.norm(spread, axis=-1)))
-    if swaying < STILL_M:
-        return "static", f"nothing moves by more than {1e3 * swaying:.0f} mm"
-    return "calibration", "a movement whose name says nothing"
+def _best_of(still: Sequence[Standing]) -> str:
+    """Why the first of those that stand still was taken."""
+    best, *others = still
+    alike = [s.file for s in others if s.merit == best.merit]
+    worse = [s.file for s in others if s.file not in alike]
+    parts = [best.why, *([f"better than {few(worse)}"] if worse else [])]
+    return "; ".join([*parts, *([f"{few(alike)} would do as well"] if alike else [])])
+
+
+def _by_name(name: str) -> tuple[str | None, str]:
+    """What a movement's name says that it is for."""
+    for role, pattern in (("evaluation", _EVALUATED), ("calibration", _MOVING)):
+        for word in words(name):
+            if pattern.match(word):
+                return role, f"its name says {word}"
+    return None, "a movement whose name says nothing"
 
 
 def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> Roles:
-    """Files of forces to the recordings whose names have most in common with theirs, where one stands out."""
+    """Files of forces to the movements that they were recorded with.
+
+    A file that covers a recording's time comes before one that does not; then names count by what they have
+    in common. Where two fit equally well, nobody is proposed.
+    """
+    static = {file for file, (role, _) in roles.items() if role == "trials.static"}
     bare = [
-        f.name for f in found if isinstance(f.content, Seen) and f.content.forces is None and f.name in roles
+        item
+        for item in (f.content for f in found if isinstance(f.content, Seen))
+        if item.forces is None and item.file in roles and item.file not in static
     ]
+    scores = {
+        (f.name, item.file): (_covers(f.content, item), _alike(f.name, item.file))
+        for f in found
+        if isinstance(f.content, GroundForces)
+        for item in bare
+    }
     taken: Roles = {}
-    for file in (f.name for f in found if isinstance(f.content, GroundForces)):
-        scores = sorted(((_alike(file, name), name) for name in bare), reverse=True)
-        clear = scores and scores[0][0] > 0.0 and (len(scores) < 2 or scores[0][0] > scores[1][0])
-        if clear and f"forces.{scores[0][1]}" not in {role for role, _ in taken.values()}:
-            taken[file] = (f"forces.{scores[0][1]}", f"its name is most like {scores[0][1]}")
+    given: set[str] = set()
+    for (file, recording), score in sorted(scores.items(), key=lambda s: s[1], reverse=True):
+        rivals = [
+            pair
+            for pair, other in scores.items()
+            if other == score and (pair[0] == file) != (pair[1] == recording)
+            if pair[0] not in taken and pair[1] not in given
+        ]
+        if file in taken or recording in given or score == (False, 0.0) or rivals:
+            continue
+        covers, alike = score
+        why = [f"its name is most like {recording}"] if alike else []
+        why += ["it covers the recording's time"] if covers else ["though their times differ"]
+        taken[file] = (f"forces.{recording}", ", ".join(why))
+        given.add(recording)
     return taken
+
+
+def _covers(forces: GroundForces, item: Seen) -> bool:
+    """Whether forces last as long as a recording, both from about the same time."""
+    times = item.trial.times
+    late = forces.times[0] - times[0]
+    early = times[-1] - forces.times[-1]
+    return bool(max(late, early) <= TIMES_S and min(late, early) >= -LONGER_S)
 
 
 def _alike(one: str, other: str) -> float:
@@ -117,7 +162,7 @@ def of_others(found: Sequence[Found], imaged: bool) -> Iterator[tuple[str, tuple
         Whether there are bones, which go with built-in models only.
     """
     markers = [f.name for f in found if f.kind == "image_markers" and f.usable]
-    if len(markers) == 1:
+    if imaged and len(markers) == 1:
         yield markers[0], ("image_markers", "the only one")
     usable = [f.name for f in found if f.kind == "model" and f.usable]
     # What this program wrote may lie beside the file that it was made from.

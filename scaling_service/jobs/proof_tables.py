@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.anatomy.markers import looks_computed
 from scaling_service.core.errors import InputError
 from scaling_service.jobs.arrays import ArrayFiles
+from scaling_service.jobs.proof_plates import describe_plates
 from scaling_service.jobs.proof_recordings import Seen, axes_entry, problem_of
 from scaling_service.kernels.masks import seen as seen_in
 from scaling_service.models.forces import GroundForces
@@ -74,7 +75,7 @@ def recording_proof(
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
-        plates=plates_of(turned, _corners(item, axes)),
+        plates=_described(turned, item, axes, trial),
         forces_from=None if ground is None or turned is None else ground.source,
         force=None if turned is None else _written(files, f"{item.file}.force", turned, trial, "N"),
         centre_of_pressure=None
@@ -109,6 +110,21 @@ def _turned(
         return orient_forces(axes, ground.forces), []
     except InputError as error:
         return None, [problem_of(error, "warning", ground.source)]
+
+
+def _described(forces: GroundForces | None, item: Seen, axes: Orientation, trial: Trial) -> list[PlateEntry]:
+    """Plates with all that the recording says of them; corners and types are known of its own only."""
+    if forces is None:
+        return []
+    own = item.forces is not None and len(item.kinds) == len(forces.plates)
+    at_markers = forces.changed(
+        times=trial.times,
+        force=at_frames(forces.times, forces.force, trial.times),
+        moment=at_frames(forces.times, forces.moment, trial.times),
+        read=None,
+    )
+    entries = plates_of(forces, _corners(item, axes) if own else None)
+    return describe_plates(entries, at_markers, trial, item.kinds if own else ())
 
 
 def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
@@ -169,6 +185,12 @@ def intervals(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+
+
+def walked(trial: Trial, axes: Orientation) -> float:
+    """How far the markers' middle went over the floor from first to last frame, m."""
+    distance, _ = _walk(apply(axes, trial))
+    return distance
 
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:

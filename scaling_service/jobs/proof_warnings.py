@@ -18,7 +18,7 @@ _REMEDIES: Mapping[str, str] = {
     r": it is left out$": "Correct the label under `extra_markers:`, or remove it there",
     r" labelled, but never seen$": "Label them in the recording if they matter; they are not used",
     r": nothing says how well the models follow recordings that were not used to fit$": (
-        "Name a recording under `trials.evaluation` that is not used to fit"
+        "Name a recording under `trials.evaluation` that is not used to fit; if there is none, record one"
     ),
     r": it may be a part of a recording$": "Export the recording again if frames are missing",
     r" \(\d+ frames?\)$": "Look at these frames; correct the recording if they matter",

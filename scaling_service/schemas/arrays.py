@@ -34,3 +34,7 @@ class PlateEntry(BaseModel):
     name: str
     corners_m: list[list[float]] | None = Field(description="Four corners; null where the file has none.")
     peak_N: float | None = Field(description="Largest force on it; null where none is known.")
+    kind: int | None = Field(default=None, description="Type by the C3D standard; null for tables.")
+    centre_m: list[float] | None = Field(default=None, description="Of its surface, x, y, z.")
+    loaded_by: list[str] = Field(default=[], description="Who stood on it and when, in words.")
+    offset_N: float | None = Field(default=None, description="Its reading while no foot is near it.")

@@ -121,15 +121,41 @@ class ExtraMarker(_Travels):
     spread_mm: float | None = Field(description="How much its distances to that segment's markers change.")
 
 
+class MarkerSetProof(_Travels):
+    """The marker set that the recordings were made with, and what follows from it."""
+
+    name: str
+    title: str
+    share: float = Field(ge=0.0, le=1.0, description="Of the labels that the set asks for.")
+    lacks: list[str] = Field(description="Labels that the set asks for and that no recording has.")
+    additions: list[str] = Field(description="Sets that come with others and are there, too.")
+
+
+class SizesProof(_Travels):
+    """What is known of the person's size."""
+
+    height_m: float | None
+    mass_kg: float | None
+    sex: Literal["F", "M"] | None
+    sizes_mm: dict[str, float] = Field(description="Measured by hand, such as knee_width_r.")
+    source: list[str] = Field(description="Files that state them.")
+
+
 class ProofDocument(_Travels):
     """A subject's files before anything is computed: what they are, and what to correct."""
 
     schema_version: int = SCHEMA_VERSION
     subject: str
     model: str
+    model_why: str | None = Field(default=None, description="Of a built-in model that is proposed.")
     axes: AxesEntry | None = Field(description="For all recordings; null where none can be read.")
     files: list[FileRole]
     recordings: list[RecordingProof]
+    marker_set: MarkerSetProof | None = Field(default=None, description="Null where no set is known.")
+    consequences: list[str] = Field(
+        default=[], description="What the markers that are there mean for each method, in words."
+    )
+    sizes: SizesProof | None = None
     markers: list[MarkerProof]
     unused_labels: list[str]
     extra_markers: list[ExtraMarker]

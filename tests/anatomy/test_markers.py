@@ -218,6 +218,19 @@ def test_refusals_name_what_is_wrong(
     assert caught.value.remedy
 
 
+VICON = (
+    "PELO PELA PELL PELP RFEO LFEA RFEL LFEP RTIO LTIA RTIL LTIP RFOO LFOA RTOO LTOP HEDO HEDA TRXO TRXP "
+    "RCLO LCLO RHUO LHUA RRAO LRAP RHNO LHNL CentreOfMass CentreOfMassFloor RAJC RHJC LKJC RKneeAngles "
+    "LHipMoment RAnklePower RKneeForce RGroundReactionForce LNormalisedGRF"
+)
+SKIN = "RSTL LPCA RLCA RFAL LFAX RTAM RP1M RCPG RHLX RTOE RTIB LFIN RUPA RFRM CLAV RSPH SEL RLEL"
+
+
+def test_points_that_vicon_computes_are_told_from_markers() -> None:
+    assert all(looks_computed(f"S01:{label}") for label in VICON.split())
+    assert not any(looks_computed(label) for label in SKIN.split())
+
+
 def test_planar_markers_have_sources() -> None:
     assert set(PLANAR_SOURCES) == set(builtin("squat_4dof").marker_names)
     known = set(WHOLE) | {"RTIB", "LTIB", "RTHI", "LTHI"}  # tracking markers of Plug-in Gait

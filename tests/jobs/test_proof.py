@@ -28,7 +28,7 @@ from scaling_service.schemas.proof import ProofDocument
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 
-BARE = {"subject": {"id": "S01"}}
+BARE = {"subject": {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}}
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 

@@ -24,6 +24,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   bones?: Record<string, string>;
   image_markers?: string;
+  sizes?: Record<string, number>;
 }
 
 export interface SubjectDetail extends SubjectSummary {

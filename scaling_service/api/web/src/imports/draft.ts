@@ -92,6 +92,7 @@ export class Draft {
       forces: below("forces"),
       bones: Object.keys(bones).length === 0 ? undefined : { units: before?.units ?? "mm", ...bones },
       image_markers: with_("image_markers")[0],
+      sizes: this.document.sizes,
     };
     return Object.fromEntries(Object.entries(found).filter(([, value]) => !isEmpty(value))) as unknown as SubjectDocument;
   }

@@ -30,7 +30,8 @@ export function orientation(recording: RecordingProof, proof: ProofDocument, pla
 
 function forcesInWords(plates: RecordingProof["plates"], from: string | null): string {
   if (plates.length === 0) return "none";
-  const told = plates.map(({ name, peak_N }) => (peak_N === null ? name : `${name} up to ${number(peak_N, 0)} N`));
+  const told = plates.map(({ name, peak_N, loaded_by }) =>
+    [peak_N === null ? name : `${name} up to ${number(peak_N, 0)} N`, ...(loaded_by.length === 0 ? [] : [`(${loaded_by.join("; ")})`])].join(" "));
   return `${told.join(", ")}${from === null ? "" : `, from ${from}`}`;
 }
 

@@ -70,12 +70,33 @@ export interface MarkerProof {
   others: { label: string; confidence: number; why: string }[];
 }
 
+export interface MarkerSet {
+  name: string;
+  title: string;
+  share: number;
+  lacks: string[];
+  additions: string[];
+}
+
+export interface Sizes {
+  height_m: number | null;
+  mass_kg: number | null;
+  sex: "F" | "M" | null;
+  sizes_mm: Record<string, number>;
+  source: string[];
+}
+
 export interface ProofDocument {
   subject: string;
   model: string;
+  model_why: string | null;
   axes: Axes | null;
   files: FileRole[];
   recordings: RecordingProof[];
+  marker_set: MarkerSet | null;
+  /** What the markers that are there mean for each method. */
+  consequences: string[];
+  sizes: Sizes | null;
   markers: MarkerProof[];
   unused_labels: string[];
   extra_markers: { label: string; segment: string | null; spread_mm: number | null }[];

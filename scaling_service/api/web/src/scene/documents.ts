@@ -15,6 +15,8 @@ export interface Plate {
   name: string;
   corners_m: Triple[] | null;
   peak_N: number | null;
+  /** Who stood on it and when. */
+  loaded_by: string[];
 }
 
 export interface BodyDocument {

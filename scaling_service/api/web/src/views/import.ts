@@ -5,6 +5,7 @@ import { filePath, resultOf } from "../api/jobs.ts";
 import { getSubject, putSubject } from "../api/subjects.ts";
 import { vocabulary, type Vocabulary } from "../api/vocabulary.ts";
 import { Draft } from "../imports/draft.ts";
+import { facts } from "../imports/facts.ts";
 import { fileTable } from "../imports/files.ts";
 import { laboratoryMap, MarkerMap, type LaboratoryMap } from "../imports/markermap.ts";
 import { orientation } from "../imports/orientation.ts";
@@ -75,6 +76,7 @@ async function shown(
     saving,
     h("h2", null, "Person and model"),
     personForm(draft, known),
+    facts(proof),
     h("h2", null, "Files"),
     fileTable(proof, draft, known.bones),
   );

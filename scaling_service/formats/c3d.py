@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import struct
 import subprocess
@@ -25,7 +24,7 @@ import numpy as np
 from scaling_service.core.errors import DependencyMissing, FileUnreadable, TrialUnusable
 from scaling_service.formats.c3d_sizes import stated_sizes
 from scaling_service.formats.tables import clean_positions, read_bytes, refuse_duplicates
-from scaling_service.models.trial import Array, Repair, Trial
+from scaling_service.models.trial import Array, Repair, Trial, is_unlabelled
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -42,7 +41,6 @@ _BLOCK = 512
 _WORD = 65535  # a recording that reaches this frame keeps its true length elsewhere
 _ADVICE = "If you want to ignore"  # what the library tells programmers, not laboratories
 _WORKER = Path(__file__).with_name("c3d_worker.py")
-_UNLABELLED = re.compile(r"^(\*\d+|\*|C_\d+|U_\d+|uname\*?\d*)$", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,8 +113,15 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     return c3d_trial(read_c3d_file(file), file)
 
 
-def c3d_trial(content: C3dFile, file: Path) -> Trial:
+def c3d_trial(content: C3dFile, file: Path, *, unlabelled: bool = False) -> Trial:
     """The markers of a file that was parsed; see :func:`read_c3d`.
+
+    Parameters
+    ----------
+    content : C3dFile
+    file : Path
+    unlabelled : bool
+        Whether trajectories such as ``*110``, which nobody labelled, are kept.
 
     Raises
     ------
@@ -129,7 +134,7 @@ def c3d_trial(content: C3dFile, file: Path) -> Trial:
             field="ROTATION",
             remedy="Export marker positions",
         )
-    kept, repairs = _markers(content)
+    kept, repairs = _markers(content, unlabelled)
     if not kept:
         raise TrialUnusable(
             "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
@@ -162,7 +167,7 @@ def _no_frame(file: Path) -> TrialUnusable:
     )
 
 
-def _markers(content: C3dFile) -> tuple[list[int], tuple[Repair, ...]]:
+def _markers(content: C3dFile, unlabelled: bool) -> tuple[list[int], tuple[Repair, ...]]:
     """Indices of the points that are markers, and notes on the others."""
     kept: list[int] = []
     results: list[str] = []
@@ -170,7 +175,7 @@ def _markers(content: C3dFile) -> tuple[list[int], tuple[Repair, ...]]:
     for k, label in enumerate(content.labels):
         if label in content.computed:
             results.append(label)
-        elif not label or _UNLABELLED.match(label.rpartition(":")[2]):
+        elif not label or (is_unlabelled(label) and not unlabelled):
             nameless += 1
         else:
             kept.append(k)

@@ -24,7 +24,15 @@ from scaling_service.jobs.proof_proposal import named_in, ordered, proposal, rol
 from scaling_service.jobs.proof_recordings import Seen, axes_entry, problem_of, session_axes
 from scaling_service.jobs.proof_set import consequences, marker_set_proof
 from scaling_service.jobs.proof_tables import Ground, recording_proof
-from scaling_service.jobs.proof_told import exchange_in, of_labels, of_plates, of_standing, of_times, of_units
+from scaling_service.jobs.proof_told import (
+    exchange_in,
+    of_exchanges,
+    of_labels,
+    of_plates,
+    of_standing,
+    of_times,
+    of_units,
+)
 from scaling_service.jobs.proof_warnings import warning_entry
 from scaling_service.jobs.settings import Settings
 from scaling_service.jobs.subjects import subject_from_document
@@ -188,7 +196,8 @@ def _compared(
     }
     yield from of_standing(roles, sheet.trials, wanted=not known.get("trials"))
     yield from of_units(seen)
-    yield from of_labels(sheet.trials)
+    yield from of_labels(seen)
+    yield from of_exchanges(sheet.trials)
     yield from of_times(sheet.recordings, spans)
     yield from of_plates(sheet.recordings)
 
@@ -300,6 +309,8 @@ def _role(item: Found, roles: Mapping[str, tuple[str, str]], known: Mapping[str,
     named = item.name in named_in(known).values()
     if item.kind == "forces" and role is None and item.usable:
         why = f"{why}, but no movement without plates of its own has its name or time"
+    if item.kind == "recording" and role is None and item.usable and not known.get("trials"):
+        why = "somebody stands still in it, too, but one static trial is enough"
     return FileRole(
         name=item.name,
         kind=item.kind,

@@ -13,8 +13,7 @@ from scaling_service.anatomy.markers import looks_computed, strip_prefix
 from scaling_service.kernels.masks import ever
 from scaling_service.kernels.masks import seen as seen_in
 from scaling_service.models.body import BodyModel
-from scaling_service.models.trial import Trial
-from scaling_service.processing.nameless import is_nameless
+from scaling_service.models.trial import Trial, is_unlabelled
 from scaling_service.schemas.proof import ExtraMarker, MarkerProof
 
 RIGID_MM, STANDS_OUT = 5.0, 0.6
@@ -51,7 +50,7 @@ def extra_markers(
     return [
         _entry(label, known.get(label), carried, trials)
         for label in unused
-        if not looks_computed(label) and not is_nameless(label)
+        if not looks_computed(label) and not is_unlabelled(label)
     ]
 
 

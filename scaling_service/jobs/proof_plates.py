@@ -65,13 +65,15 @@ def describe_plates(
             stands = {
                 side: stands[side] | _rests(foot, corners, trial.rate_hz) for side, foot in feet.items()
             }
+        offset = _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
+        loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
         described.append(
             entry.model_copy(
                 update={
                     "kind": kinds[k] if k < len(kinds) else None,
                     "centre_m": [round(float(v), 3) for v in place],
-                    "loaded_by": _loads(forces.in_contact()[:, k], stands, trial) if feet else [],
-                    "offset_N": _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None,
+                    "loaded_by": _loads(loaded, stands, trial) if feet else [],
+                    "offset_N": offset,
                 }
             )
         )

@@ -18,6 +18,7 @@ from scaling_service.jobs.dynamics_forces import NO_PLATES
 from scaling_service.jobs.loading import agreed_axes
 from scaling_service.models.forces import GroundForces
 from scaling_service.models.trial import Array, Trial
+from scaling_service.processing.nameless import Nameless, nameless
 from scaling_service.processing.orientation import Orientation, decide
 from scaling_service.processing.plates import ground_forces
 from scaling_service.processing.strays import without_strays
@@ -48,6 +49,8 @@ class Seen:
         Of its own plates, in the laboratory's axes.
     kinds : tuple of int
         Types of its own plates by the C3D standard.
+    unlabelled : tuple of Nameless
+        Trajectories without a label.
     problems : tuple of ProblemEntry
     """
 
@@ -58,6 +61,7 @@ class Seen:
     forces: GroundForces | None = None
     corners: Array | None = None
     kinds: tuple[int, ...] = ()
+    unlabelled: tuple[Nameless, ...] = ()
     problems: tuple[ProblemEntry, ...] = ()
 
 
@@ -91,10 +95,13 @@ def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
     """
     if file.suffix.lower() != ".c3d":
         trial = without_strays(read_recording(file))
-        return Seen(file.name, trial, _stated_unit(file), _axes(trial, up, forward))
+        nobodys = tuple(nameless(trial))
+        return Seen(file.name, trial, _stated_unit(file), _axes(trial, up, forward), unlabelled=nobodys)
     content = read_c3d_file(file)
     trial = without_strays(c3d_trial(content, file))
-    seen = Seen(file.name, trial, content.point_unit or "mm (not stated)", _axes(trial, up, forward))
+    unit = content.point_unit or "mm (not stated)"
+    nobodys = tuple(nameless(c3d_trial(content, file, unlabelled=True)))
+    seen = Seen(file.name, trial, unit, _axes(trial, up, forward), unlabelled=nobodys)
     try:
         plates = read_c3d_plates(content)
         corners = np.stack([plate.corners for plate in plates.plates]) if plates.plates else None

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from scaling_service.core.text import few
 from scaling_service.jobs.proof_files import Found
 from scaling_service.jobs.proof_recordings import Seen
-from scaling_service.jobs.proof_static import Standing, standings, words
+from scaling_service.jobs.proof_static import STANDING, Standing, standings, words
 from scaling_service.jobs.proof_tables import WALKED_M, walked
 from scaling_service.models.forces import GroundForces
 
@@ -72,7 +72,8 @@ def _by_name(name: str) -> tuple[str | None, str]:
         for word in words(name):
             if pattern.match(word):
                 return role, f"its name says {word}"
-    return None, "a movement whose name says nothing"
+    still = next((word for word in words(name) if STANDING.match(word)), None)
+    return None, f"its name says {still}, but nobody stands still" if still else "a movement of no known name"
 
 
 def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> Roles:

@@ -12,7 +12,6 @@ from scaling_service.jobs.proof_recordings import Seen
 from scaling_service.jobs.proof_static import ANOTHER_PELVIS, clusters_of, pelvis_ratio
 from scaling_service.models.trial import Trial
 from scaling_service.processing.cluster_shape import Exchange, exchanges, shape_of
-from scaling_service.processing.nameless import nameless
 from scaling_service.schemas.proof import ProblemEntry, RecordingProof
 
 Roles = Mapping[str, tuple[str, str]]
@@ -62,10 +61,10 @@ def of_units(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
             yield _warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def of_labels(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
-    """Trajectories without a label, and labels of one segment that stand for each other for a while."""
-    for file, trial in trials.items():
-        found = sorted(nameless(trial), key=lambda n: (-n.filled, -n.frames))
+def of_labels(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
+    """Trajectories without a label, with the markers whose gaps they fill."""
+    for item in recordings:
+        found = sorted(item.unlabelled, key=lambda n: (-n.filled, -n.frames))
         filling = [f"{n.label} fills {n.filled} frames of {n.fills}" for n in found if n.fills is not None]
         if found:
             names = few([n.label for n in found])
@@ -73,13 +72,15 @@ def of_labels(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
             yield _warning(
                 f"{count} no label: {names}{f'; {few(filling)}' if filling else ''}",
                 "Label them in the recording where they fill gaps; else nothing is to be done",
-                file=file,
+                file=item.file,
             )
-    yield from _exchanged(trials)
 
 
-def _exchanged(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
-    """Exchanged labels; of two recordings that contradict each other all along, once for both."""
+def of_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
+    """Labels of one segment that stand for each other for a while.
+
+    Of two recordings that contradict each other all along, it is told once for both.
+    """
     wrong: dict[str, list[Exchange]] = {}
     for file, trial in trials.items():
         clusters = clusters_of(trial.labels)
@@ -118,15 +119,20 @@ def exchange_in(problem: ProblemEntry) -> tuple[str, frozenset[str]] | None:
 
 
 def of_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
-    """Plates that read something while nobody is near them."""
+    """Plates that read something while nobody is near them, each once for all recordings."""
+    offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
         for plate in recording.plates:
             if plate.offset_N is not None and abs(plate.offset_N) > OFFSET_N:
-                yield _warning(
-                    f"{plate.name} reads {plate.offset_N:.0f} N while no foot is near it",
-                    "Zero the plate before recording, or subtract this offset: else it loads the person",
-                    file=recording.forces_from or recording.file,
-                )
+                file = recording.forces_from or recording.file
+                offsets.setdefault(plate.name, {})[file] = plate.offset_N
+    for name, found in offsets.items():
+        low, high = (f"{value:.0f}" for value in (min(found.values()), max(found.values())))
+        yield _warning(
+            f"{name} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
+            "Zero the plate before recording, or subtract this offset: else it loads the person",
+            file=few(list(found)),
+        )
 
 
 def of_times(

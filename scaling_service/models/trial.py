@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -12,6 +13,22 @@ from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.models.sizes import NOT_MEASURED, MeasuredSizes
 
 Array = NDArray[np.float64]
+
+_UNLABELLED = re.compile(
+    r"^(\*\d*|\?+|[cu]_\d+|uname\*?\d*|(unlabell?ed|unnamed|unidentified)[\s_]*\d*)$", re.IGNORECASE
+)
+"""What systems write where nobody gave a label: ``*110`` (Vicon), ``U_3``, ``Unlabeled 12``."""
+
+
+def is_unlabelled(label: str) -> bool:
+    """Whether a label is what a system writes where nobody gave one.
+
+    Examples
+    --------
+    >>> [is_unlabelled(label) for label in ("*110", "S01:U_3", "Unlabeled 4", "RUPA", "C7")]
+    [True, True, True, False, False]
+    """
+    return bool(_UNLABELLED.match(label.rpartition(":")[2].strip()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from scaling_service.kernels.masks import Mask, seen
-from scaling_service.models.trial import Array, Trial
-
-_NAMELESS = re.compile(
-    r"^(\*\d*|u_?\d+|\?+\d*|uname\w*|unnamed\w*|unlabell?ed\w*|unidentified\w*)$", re.IGNORECASE
-)
-"""How systems write a trajectory that has no label: ``*110`` (Vicon, C3D), ``U_3``, ``Unlabeled12``."""
+from scaling_service.models.trial import Array, Trial, is_unlabelled
 
 NEAR_M = 0.03
-"""Chosen: a trajectory that is this close to where a straight line bridges the gap of a marker is its own."""
+"""Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
 
 OVERLAP = 0.1
 """Chosen: share of its frames in which a trajectory may be seen beside the marker that it fills."""
@@ -45,17 +39,6 @@ class Nameless:
     filled: int = 0
 
 
-def is_nameless(label: str) -> bool:
-    """Whether a label is what a system writes where nobody gave one.
-
-    Examples
-    --------
-    >>> [is_nameless(label) for label in ("*110", "S01:U_3", "Unlabeled 4", "RUPA")]
-    [True, True, True, False]
-    """
-    return bool(_NAMELESS.match(label.rsplit(":", 1)[-1].replace(" ", "")))
-
-
 def nameless(trial: Trial) -> Iterator[Nameless]:
     """The trajectories without a label, each with the marker that it seems to be.
 
@@ -65,7 +48,7 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
         In m.
     """
     shown = seen(trial.markers)
-    named = [k for k, label in enumerate(trial.labels) if not is_nameless(label)]
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
     for k, label in enumerate(trial.labels):
         if k in named or not shown[:, k].any():
             continue
@@ -81,11 +64,25 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
 
 
 def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
-    """How far a trajectory is from a line through another's gaps, m; that one's column; frames filled."""
+    """How far a trajectory, prolonged by a frame, misses another where that is lost or found again, m.
+
+    Returns
+    -------
+    distance : float
+        Median over those frames; infinite where the two are seen side by side or never take turns.
+    other : int
+    frames : int
+        In which the trajectory is seen and the other is not.
+    """
     here, there = shown[:, column], shown[:, other]
-    rows = np.flatnonzero(here & ~there)
-    if not len(rows) or not there.any() or (here & there).sum() > OVERLAP * here.sum():
+    if (here & there).sum() > OVERLAP * here.sum():
         return float("inf"), other, 0
-    known = np.flatnonzero(there)
-    line = np.stack([np.interp(rows, known, markers[known, other, axis]) for axis in range(3)], axis=1)
-    return float(np.median(np.linalg.norm(markers[rows, column] - line, axis=1))), other, len(rows)
+    missed = []
+    for step in (1, -1):  # the other is lost, then found again
+        own, its = markers[::step, column], markers[::step, other]
+        first = np.flatnonzero(there[::step][:-2] & here[::step][1:-1] & here[::step][2:]) + 1
+        missed.append(np.linalg.norm(2.0 * own[first] - own[first + 1] - its[first - 1], axis=1))
+    distances = np.concatenate(missed)
+    if not len(distances):
+        return float("inf"), other, 0
+    return float(np.median(distances)), other, int((here & ~there).sum())

@@ -18,9 +18,13 @@ import numpy as np
 from scaling_service.anatomy.chord import chord_centre
 from scaling_service.anatomy.frames import Frames, pelvis_frame
 from scaling_service.anatomy.hip_centre import hip_centres
+from scaling_service.anatomy.marker_sets import plane_marker
 from scaling_service.anatomy.palpation import Vector
 from scaling_service.kernels.laws import Array
 
+Joint = Literal["knee", "ankle"]
+Side = Literal["r", "l"]
+SIDES: tuple[Side, Side] = ("r", "l")
 Points = Mapping[str, Array]
 """Canonical landmark to its trajectory, (n_frames, 3), m."""
 
@@ -65,10 +69,7 @@ _OTHER_SD_M: Vector = (0.011, 0.011, 0.011)
 """Bell 1990: 19 mm on average, which is 11 mm along each axis; others are no better (Mantovani 2016: Davis 25
 mm against 12 mm of Harrington's, from markers)."""
 
-PLANE_MARKERS: Mapping[str, tuple[str, ...]] = MappingProxyType({"knee": ("THI",), "ankle": ("TIB",)})
-"""Markers on thigh and shank that conventional sets put into the plane of the joint below, without side."""
-
-_JOINTS: Mapping[str, tuple[str, str, str]] = MappingProxyType(
+_JOINTS: Mapping[Joint, tuple[str, str, str]] = MappingProxyType(
     {"knee": ("hip", "LFE", "MFE"), "ankle": ("knee", "LM", "MM")}
 )
 """Joint to the joint above, its lateral and its medial landmark."""
@@ -222,7 +223,7 @@ def construct_centres(
     for name, centre in tuple(found.items()):
         keep(name, centre)
     for joint in _JOINTS:
-        for side in "rl":
+        for side in SIDES:
             middle = _middle(points, joint, side)
             chord = _chord(points, found, sizes, joint, side, axes)
             keep(f"{joint}_{side}", middle or chord)
@@ -259,7 +260,7 @@ def _hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre
     }
 
 
-def _middle(points: Points, joint: str, side: str) -> Centre | None:
+def _middle(points: Points, joint: Joint, side: Side) -> Centre | None:
     """Half-way between a joint's lateral and medial landmark."""
     _, lateral, medial = _JOINTS[joint]
     ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
@@ -270,7 +271,12 @@ def _middle(points: Points, joint: str, side: str) -> Centre | None:
 
 
 def _chord(
-    points: Points, found: Mapping[str, Centre], sizes: BodySizes, joint: str, side: str, axes: Array | None
+    points: Points,
+    found: Mapping[str, Centre],
+    sizes: BodySizes,
+    joint: Joint,
+    side: Side,
+    axes: Array | None,
 ) -> Centre | None:
     """Half the joint's width from its lateral marker, in the segment's side plane if that was marked."""
     above, lateral, _ = _JOINTS[joint]
@@ -281,10 +287,9 @@ def _chord(
     if outer is None or start is None or width is None or outward is None:
         return None
     plane, how = outer + outward, "across from the pelvis" if joint == "knee" else "across from the knee"
-    for name in PLANE_MARKERS[joint]:
-        wand = points.get(f"{side.upper()}{name}")
-        if wand is not None and _tells_plane(start.at, outer, wand, outward):
-            plane, how = wand, f"in the plane of {side.upper()}{name}"
+    label = plane_marker(tuple(points), joint, side)
+    if label is not None and _tells_plane(start.at, outer, points[label], outward):
+        plane, how = points[label], f"in the plane of {label}"
     at = chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
     if joint == "ankle":
         at = lift_ankle(at, start.at)

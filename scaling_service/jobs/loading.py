@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from scaling_service.anatomy.marker_sets import tracking_segments
 from scaling_service.anatomy.markers import (
     LabelMap,
     canonical,
@@ -17,6 +18,7 @@ from scaling_service.anatomy.markers import (
     strip_prefix,
 )
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.text import few
 from scaling_service.formats.model_json import SUFFIX, read_model_json
 from scaling_service.formats.osim import read_osim, read_scale_setup
 from scaling_service.formats.recording import read_recording
@@ -25,13 +27,16 @@ from scaling_service.jobs.evidence import gather
 from scaling_service.jobs.notes import notes
 from scaling_service.jobs.settings import Settings
 from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
+from scaling_service.models.builtin import BUILTIN_NAMES, builtin
 from scaling_service.models.sizes import MeasuredSizes, merge
 from scaling_service.models.subject import ScaleSetup, Session, Subject
 from scaling_service.models.trial import Repair, Trial
 from scaling_service.processing.orientation import Orientation, decide
 from scaling_service.processing.pipeline import process
 from scaling_service.processing.strays import without_strays
+
+_LIMBS = ("femur", "tibia")
+_FEWEST = 3  # markers without which a segment has no pose of its own
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +76,7 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     paths = recordings(subject)
     raw = {path: _read(path) for path in paths}
     subject, of_sizes = with_stated_sizes(subject, raw)
+    subject, of_tracking = with_tracking_markers(subject, model, raw)
     _check_explicit(subject, model, list(raw.values()))
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
@@ -91,7 +97,13 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
         tuple(ready[path] for path in subject.calibration),
         tuple(ready[path] for path in subject.evaluation),
         setup,
-        (*of_sizes, *told, *of_images, *notes(model, subject, [trial for trial, _ in named.values()])),
+        (
+            *of_sizes,
+            *of_tracking,
+            *told,
+            *of_images,
+            *notes(model, subject, [trial for trial, _ in named.values()]),
+        ),
         images,
     )
     return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description, axes)
@@ -148,6 +160,41 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
         subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
     )
     return completed, notes
+
+
+def with_tracking_markers(
+    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial]
+) -> tuple[Subject, tuple[str, ...]]:
+    """The subject with tracking markers of its marker set on thighs and shanks that movements hardly show.
+
+    A segment with fewer than three markers has no pose of its own; where the subject file names no extra
+    markers, those whose place the set tells are taken. Only for built-in models: others bring their own.
+
+    Returns
+    -------
+    subject : Subject
+    notes : tuple of str
+    """
+    if subject.extra_markers or subject.model not in BUILTIN_NAMES:
+        return subject, ()
+    moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
+    labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
+    matched = match_labels(sorted(labels), model.marker_names, _explicit_in(subject, labels)).mapped
+    carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
+    known = tracking_segments(sorted(labels - set(matched.values())), model)
+    added = {
+        strip_prefix(label): segment
+        for label, segment in known.items()
+        if segment.startswith(_LIMBS) and carried[segment] < _FEWEST
+    }
+    if not added:
+        return subject, ()
+    note = f"{few(list(added))}: tracking markers of this marker set, used though no extra_markers name them"
+    return replace(subject, extra_markers=added), (note,)
+
+
+def _explicit_in(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
+    return {m: label for m, label in subject.marker_map.items() if _has(list(labels), label)}
 
 
 @contextmanager
@@ -250,7 +297,7 @@ def _named(
     trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
 ) -> tuple[Trial, Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
-    explicit = {m: label for m, label in subject.marker_map.items() if _has(trial.labels, label)}
+    explicit = _explicit_in(subject, trial.labels)
     with blamed_on(path):
         found = match_labels(trial.labels, wanted, explicit)
         _refuse_rivals(found, explicit)

@@ -17,6 +17,14 @@ from scaling_service.processing.exchanged import exchanged
 _TOLD = ("stray", "impossible_position", "cut_row")
 """Repairs that a person should know of without opening the results."""
 
+_STANDS_IN = {
+    **{f"{side}PSIS": "SACR" for side in "RL"},
+    **{
+        f"{side}{inner}": f"{side}{outer}" for side in "RL" for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
+    },
+}
+"""Landmark, and the one from which scaling constructs what it needs of it."""
+
 _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
@@ -49,12 +57,18 @@ def _shown(trial: Trial) -> set[str]:
 def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequence[Trial]) -> Iterator[str]:
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
+    landmarks = {canonical(name) for name in shown}
     computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in shown]
     if computed:
         yield (
             f"{few(computed)} are points that software computed from markers: they are not followed; "
             f"map them under `markers:` to use them"
         )
+    replaced = [name for name in missing if _STANDS_IN.get(canonical(name) or "", "") in landmarks]
+    if replaced:
+        stand_ins = dict.fromkeys(_STANDS_IN[canonical(name) or ""] for name in replaced)
+        yield f"{few(replaced)} not recorded: {few(list(stand_ins))} and sizes stand in for them"
+    missing = [name for name in missing if name not in replaced]
     if missing:
         yield f"no recording shows {', '.join(missing)} of the model: not used"
     for label in subject.extra_markers:

@@ -15,6 +15,10 @@ _REMEDIES: Mapping[str, str] = {
     r" of the model: not used$": (
         "If they were recorded under other names, map those under `markers:`; else nothing is to be done"
     ),
+    r" and sizes stand in for them$": "Nothing is to be done; measured widths make it more certain",
+    r" though no extra_markers name them$": (
+        "Nothing is to be done; name them under `extra_markers:` to decide it yourself"
+    ),
     r": it is left out$": "Correct the label under `extra_markers:`, or remove it there",
     r" labelled, but never seen$": "Label them in the recording if they matter; they are not used",
     r": nothing says how well the models follow recordings that were not used to fit$": (

@@ -81,7 +81,7 @@ def understood(document: Provenance) -> Iterator[str]:
     if taken:
         yield f"Markers taken: {', '.join(taken)}"
     if document.sizes:
-        yield f"Sizes: {', '.join(f'{name} {value:g}' for name, value in document.sizes.items())}"
+        yield f"Sizes: {', '.join(f'{name} {value:.4g}' for name, value in document.sizes.items())}"
     decided = dict.fromkeys(
         f"{trial}: {repair.detail}" if repair.what == "unit" else repair.detail
         for trial, repairs in document.repairs.items()

@@ -76,7 +76,7 @@ def predict_dimensions(
     --------
     >>> man = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
     >>> f"{man.value('femur_r'):.3f} {man.sd('femur_r'):.3f}"
-    '0.427 0.020'
+    '0.427 0.022'
     """
     declared = {"stature": height_m, "mass": mass_kg}
     known = {n: (v, v * stated_sd[n]) for n, v in declared.items() if v is not None}

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from scaling_service.anatomy.markers import canonical
-from scaling_service.models.body import GROUND, BodyModel, Segment, Vector
+from scaling_service.models.body import GROUND, BodyModel, Joint, Segment, Vector
 from scaling_service.models.neutral import Array, follow, marker_position, model_values
 
 _SIDES = ("r", "l", "")
@@ -39,6 +39,10 @@ _JOINTS: Mapping[str, tuple[str, str]] = {
     "elbow": ("humerus", "ulna"),
     "wrist": ("ulna", "hand"),
 }
+_WELDED_ON_M = 0.05
+"""Chosen: a segment that is welded on further from the turn above than this is the next bone, as a hand is to
+a forearm that turns at the elbow; nearer, both are one joint."""
+
 _LENGTHS: Mapping[str, tuple[str, str, str]] = {
     "femur": ("femur", "hip", "knee"),
     "shank": ("tibia", "knee", "ankle"),
@@ -155,6 +159,9 @@ def _centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     values = _straight(model)
     joints = [joint for segment in chain for joint in segment.joints]
     _, centre = follow(joints[: _first_turn(chain)], values)
+    _, end = follow(joints, values)
+    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _turns(chain[-1]):
+        centre = end
     known = {chain[0].parent: centre}
     done = 0
     for segment in chain:
@@ -169,15 +176,19 @@ def _first_turn(chain: list[Segment]) -> int:
 
     That is the first driven turn of the last segment; of the whole chain where the last one is welded on.
     """
-    driven = [
-        joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms)
-        for segment in chain
-        for joint in segment.joints
-    ]
+    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
     last = len(driven) - len(chain[-1].joints)
     if True in driven[last:]:
         return driven.index(True, last)
     return driven.index(True) if True in driven else last
+
+
+def _turns(segment: Segment) -> bool:
+    return any(map(_is_driven, segment.joints))
+
+
+def _is_driven(joint: Joint) -> bool:
+    return joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms)
 
 
 def _straight(model: BodyModel) -> dict[str, float]:

@@ -50,6 +50,9 @@ _PRIOR_NAMES: Mapping[str, str] = MappingProxyType({"asis_width": "pelvis_width"
 """Sizes measured by hand that anthropometry has under another name."""
 
 _MIDLINE = frozenset({"inter_hip", "trunk", "head_length"})
+_NO_PERSONS = 0.5
+"""Chosen: logarithm of a model's length over an adult's beyond which it is defined otherwise."""
+
 _EXACT = 1e-4
 """Chosen: relative standard deviation of a model's own length, which is known but must not be zero."""
 
@@ -153,7 +156,7 @@ def _own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
     lengths = {}
     for name, length in segment_lengths(model).items():
         sided = name if name in blank.names else f"{name}_r"
-        if sided in blank.names:
+        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
             lengths[sided] = (length, _EXACT * length)
     alike = blank.condition(lengths)
     return np.array([np.log(alike.value(name)) for name in names])

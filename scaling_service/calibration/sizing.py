@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from scaling_service.anatomy.centres import MARKER_RADIUS_M, BodySizes, Size
 from scaling_service.anatomy.dimensions import DimensionPrior
 from scaling_service.anatomy.palpation import ADULT_STATURE_M, size_sd
@@ -83,6 +85,8 @@ def size_segments(
             field="markers",
             remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
         )
+    for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
+        _check(float(np.exp(log)), next(s for s in measurement.segments if s in model.segment_names))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_notes(model, ratios, sizes, subject)]

@@ -76,8 +76,8 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
     paths = recordings(subject)
     raw = {path: _read(path) for path in paths}
     subject, of_sizes = with_stated_sizes(subject, raw)
-    subject, of_tracking = with_tracking_markers(subject, model, raw)
     _check_explicit(subject, model, list(raw.values()))
+    subject, of_tracking = with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
     axes = _axes(named, subject.static, settings)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scaling_service.cli import main
-from scaling_service.formats.c3d import write_c3d
+from scaling_service.formats.c3d_writing import write_c3d
 from scaling_service.jobs import saving
 from tests.cli.spoilt import (
     Spoil,
@@ -60,7 +60,9 @@ MISTAKES = {
         in_recordings(without("LLFE")), "S01.yaml", ("no marker 'LLFE'", "under `markers:`")
     ),
     "a pelvis marker with an unknown name": Mistake(
-        in_recordings(lambda t: t.relabelled({"LPSIS": "Back2"})), "S01.yaml", ("'LPSIS'; it has Back2",)
+        in_recordings(lambda t: t.relabelled({"RPSIS": "Back1", "LPSIS": "Back2"})),
+        "S01.yaml",
+        ("'RPSIS'; it has Back1",),
     ),
     "no marker with a known name": Mistake(
         in_recordings(lambda t: t.relabelled({n: f"M{k}" for k, n in enumerate(t.labels)})),
@@ -235,7 +237,7 @@ REPAIRED: dict[str, tuple[Spoil, str]] = {
     ),
     "one leg": (
         in_recordings(without("LLFE", "LMFE", "LFH", "LLM", "LMM")),
-        "no landmarks to measure femur_l, tibia_l",
+        "femur_l, tibia_l: not measured",
     ),
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.formats.c3d import write_c3d
+from scaling_service.formats.c3d_writing import write_c3d
 from scaling_service.formats.recording import READERS, read_recording
 from scaling_service.formats.trc import write_trc
 from scaling_service.models.trial import Trial

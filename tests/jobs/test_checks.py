@@ -38,12 +38,19 @@ def _without(session: Session, *labels: str) -> Session:
     )
 
 
-@pytest.mark.parametrize("marker", ["RASIS", "LASIS", "RPSIS", "LPSIS", "RLFE", "LLFE", "RLM", "LLM"])
+@pytest.mark.parametrize("marker", ["RASIS", "LASIS", "RLFE", "LLFE", "RLM", "LLM"])
 def test_a_landmark_that_is_missing_alone_has_another_name(marker: str) -> None:
     with pytest.raises(MarkerMissing) as caught:
         require_landmarks(_without(SESSION, marker))
     assert caught.value.marker == marker
     assert marker in str(caught.value)
+
+
+def test_the_back_of_the_pelvis_needs_one_marker() -> None:
+    with pytest.raises(MarkerMissing) as caught:
+        require_landmarks(_without(SESSION, "RPSIS", "LPSIS"))
+    assert caught.value.marker == "RPSIS"
+    require_landmarks(_without(SESSION, "LPSIS"))
 
 
 @pytest.mark.parametrize(

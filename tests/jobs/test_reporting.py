@@ -55,7 +55,9 @@ def test_numbers_are_those_of_the_document(demo: tuple[Results, TruthDocument]) 
     lengths = found["Segment lengths between joint centres, mm"]
     row = next(row for row in lengths if row[0] == "femur, right")
     for k, method in enumerate(document.methods.values()):
-        assert row[1 + k].startswith(f"{method.segment_lengths_mm['femur_r']:.1f} (")
+        value, estimate = method.segment_lengths_mm["femur_r"], method.length_estimates.get("femur_r")
+        spread = "" if estimate is None else f" ± {estimate.sd_mm:.1f}"
+        assert row[1 + k].startswith(f"{value:.1f}{spread} (")
     shifts = {row[0]: row[1:] for row in next(r for c, r in found.items() if c.startswith("Marker shifts"))}
     assert f"{document.methods['MB_am'].marker_shift_mm['RASIS']:.1f}" in shifts["RASIS"]
     assert document.truth is not None

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from scaling_service.anatomy.hip_centre import HIP_REGRESSIONS
 from scaling_service.calibration.methods import METHODS
 from scaling_service.calibration.settings import CalibrationSettings
 from scaling_service.core.errors import InputError
@@ -148,6 +149,14 @@ HipCentreOption = Annotated[
         rich_help_panel=_BEYOND,
     ),
 ]
+HipRegression = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help=f"Which regression: harrington2007, {', '.join(HIP_REGRESSIONS)}.",
+        rich_help_panel=_BEYOND,
+    ),
+]
 KneeAxisOption = Annotated[
     KneeAxis,
     typer.Option(
@@ -181,6 +190,7 @@ KneeOption = Annotated[
 ]
 
 DEFAULT_FRAMES = CalibrationSettings().n_frames
+DEFAULT_REGRESSION = CalibrationSettings().hip_regression
 
 
 def resolve(
@@ -200,6 +210,7 @@ def beyond(
     settings: Settings,
     sizes: Sizes,
     hip_centre: HipCentre,
+    hip_regression: str,
     knee_axis: KneeAxis,
     scaling: Factors,
     knee: Knee,
@@ -209,6 +220,7 @@ def beyond(
         settings.calibration,
         sizes=sizes.value,
         hip_centre=hip_centre.value,
+        hip_regression=hip_regression,
         knee_axis=knee_axis.value,
         scaling=scaling.value,
         knee=knee.value,

@@ -61,6 +61,7 @@ def scale(
     smooth_hz: options.SmoothHz = None,
     sizes: options.SizesOption = options.Sizes.WEIGHTED,
     hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
+    hip_regression: options.HipRegression = options.DEFAULT_REGRESSION,
     knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
     scaling: options.FactorsOption = options.Factors.UNIFORM,
     knee: options.KneeOption = options.Knee.HINGE,
@@ -73,7 +74,7 @@ def scale(
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, sizes, hip_centre, knee_axis, scaling, knee)
+    settings = options.beyond(settings, sizes, hip_centre, hip_regression, knee_axis, scaling, knee)
     _scale(subject, out, (method,), settings, comparison=False)
 
 
@@ -92,6 +93,7 @@ def compare(
     smooth_hz: options.SmoothHz = None,
     sizes: options.SizesOption = options.Sizes.WEIGHTED,
     hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
+    hip_regression: options.HipRegression = options.DEFAULT_REGRESSION,
     knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
     scaling: options.FactorsOption = options.Factors.UNIFORM,
     knee: options.KneeOption = options.Knee.HINGE,
@@ -108,7 +110,7 @@ def compare(
     """
     chosen = None if methods is None else tuple(name.strip() for name in methods.split(","))
     settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, sizes, hip_centre, knee_axis, scaling, knee)
+    settings = options.beyond(settings, sizes, hip_centre, hip_regression, knee_axis, scaling, knee)
     _scale(subject, out, chosen, settings, comparison=True, report=report)
 
 

@@ -87,7 +87,7 @@ def _rests_on(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
         return
     yield Table(
         f"What the lengths of {plain(method.method)} rest on, %",
-        ["", "its own distances", "other segments", "persons of this size"],
+        ["", "own distances", "other segments", "persons of this size"],
         [
             Row(words(name), [f"{100 * share:.0f}" for share in (e.measured, e.others, e.expected)])
             for name, e in method.length_estimates.items()

@@ -79,15 +79,15 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     )
 
 
-def _found(label: SetLabel, present: set[str]) -> bool:
+def _is_present(label: SetLabel, present: set[str]) -> bool:
     return any(plain_key(name) in present for name in label.names)
 
 
 def _asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Labels that a set asks for on the sides that are there, and those of them that are missing."""
-    sides = {label.side for label in marker_set.labels if _found(label, present)} | {""}
+    sides = {label.side for label in marker_set.labels if _is_present(label, present)} | {""}
     of_sides = [label for label in marker_set.labels if label.side in sides]
-    found = {label.label for label in of_sides if _found(label, present)}
+    found = {label.label for label in of_sides if _is_present(label, present)}
     free = {name for choice in marker_set.one_of for group in choice for name in group}
     asked = [n.label for n in of_sides if not n.optional and not n.static_only and n.label not in free]
     for choice in marker_set.one_of:
@@ -100,13 +100,13 @@ def _share(marker_set: MarkerSet, present: set[str]) -> float:
     if not marker_set.adds_to_others:
         asked, lacks = _asked(marker_set, present)
         return 1.0 - len(lacks) / len(asked) if len(asked) > len(lacks) else 0.0
-    found = [_found(label, present) for label in marker_set.labels if not label.optional]
+    found = [_is_present(label, present) for label in marker_set.labels if not label.optional]
     return sum(found) / len(found)
 
 
 def _likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> float:
     asked, _ = _asked(marker_set, present)
-    found = [label for label in marker_set.labels if _found(label, present)]
+    found = [label for label in marker_set.labels if _is_present(label, present)]
     size = len({*asked, *(label.label for label in found)})
     return 2.0 * len(found) / (size + max(len(explained), len(found)))
 

@@ -25,7 +25,7 @@ def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
 
     It takes the name of the label; a model that has such a marker is left as it is.
     """
-    shown = {label for trial in trials for label in _shown(trial)}
+    shown = {label for trial in trials for label in _labels_seen(trial)}
     landmarks = {canonical(label) for label in shown}
     marked = {canonical(m.name): m for m in model.markers}
     labels = [label for label in shown if canonical(label) == SACRUM]
@@ -52,7 +52,7 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
     centres : mapping
         ``knee_r`` … in the frames of this trial.
     """
-    at = {canonical(label): trial.position(label) for label in _shown(trial)}
+    at = {canonical(label): trial.position(label) for label in _labels_seen(trial)}
     added: dict[str, Array] = {}
     for joint, lateral, medial in _OPPOSITE:
         for side in "rl":
@@ -70,6 +70,6 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
     )
 
 
-def _shown(trial: Trial) -> list[str]:
+def _labels_seen(trial: Trial) -> list[str]:
     present = ever(seen(trial.markers))
     return [label for label, once in zip(trial.labels, present, strict=True) if once]

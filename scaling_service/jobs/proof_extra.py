@@ -73,8 +73,8 @@ def with_extra_markers(
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:
         return dict(proposed)
-    standing = _shown([static])
-    moving = _shown([t for file, t in trials.items() if t is not static and _is_named(file, proposed)])
+    standing = _labels_seen([static])
+    moving = _labels_seen([t for file, t in trials.items() if t is not static and _is_named(file, proposed)])
     known = tracking_segments([label for label in unused if label in standing & moving], model)
     found = {strip_prefix(label): segment for label, segment in known.items()}
     return {**proposed, **({"extra_markers": found} if found else {})}
@@ -84,7 +84,7 @@ def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
     return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
-def _shown(trials: Sequence[Trial]) -> set[str]:
+def _labels_seen(trials: Sequence[Trial]) -> set[str]:
     """The labels that are seen in some frame of any of these recordings."""
     return {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen_in(t.markers)))}
 

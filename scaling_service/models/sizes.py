@@ -38,14 +38,14 @@ class MeasuredSizes:
 
     def conflicts(self, other: MeasuredSizes) -> tuple[str, ...]:
         """Names of what both state differently."""
-        mine, theirs = self.named(), other.named()
+        mine, theirs = self.as_mapping(), other.as_mapping()
         return tuple(
             name
             for name, value in mine.items()
             if name in theirs and abs(theirs[name] - value) > _AGREE * abs(value)
         )
 
-    def named(self) -> dict[str, float]:
+    def as_mapping(self) -> dict[str, float]:
         """All of it by name, m and kg; what is not known is left out."""
         whole = {"height": self.height_m, "mass": self.mass_kg}
         return {name: v for name, v in whole.items() if v is not None} | dict(self.lengths_m)

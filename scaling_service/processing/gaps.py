@@ -131,11 +131,11 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     beside[:-1] |= wanted[1:]
     rows = np.flatnonzero(beside)  # the gaps and their borders
     predicted = np.full((len(cloud), 3), np.nan)
-    predicted[rows] = _carried(shape, rest, cloud[rows])[:, k]
+    predicted[rows] = _place_shape(shape, rest, cloud[rows])[:, k]
     possible = wanted & np.isfinite(predicted).all(axis=-1)
     if not possible.any():
         return None
-    misfit = cloud[known] - _carried(shape, rest, cloud[known])
+    misfit = cloud[known] - _place_shape(shape, rest, cloud[known])
     misfit[:, k] = np.nan
     squares = (misfit**2).sum(axis=-1)
     rms = float(np.sqrt(squares[np.isfinite(squares)].mean())) if np.isfinite(squares).any() else float("nan")
@@ -143,7 +143,7 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     return possible, predicted, rms
 
 
-def _carried(shape: Array, rest: Array, cloud: Array) -> Array:
+def _place_shape(shape: Array, rest: Array, cloud: Array) -> Array:
     """The shape (m, 3) where the rest of it lies best on each frame of a cloud (n, m, 3)."""
     rotation, shift = fit_rigid(rest, cloud)
     fitted: Array = np.einsum("fij,mj->fmi", rotation, shape) + shift[:, None]

@@ -36,7 +36,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
     def needed(self, documents: Documents) -> Needed:
         """The model, where it is a file, with its marker set, and the recordings."""
         document = check_document(documents[self.subject])
-        named = {f"recordings.{k}": name for k, name in enumerate(self.followed(document))}
+        named = {f"recordings.{k}": name for k, name in enumerate(self.select_recordings(document))}
         model = self.chosen_model(document)
         if model.lower().endswith(MODEL_SUFFIXES):
             named["model"] = model
@@ -53,7 +53,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
         """The subject's markers to add, where the model is the subject's own."""
         return document.marker_set if self.chosen_model(document) == document.model else None
 
-    def followed(self, document: SubjectDocument) -> list[str]:
+    def select_recordings(self, document: SubjectDocument) -> list[str]:
         """The recordings asked for, else the subject's movements, else what stands still.
 
         Raises

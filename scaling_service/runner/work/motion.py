@@ -31,8 +31,8 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     name, marker_set = request.chosen_model(document), request.marker_set(document)
     model = folder / name if name.lower().endswith(MODEL_SUFFIXES) else name
     added = None if marker_set is None else folder / marker_set
-    files = [folder / recording for recording in request.followed(document)]
-    usual = _seen(document.markers, read_model(model, added).marker_names, files)
+    files = [folder / recording for recording in request.select_recordings(document)]
+    usual = _match_markers(document.markers, read_model(model, added).marker_names, files)
     options = request.chosen.model_copy(update={"markers": usual | request.markers})
     tracked = ik(
         model,
@@ -46,7 +46,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     return save_motions(tracked, outputs).model_dump(mode="json")
 
 
-def _seen(markers: Mapping[str, str], known: Sequence[str], files: Sequence[Path]) -> dict[str, str]:
+def _match_markers(markers: Mapping[str, str], known: Sequence[str], files: Sequence[Path]) -> dict[str, str]:
     """Of the subject's labels those that this model and these recordings have."""
     labels = {
         plain

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -17,13 +17,16 @@ from scaling_service.processing.exchanged import exchanged
 _TOLD = ("stray", "impossible_position", "cut_row")
 """Repairs that a person should know of without opening the results."""
 
-_STANDS_IN = {
-    **{f"{side}PSIS": "SACR" for side in "RL"},
+_STANDS_IN: Mapping[str, tuple[str, ...]] = {
+    "RPSIS": ("SACR", "LPSIS"),
+    "LPSIS": ("SACR", "RPSIS"),
     **{
-        f"{side}{inner}": f"{side}{outer}" for side in "RL" for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
+        f"{side}{inner}": (f"{side}{outer}",)
+        for side in "RL"
+        for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
     },
 }
-"""Landmark, and the one from which scaling constructs what it needs of it."""
+"""Landmark, and those from which scaling constructs what it needs of it, the best first."""
 
 _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
@@ -64,10 +67,10 @@ def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequenc
             f"{few(computed)} are points that software computed from markers: they are not followed; "
             f"map them under `markers:` to use them"
         )
-    replaced = [name for name in missing if _STANDS_IN.get(canonical(name) or "", "") in landmarks]
+    replaced = {name: found for name in missing if (found := _stand_in(name, landmarks)) is not None}
     if replaced:
-        stand_ins = dict.fromkeys(_STANDS_IN[canonical(name) or ""] for name in replaced)
-        yield f"{few(replaced)} not recorded: {few(list(stand_ins))} and sizes stand in for them"
+        stand_ins = list(dict.fromkeys(replaced.values()))
+        yield f"{few(list(replaced))} not recorded: {few(stand_ins)} and sizes stand in for them"
     missing = [name for name in missing if name not in replaced]
     if missing:
         yield f"no recording shows {', '.join(missing)} of the model: not used"
@@ -79,6 +82,11 @@ def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequenc
         empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
         if empty:
             yield f"{trial.name}: {few(empty)} labelled, but never seen"
+
+
+def _stand_in(name: str, landmarks: Container[str | None]) -> str | None:
+    others = _STANDS_IN.get(canonical(name) or "", ())
+    return next((other for other in others if other in landmarks), None)
 
 
 def _repaired(trial: Trial) -> Iterator[str]:

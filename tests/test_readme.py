@@ -93,7 +93,14 @@ def test_there_are_examples() -> None:
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command not in (SHOWN, SEARCH)])
 def test_commands(command: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
+    for earlier in COMMANDS[: COMMANDS.index(command)]:
+        if f" {_written_by(earlier)}/" in command and not (folder / _written_by(earlier)).exists():
+            assert main(shlex.split(earlier, comments=True)[1:]) == 0
     assert main(shlex.split(command, comments=True)[1:]) == 0
+
+
+def _written_by(command: str) -> str:
+    return re.search(r"--out (\S+)", command)[1]
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

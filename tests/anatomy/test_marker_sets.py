@@ -52,9 +52,9 @@ LEGS = [side + name for name in ("ASI", "THI", "TIB", "ANK", "HEE", "TOE") for s
 
 def test_a_sacral_marker_stands_for_both_behind() -> None:
     lower = [*LEGS, "RKNE", "LKNE"]
-    assert recognise([*lower, "SACR"]).lacks == ()  # type: ignore[union-attr]
-    assert recognise([*lower, "RPSI", "LPSI"]).lacks == ()  # type: ignore[union-attr]
-    assert recognise([*lower, "RPSI"]).lacks == ("LPSI",)  # type: ignore[union-attr]
+    assert recognise([*lower, "SACR"]).lacks == ()
+    assert recognise([*lower, "RPSI", "LPSI"]).lacks == ()
+    assert recognise([*lower, "RPSI"]).lacks == ("LPSI",)
 
 
 def test_one_leg_is_a_set_of_one_leg() -> None:

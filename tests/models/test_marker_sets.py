@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.resources.abc import Traversable
+
 import pytest
 
 from scaling_service.anatomy.markers import canonical, looks_computed, plain_key
@@ -26,8 +28,8 @@ def whole_body() -> BodyModel:
 @pytest.mark.parametrize(
     ("name", "file"), list(marker_set_files()), ids=lambda v: v if isinstance(v, str) else ""
 )
-def test_a_file_holds_what_is_read_and_says_where_it_is_from(name: str, file: object) -> None:
-    content = read_reference(file)  # type: ignore[arg-type]
+def test_a_file_holds_what_is_read_and_says_where_it_is_from(name: str, file: Traversable) -> None:
+    content = read_reference(file)
     assert set(content) <= KEYS
     assert len(content["title"]) > 5
     assert len(content["source"]) > 30

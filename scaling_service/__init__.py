@@ -10,30 +10,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scaling_service.calibration.inertial import identify_inertia
-    from scaling_service.calibration.settings import CalibrationSettings
+    from scaling_service.capabilities.cohort.run import batch
+    from scaling_service.capabilities.discovery.run import discover
+    from scaling_service.capabilities.discovery.saving import save_discovery
+    from scaling_service.capabilities.discovery.settings import DiscoverSettings
+    from scaling_service.capabilities.dynamics.inertia.identification import identify_inertia
+    from scaling_service.capabilities.dynamics.run import dynamics
+    from scaling_service.capabilities.dynamics.saving import save_dynamics
+    from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+    from scaling_service.capabilities.intake.saving import prove_folder
+    from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
     from scaling_service.capabilities.motion.options import MotionOptions
+    from scaling_service.capabilities.motion.recordings import Tracked, ik
+    from scaling_service.capabilities.motion.saving import save_motions
+    from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+    from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
+    from scaling_service.capabilities.scaling.saving import save
+    from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+    from scaling_service.capabilities.subject.loading import read_model
+    from scaling_service.capabilities.subject.reading import load_subject
+    from scaling_service.capabilities.subject.settings import Settings
     from scaling_service.core.errors import InputError
-    from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-    from scaling_service.evaluation.kinematic_error import kinematic_error
-    from scaling_service.formats.recording import read_recording
-    from scaling_service.jobs.batch import batch
-    from scaling_service.jobs.discover import discover
-    from scaling_service.jobs.discover_saving import save_discovery
-    from scaling_service.jobs.discover_settings import DiscoverSettings
-    from scaling_service.jobs.dynamics import dynamics
-    from scaling_service.jobs.dynamics_saving import save_dynamics
-    from scaling_service.jobs.dynamics_settings import DynamicsSettings
-    from scaling_service.jobs.loading import read_model
-    from scaling_service.jobs.proof_saving import prove_folder
-    from scaling_service.jobs.saving import save
-    from scaling_service.jobs.settings import Settings
-    from scaling_service.jobs.subjects import load_subject
-    from scaling_service.jobs.tasks import Results, Scaling, compare, scale
-    from scaling_service.jobs.tracking import Tracked, ik
-    from scaling_service.jobs.tracking_saving import save_motions
-    from scaling_service.models.subject import Subject
-    from scaling_service.processing.pipeline import ProcessingSettings
+    from scaling_service.files.recording import read_recording
+    from scaling_service.model.subject import Subject
+    from scaling_service.recording.pipeline import ProcessingSettings
 
 __all__ = [
     "CalibrationSettings",
@@ -67,34 +67,34 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CalibrationSettings": "calibration.settings",
-    "DiscoverSettings": "jobs.discover_settings",
-    "DynamicsSettings": "jobs.dynamics_settings",
+    "CalibrationSettings": "capabilities.subject.calibration_settings",
+    "DiscoverSettings": "capabilities.discovery.settings",
+    "DynamicsSettings": "capabilities.dynamics.settings",
     "InputError": "core.errors",
     "MotionOptions": "capabilities.motion.options",
-    "ProcessingSettings": "processing.pipeline",
-    "Results": "jobs.tasks",
-    "Scaling": "jobs.tasks",
-    "Settings": "jobs.settings",
-    "Subject": "models.subject",
-    "Tracked": "jobs.tracking",
-    "batch": "jobs.batch",
-    "compare": "jobs.tasks",
-    "discover": "jobs.discover",
-    "dynamics": "jobs.dynamics",
-    "identify_inertia": "calibration.inertial",
-    "ik": "jobs.tracking",
-    "inverse_kinematics": "estimation.inverse_kinematics",
-    "kinematic_error": "evaluation.kinematic_error",
-    "load_subject": "jobs.subjects",
-    "prove_folder": "jobs.proof_saving",
-    "read_model": "jobs.loading",
-    "read_recording": "formats.recording",
-    "save": "jobs.saving",
-    "save_discovery": "jobs.discover_saving",
-    "save_dynamics": "jobs.dynamics_saving",
-    "save_motions": "jobs.tracking_saving",
-    "scale": "jobs.tasks",
+    "ProcessingSettings": "recording.pipeline",
+    "Results": "capabilities.scaling.run",
+    "Scaling": "capabilities.scaling.run",
+    "Settings": "capabilities.subject.settings",
+    "Subject": "model.subject",
+    "Tracked": "capabilities.motion.recordings",
+    "batch": "capabilities.cohort.run",
+    "compare": "capabilities.scaling.run",
+    "discover": "capabilities.discovery.run",
+    "dynamics": "capabilities.dynamics.run",
+    "identify_inertia": "capabilities.dynamics.inertia.identification",
+    "ik": "capabilities.motion.recordings",
+    "inverse_kinematics": "capabilities.motion.inverse_kinematics",
+    "kinematic_error": "capabilities.scaling.comparison.kinematic_error",
+    "load_subject": "capabilities.subject.reading",
+    "prove_folder": "capabilities.intake.saving",
+    "read_model": "capabilities.subject.loading",
+    "read_recording": "files.recording",
+    "save": "capabilities.scaling.saving",
+    "save_discovery": "capabilities.discovery.saving",
+    "save_dynamics": "capabilities.dynamics.saving",
+    "save_motions": "capabilities.motion.saving",
+    "scale": "capabilities.scaling.run",
 }
 
 

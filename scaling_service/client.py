@@ -23,10 +23,10 @@ import requests
 from pydantic import BaseModel, ValidationError
 
 from scaling_service.core.errors import InputError
-from scaling_service.schemas.jobs import State
-from scaling_service.schemas.markermap import MarkerMapDocument
-from scaling_service.schemas.reading import check_document, read_content
-from scaling_service.schemas.service import (
+from scaling_service.documents.jobs import State
+from scaling_service.documents.markermap import MarkerMapDocument
+from scaling_service.documents.reading import check_document, read_content
+from scaling_service.documents.service import (
     ExampleList,
     FileEntry,
     FileList,
@@ -37,7 +37,7 @@ from scaling_service.schemas.service import (
     SubjectPage,
     SubjectSummary,
 )
-from scaling_service.schemas.vocabulary import Vocabulary
+from scaling_service.documents.vocabulary import Vocabulary
 
 TIMEOUT_S = 60.0
 """Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""
@@ -112,7 +112,7 @@ class Client:
         Raises
         ------
         FileUnreadable, SubjectInvalid
-            As :func:`scaling_service.schemas.reading.read_document`.
+            As :func:`scaling_service.documents.reading.read_document`.
         """
         file = Path(path)
         document = read_content(file)

@@ -10,7 +10,7 @@ import yaml
 
 from scaling_service.client import Client, JobEnded, ServiceRefused
 from scaling_service.core.errors import InputError
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.conftest import tiny
 from tests.api.served import Served, serving, settings_in
 from tests.api.test_subjects import person

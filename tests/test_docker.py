@@ -16,8 +16,8 @@ import requests
 import yaml
 
 from scaling_service.client import Client
-from scaling_service.runner.settings import PREFIX, ServiceSettings
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.settings import PREFIX, ServiceSettings
 from tests.api.example import example_files, put_example
 from tests.cli.serving import COMMAND, ENVIRONMENT, free_port
 from tests.store.postgres import server

@@ -12,8 +12,8 @@ import scaling_service
 
 # Worker processes of libraries that must stay out of this one; they have no examples.
 APART = (
-    "scaling_service.formats.osim.worker",
-    "scaling_service.formats.c3d_worker",
+    "scaling_service.files.osim.worker",
+    "scaling_service.files.c3d_worker",
     "scaling_service.__main__",
 )
 MODULES = [

@@ -12,22 +12,22 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.cli.batch import batch
-from scaling_service.cli.batch_progress import Interrupted
-from scaling_service.cli.consistent import consistent
-from scaling_service.cli.datasets import app as datasets
-from scaling_service.cli.discover import discover
-from scaling_service.cli.dynamics import dynamics
+from scaling_service.capabilities.cohort.command import batch
+from scaling_service.capabilities.cohort.progress import Interrupted
+from scaling_service.capabilities.consistent.command import consistent
+from scaling_service.capabilities.datasets.command import app as datasets
+from scaling_service.capabilities.discovery.command import discover
+from scaling_service.capabilities.dynamics.command import dynamics
+from scaling_service.capabilities.intake.command import proof
+from scaling_service.capabilities.landmarks.command import landmarks
+from scaling_service.capabilities.motion.command import ik
+from scaling_service.capabilities.scaling.command import compare, demo, scale
+from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.cli.keys import app as keys
-from scaling_service.cli.landmarks import landmarks
-from scaling_service.cli.motion import ik
-from scaling_service.cli.proof import proof
-from scaling_service.cli.reproduce import reproduce
-from scaling_service.cli.scaling import compare, demo, scale
 from scaling_service.cli.serve import serve
 from scaling_service.cli.service_data import data, settings
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.documents import code_version
+from scaling_service.studies.command import reproduce
 
 EXIT_INPUT = 2
 """What was given cannot be used: arguments, a subject file or anything that it names."""

@@ -12,7 +12,7 @@ import typer
 from scaling_service.cli.serve import SettingsFile
 
 if TYPE_CHECKING:
-    from scaling_service.store.database import Database
+    from scaling_service.service.store.database import Database
 
 app = typer.Typer(help="Make, list and revoke API keys of the service.", no_args_is_help=True)
 
@@ -24,7 +24,7 @@ def create(
     settings: SettingsFile = None,
 ) -> None:
     """Make a key. It is shown once; the service keeps only its digest."""
-    from scaling_service.store import keys
+    from scaling_service.service.store import keys
 
     with _database(settings) as database:
         row, secret = keys.create(database, owner, label)
@@ -35,7 +35,7 @@ def create(
 @app.command("list")
 def list_keys(settings: SettingsFile = None) -> None:
     """List all keys, without their secrets."""
-    from scaling_service.store import keys
+    from scaling_service.service.store import keys
 
     with _database(settings) as database:
         rows = keys.every(database)
@@ -52,7 +52,7 @@ def revoke(
     settings: SettingsFile = None,
 ) -> None:
     """Let a key open nothing any more; what its owner has stays."""
-    from scaling_service.store import keys
+    from scaling_service.service.store import keys
 
     with _database(settings) as database:
         keys.revoke(database, key)
@@ -61,8 +61,8 @@ def revoke(
 
 @contextmanager
 def _database(settings: SettingsFile) -> Iterator[Database]:
-    from scaling_service.runner.configuration import load_settings
-    from scaling_service.runner.service import open_store
+    from scaling_service.service.jobs.configuration import load_settings
+    from scaling_service.service.jobs.service import open_store
 
     store = open_store(load_settings(settings))
     try:

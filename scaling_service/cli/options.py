@@ -10,14 +10,14 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.anatomy.hip_centre import HIP_REGRESSIONS
-from scaling_service.calibration.methods import METHODS
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN
-from scaling_service.jobs.settings import Settings
-from scaling_service.models.inertia_tables import TABLE_NAMES
-from scaling_service.processing.pipeline import ProcessingSettings
+from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS
+from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.recording.pipeline import ProcessingSettings
 
 
 class Strategy(StrEnum):

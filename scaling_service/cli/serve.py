@@ -44,9 +44,11 @@ def serve(
 
     scaling-service keys create lab && scaling-service serve --host 0.0.0.0
     """
-    from scaling_service.runner.configuration import load_settings  # the other commands need no database
+    from scaling_service.service.jobs.configuration import (
+        load_settings,  # the other commands need no database
+    )
 
     chosen: dict[str, Any] = {"host": host, "port": port, "data_directory": data}
     loaded = load_settings(settings, **{name: value for name, value in chosen.items() if value is not None})
     # By its name: commands and routes know nothing of each other, but one command runs the other side.
-    import_module("scaling_service.api.serving").serve(loaded)
+    import_module("scaling_service.service.http.serving").serve(loaded)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.formats.recording import read_recording
-from scaling_service.models.trial import Trial
+from scaling_service.files.recording import read_recording
+from scaling_service.model.trial import Trial
 
 
 @dataclass(frozen=True)

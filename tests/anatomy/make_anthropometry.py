@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.models.reference import reference_folder
+from scaling_service.model.reference import reference_folder
 
 COLUMNS = {
     "stature": "stature",

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.anatomy.anthropometry import predict_dimensions, soldiers
-from scaling_service.anatomy.dimensions import DimensionPrior
 from scaling_service.core.errors import InputError
-from scaling_service.models.reference import reference_folder
+from scaling_service.model.anatomy.anthropometry import predict_dimensions, soldiers
+from scaling_service.model.anatomy.dimensions import DimensionPrior
+from scaling_service.model.reference import reference_folder
 from tests.anatomy.make_anthropometry import COLUMNS, read_logs, write_document
 
 NAMES = tuple(COLUMNS)

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.anatomy.chord import chord_centre
-from scaling_service.anatomy.conventional import (
+from scaling_service.model.anatomy.chord import chord_centre
+from scaling_service.model.anatomy.conventional import (
     ANGLES,
     conventional_angles,
     foot_offset,
     heel_from_offset,
     heel_level,
 )
-from scaling_service.anatomy.hip_centre import hip_centres
+from scaling_service.model.anatomy.hip_centre import hip_centres
 from tests.anatomy.clinic_files import ClinicTrial, clinic_trials
 
 RAD = np.pi / 180.0

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.anatomy.frames import (
+from scaling_service.model.anatomy.frames import (
     Frames,
     cardan,
     femur_frame,
@@ -19,8 +19,8 @@ from scaling_service.anatomy.frames import (
     tibia_frame,
     tibia_frame_isb,
 )
-from scaling_service.models.builtin import builtin
-from scaling_service.models.neutral import neutral_frames, neutral_markers
+from scaling_service.model.builtin import builtin
+from scaling_service.model.neutral import neutral_frames, neutral_markers
 
 TORSION = np.radians(15.0)  # of the malleoli in the built-in model
 angle = st.floats(-1.2, 1.2)

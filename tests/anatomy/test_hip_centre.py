@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.anatomy.hip_centre import HIP_REGRESSIONS, hip_centres
 from scaling_service.core.errors import InputError
-from scaling_service.models.builtin import builtin
+from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS, hip_centres
+from scaling_service.model.builtin import builtin
 from tests.anatomy.clinic_files import clinic_trials
 
 # width 240 mm, depth 160 mm

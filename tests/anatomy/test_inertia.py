@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.anatomy.inertia import apply_inertia_table, possible_tensor
-from scaling_service.anatomy.inertia_planar import apply_to_squat
 from scaling_service.core.errors import InputError
-from scaling_service.models.body import BodyModel, Law
-from scaling_service.models.builtin import builtin, generic_person
-from scaling_service.models.inertia_tables import TABLE_NAMES, inertia_table
-from scaling_service.models.massive import inertias_of, total_mass
-from scaling_service.models.reference import reference_folder
+from scaling_service.model.anatomy.inertia import apply_inertia_table, possible_tensor
+from scaling_service.model.anatomy.inertia_planar import apply_to_squat
+from scaling_service.model.body import BodyModel, Law
+from scaling_service.model.builtin import builtin, generic_person
+from scaling_service.model.inertia_tables import TABLE_NAMES, inertia_table
+from scaling_service.model.massive import inertias_of, total_mass
+from scaling_service.model.reference import reference_folder
 
 BODY = builtin("full_body_35dof")
 

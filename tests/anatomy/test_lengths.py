@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import joint_centres, segment_lengths, segment_of
-from scaling_service.formats.osim.reading import read_osim
-from scaling_service.models.body import (
+from scaling_service.files.osim.reading import read_osim
+from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths, segment_of
+from scaling_service.model.body import (
     BodyModel,
     Coordinate,
     Joint,
@@ -23,7 +23,7 @@ from scaling_service.models.body import (
     Shape,
     Term,
 )
-from scaling_service.models.builtin import builtin
+from scaling_service.model.builtin import builtin
 
 # not importorskip: importing opensim here would write its log into the working directory
 needs_opensim = pytest.mark.skipif(

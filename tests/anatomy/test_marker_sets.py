@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.anatomy.marker_sets import landmark_of, plane_marker, recognise, tracking_segments
-from scaling_service.formats.recording import read_recording
-from scaling_service.models.builtin import builtin
-from scaling_service.models.marker_sets import marker_sets
+from scaling_service.files.recording import read_recording
+from scaling_service.model.anatomy.marker_sets import landmark_of, plane_marker, recognise, tracking_segments
+from scaling_service.model.builtin import builtin
+from scaling_service.model.marker_sets import marker_sets
 
 
 @pytest.mark.parametrize(

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.anatomy.markers import (
+from scaling_service.core.errors import InputError
+from scaling_service.model.anatomy.markers import (
     PLANAR_SOURCES,
     canonical,
     looks_computed,
     match_labels,
     strip_prefix,
 )
-from scaling_service.core.errors import InputError
-from scaling_service.models.builtin import builtin
+from scaling_service.model.builtin import builtin
 
 LOWER = [m.name for m in builtin("lower_limb_14dof").markers if m.weight > 0]
 WHOLE = [m.name for m in builtin("full_body_35dof").markers if m.weight > 0]

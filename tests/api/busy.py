@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from scaling_service.runner.child import Progress
-from scaling_service.runner.kinds import Kind
+from scaling_service.service.jobs.kinds import Kind
+from scaling_service.service.sandbox.child import Progress
 from tests.runner.tiny import TinyRequest
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.runner import example
+from scaling_service.service.jobs import example
 from tests.api.served import Served, serving, settings_in
 from tests.runner.tiny import TINY
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import trimesh
 
-from scaling_service.api.subjects import EXAMPLE
 from scaling_service.client import Client
+from scaling_service.service.http.subjects import EXAMPLE
 from tests.jobs.force_laboratory import document, force_laboratory
 from tests.jobs.laboratory import laboratory
 from tests.landmarking.bones import femur

@@ -13,13 +13,13 @@ from typing import Any
 import requests
 import uvicorn
 
-from scaling_service.api.app import create_app
-from scaling_service.api.serving import server_config
 from scaling_service.client import Client
-from scaling_service.runner.kinds import KINDS, Kind
-from scaling_service.runner.service import Service, open_store
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.store import keys
+from scaling_service.service.http.app import create_app
+from scaling_service.service.http.serving import server_config
+from scaling_service.service.jobs.kinds import KINDS, Kind
+from scaling_service.service.jobs.service import Service, open_store
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store import keys
 
 
 class Served:

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from scaling_service.client import Client, JobEnded
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.served import Served, serving, settings_in
 from tests.api.test_numbers import put, untimed
 from tests.api.tormented import finished, tormented

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-import scaling_service.api
+import scaling_service.service.http
 
-SOURCE = Path(scaling_service.api.__file__).with_name("web") / "bundle.py"
+SOURCE = Path(scaling_service.service.http.__file__).parents[1] / "page" / "bundle.py"
 BASE = "hatchling.builders.hooks.plugin.interface"
 
 
@@ -49,7 +49,7 @@ def hook(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.fixture
 def web(tmp_path: Path) -> Path:
     """A page of one line, with the lock file of a package that is nowhere."""
-    folder = tmp_path / "scaling_service" / "api" / "web"
+    folder = tmp_path / "scaling_service" / "service" / "page"
     folder.mkdir(parents=True)
     wanted = {"name": "page", "version": "1.0.0", "dependencies": {"nowhere": "1.0.0"}}
     locked = {"": wanted, "node_modules/nowhere": {"version": "1.0.0", "integrity": "sha512-AAAA"}}

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import requests
 
-from scaling_service.api.asking import example_of
-from scaling_service.runner.kinds import KINDS
-from scaling_service.store import keys
+from scaling_service.service.http.asking import example_of
+from scaling_service.service.jobs.kinds import KINDS
+from scaling_service.service.store import keys
 from tests.api.served import Served, serving, settings_in
 from tests.api.test_subjects import person
 from tests.runner.services import ended, running

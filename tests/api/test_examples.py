@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.served import Served
 from tests.runner.services import running
 

@@ -10,7 +10,7 @@ import pytest
 import requests
 
 from scaling_service.client import Client
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.tormented import SERVER, finished, tormented
 from tests.cli.serving import ENVIRONMENT, start
 from tests.store.postgres import server

@@ -11,7 +11,7 @@ import yaml
 
 from scaling_service.cli import main
 from scaling_service.client import Client
-from scaling_service.formats.sto import read_sto
+from scaling_service.files.sto import read_sto
 from tests.api.test_numbers import put, untimed, written
 from tests.cli.serving import served
 from tests.jobs.recorded import squatter_document, walker_document

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scaling_service.client import Client
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.example import example_files
 from tests.api.served import Served, serving, settings_in
 from tests.api.surfaces import surfaces, vtp

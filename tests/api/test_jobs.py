@@ -8,7 +8,7 @@ import zipfile
 
 import pytest
 
-from scaling_service.runner.service import Service
+from scaling_service.service.jobs.service import Service
 from tests.api.served import Served, serving, settings_in
 from tests.runner.services import ended, running
 from tests.runner.tiny import TINY

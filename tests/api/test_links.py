@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.api.tickets import LIFETIME_S, Tickets
+from scaling_service.service.http.tickets import LIFETIME_S, Tickets
 from tests.api.served import Served
 from tests.api.test_subjects import person
 

@@ -15,7 +15,7 @@ import pytest
 import requests
 
 from scaling_service.client import Client
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.api.bare_server import bare_server
 from tests.api.test_subjects import person
 from tests.cli.serving import ENVIRONMENT, start

@@ -14,7 +14,7 @@ import yaml
 
 from scaling_service.cli import main
 from scaling_service.client import Client
-from scaling_service.formats.sto import read_sto
+from scaling_service.files.sto import read_sto
 from tests.api.served import Served, serving, settings_in
 from tests.jobs.laboratory import laboratory
 from tests.jobs.recorded import squatter_document

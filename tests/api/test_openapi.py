@@ -13,8 +13,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from scaling_service.runner.kinds import KINDS
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.kinds import KINDS
 from tests.api.example import example_files, put_example
 from tests.api.served import Served
 from tests.runner.services import running

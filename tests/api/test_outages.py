@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 import requests
 
-from scaling_service.schemas.jobs import State
-from scaling_service.store import sqlite_file
+from scaling_service.documents.jobs import State
+from scaling_service.service.store import sqlite_file
 from tests.api.served import Served, serving, settings_in
 from tests.api.test_subjects import person
 from tests.runner.services import all_done, running, until

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.api import site
+from scaling_service.service.http import site
 from tests.api.served import Served
 
-BUILT = Path(site.__file__).with_name("web") / "built"
+BUILT = Path(site.__file__).parents[1] / "page" / "built"
 
 
 @pytest.fixture
@@ -46,8 +46,8 @@ def test_the_page_lets_in_nothing_but_its_own_scripts_and_styles(served: Served)
 
 def test_what_is_installed_holds_the_bundle_and_not_its_sources() -> None:
     found = [str(file) for file in files("scaling-service") or ()]
-    web = [name for name in found if "api/web/" in name]
-    if not any(name.endswith("scaling_service/api/site.py") for name in found):
+    web = [name for name in found if "service/page/" in name]
+    if not any(name.endswith("scaling_service/service/http/site.py") for name in found):
         pytest.skip("the package is installed where its sources are")
     assert any(name.endswith("built/index.html") for name in web)
     assert all("/built/" in name for name in web)

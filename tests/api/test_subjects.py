@@ -9,8 +9,8 @@ from urllib.parse import quote
 
 import pytest
 
-from scaling_service.api.subjects import EXAMPLE
-from scaling_service.schemas.reading import MAX_BYTES
+from scaling_service.documents.reading import MAX_BYTES
+from scaling_service.service.http.subjects import EXAMPLE
 from tests.api.served import Served, serving, settings_in
 
 

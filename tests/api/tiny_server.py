@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 from typing import cast
 
-from scaling_service.api import serving
 from scaling_service.cli import main
-from scaling_service.runner import launcher, process
-from scaling_service.runner.kinds import KINDS, Kind
-from scaling_service.runner.process import FROM_PARENT
+from scaling_service.service.http import serving
+from scaling_service.service.jobs import process
+from scaling_service.service.jobs.kinds import KINDS, Kind
+from scaling_service.service.jobs.process import FROM_PARENT
+from scaling_service.service.sandbox import launcher
 from tests.api.busy import BUSY
 from tests.runner.wholes import WHOLES
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from scaling_service.client import Client
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
 from tests.cli.serving import start
 from tests.runner.services import children_of
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from scaling_service.calibration.methods import calibrate
-from scaling_service.calibration.settings import PAPER
-from scaling_service.studies.virtual_subject import demo_session
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.subject.calibration_settings import PAPER
+from scaling_service.virtual.subject import demo_session
 from tests.peers.worker import serve
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.peers.worker import serve
 
 

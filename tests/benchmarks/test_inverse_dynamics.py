@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.kernels import wrench
-from scaling_service.kernels.law_rates import Motion
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import parameter_values
-from scaling_service.models.massive import mechanism_of
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.massive import mechanism_of
+from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.wrench import ground_wrench as wrench
 from tests.estimation.test_inverse_dynamics import RECORDINGS, differences, opensims, recorded
 
 pytestmark = pytest.mark.benchmark

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.formats.sto import read_sto
-from scaling_service.formats.trc import write_trc
+from scaling_service.files.sto import read_sto
+from scaling_service.files.trc import write_trc
 from tests.capabilities.recorded import recorded
 
 pytestmark = pytest.mark.benchmark

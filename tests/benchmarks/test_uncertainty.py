@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.uncertainty import UncertaintySettings, propagate
-from scaling_service.evaluation.uncertainty_linear import propagate_linearly
-from scaling_service.jobs.executors import workers
-from scaling_service.studies.virtual_excitation import WHOLE, excited_person
+from scaling_service.capabilities.cohort.executors import workers
+from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
+from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, propagate
+from scaling_service.studies.muller2017.excitation import WHOLE, excited_person
 
 SECONDS, GIBIBYTES = 60.0, 2.0
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.formats.c3d import read_c3d
-from scaling_service.formats.c3d_plates import read_c3d_plates
-from scaling_service.formats.forces import read_forces
-from scaling_service.formats.trc import read_trc
-from scaling_service.processing.plates import ground_forces
-from scaling_service.schemas.subject import SubjectDocument
+from scaling_service.documents.subject import SubjectDocument
+from scaling_service.files.c3d import read_c3d
+from scaling_service.files.c3d_plates import read_c3d_plates
+from scaling_service.files.forces import read_forces
+from scaling_service.files.trc import read_trc
+from scaling_service.recording.plates import ground_forces
 from tests.blind.cases import MOVEMENTS, PAIRS, SIZES, Case, checks, fast, full, real_angles
 from tests.blind.clutter import NONE
 from tests.blind.effects import EFFECTS

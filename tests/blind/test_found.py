@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from scaling_service.cli import main
-from scaling_service.formats.sto import Table, read_sto, write_sto
+from scaling_service.files.sto import Table, read_sto, write_sto
 from tests.blind.cases import OPPOSED, PAIRS, Case
 from tests.blind.making import make
 from tests.blind.run import run_one

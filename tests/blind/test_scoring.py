@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.formats.sto import Table, write_sto
+from scaling_service.files.sto import Table, write_sto
 from tests.blind.run import run_one
 from tests.blind.score import main
 from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.subject import Session, Subject
-from scaling_service.models.trial import Trial
-from scaling_service.processing.pipeline import ProcessingSettings
-from scaling_service.studies.virtual_artefact import draw_artefact, residual, with_artefact
-from scaling_service.studies.virtual_subject import VirtualSettings, processed, virtual_subject
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.subject import Session, Subject
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.virtual.artefact import draw_artefact, residual, with_artefact
+from scaling_service.virtual.subject import VirtualSettings, processed, virtual_subject
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0, gait_trials=1)
 USUAL = VirtualSettings(placement=0.0, gaps=0.0, gait_trials=1)

@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.anatomy.centres import JOINT_SD_M, REGRESSION_SD_M
-from scaling_service.anatomy.palpation import CALIPER_SD_M, landmark_sd
 from scaling_service.core.streams import stream
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Law, Marker
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.subject import Session, Subject
-from scaling_service.models.trial import Trial
-from scaling_service.studies.virtual_subject import VirtualSettings, virtual_subject
+from scaling_service.model.anatomy.centres import JOINT_SD_M, REGRESSION_SD_M
+from scaling_service.model.anatomy.palpation import CALIPER_SD_M, landmark_sd
+from scaling_service.model.body import BodyModel, Law, Marker
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.subject import Session, Subject
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.virtual.subject import VirtualSettings, virtual_subject
 
 RADIUS_M = 0.007
 STANDING = VirtualSettings(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.calibration.inertial_evidence import ForceRecording
-from scaling_service.calibration.inertial_prior import PriorSpread, inertial_prior
-from scaling_service.estimation.inverse_dynamics import RatedMotion, dynamics_of
-from scaling_service.kernels.law_rates import Motion as Rates
-from scaling_service.kernels.mechanism import N_PARAMETERS, Inertias
-from scaling_service.kernels.wrench import root_wrench
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.forces import SegmentLoads
-from scaling_service.models.massive import mechanism_of, with_inertias
-from scaling_service.models.trial import Array
+from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
+from scaling_service.capabilities.dynamics.inertia.prior import PriorSpread, inertial_prior
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import mechanism_of, with_inertias
+from scaling_service.model.trial import Array
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
+from scaling_service.numerics.wrench.ground_wrench import root_wrench
 
 BODY = builtin("full_body_35dof")
 TIMES = np.arange(600) / 100

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.calibration.axes import axis_of
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Vector
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.images import ImageEvidence
-from scaling_service.models.neutral import neutral_frames, neutral_markers
-from scaling_service.models.parameters import fold, free_axis, free_marker
-from scaling_service.models.scaling import scaled
-from scaling_service.models.subject import Session, Subject
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.scaling.methods.axes import axis_of
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.images import ImageEvidence
+from scaling_service.model.neutral import neutral_frames, neutral_markers
+from scaling_service.model.parameters import fold, free_axis, free_marker
+from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Session, Subject
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
 
 RATE_HZ = 100.0
 KNEES = ("knee_r", "knee_l")

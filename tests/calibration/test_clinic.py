@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import segment_lengths
-from scaling_service.calibration.linear import linear
-from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.jobs.loading import load
-from scaling_service.models.subject import Subject
+from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.subject import Subject
 
 THEIRS = {"femur": "FemurLength", "shank": "TibiaLength"}
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.calibration.consistent import consistent
-from scaling_service.calibration.consistent_motion import consistent_motion
-from scaling_service.calibration.consistent_planar import loads_in_plane, plane_of
-from scaling_service.calibration.consistent_problem import State
-from scaling_service.calibration.consistent_recording import classical_motion, limits, problem_of
-from scaling_service.calibration.consistent_settings import ConsistentSettings
+from scaling_service.capabilities.consistent.estimate import consistent
+from scaling_service.capabilities.consistent.motion import consistent_motion
+from scaling_service.capabilities.consistent.planar import loads_in_plane, plane_of
+from scaling_service.capabilities.consistent.problem import State
+from scaling_service.capabilities.consistent.recording import classical_motion, limits, problem_of
+from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.models.body import BodyModel
-from scaling_service.studies.futamure import recording_of, start_model
-from scaling_service.studies.virtual_squatters import virtual_squatter
+from scaling_service.model.body import BodyModel
+from scaling_service.studies.futamure.squatters import virtual_squatter
+from scaling_service.studies.futamure.study import recording_of, start_model
 
 FAULTLESS = virtual_squatter(1, faults=0.0)
 REAL = virtual_squatter(3)

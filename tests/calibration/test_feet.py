@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.calibration.linear import linear
-from scaling_service.calibration.methods import METHODS, calibrate
-from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.jobs.tasks import Results, compare
-from scaling_service.models.builtin import builtin
-from scaling_service.models.results import Calibration
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
+from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
+from scaling_service.model.builtin import builtin
+from scaling_service.model.results import Calibration
 from tests.calibration.people import KNEES, imaged, person
 from tests.jobs.laboratory import write_subject
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.calibration.methods import calibrate
-from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.models.results import Calibration
-from scaling_service.studies.virtual_subject import demo_session
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.model.results import Calibration
+from scaling_service.virtual.subject import demo_session
 from tests.calibration.people import person
 from tests.calibration.test_optimised import TILTS, start_at
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.calibration.axes import axis_of
-from scaling_service.calibration.methods import calibrate
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.scaling.methods.axes import axis_of
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.tasks import Results, compare
-from scaling_service.kernels.functional import Poses, rotation_centre
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import default_coordinates
-from scaling_service.models.knees import with_knee
-from scaling_service.models.results import Calibration
-from scaling_service.models.subject import Session, Subject
-from scaling_service.studies.virtual_subject import virtual_subject
+from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import default_coordinates
+from scaling_service.model.knees import with_knee
+from scaling_service.model.results import Calibration
+from scaling_service.model.subject import Session, Subject
+from scaling_service.numerics.geometry.functional import Poses, rotation_centre
+from scaling_service.virtual.subject import virtual_subject
 from tests.calibration.clustered import CLEAN, USUAL, Clustered, clustered, clusters
 from tests.calibration.people import trial
 from tests.jobs.laboratory import write_subject

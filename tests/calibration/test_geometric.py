@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.calibration.consistent_artefact import artefact_m
-from scaling_service.calibration.geometric import GeometryPrior, KnownMotion, identify_geometry
+from scaling_service.capabilities.consistent.artefact import artefact_m
+from scaling_service.capabilities.consistent.geometric import GeometryPrior, KnownMotion, identify_geometry
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model
-from scaling_service.models.scaling import scaled
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
 
 RNG = np.random.default_rng(3)
 FACTORS = {"shank": 1.06, "thigh": 0.95, "torso": 1.03}

@@ -7,15 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.calibration.inertial import IdentificationSettings, identify_inertia
-from scaling_service.calibration.inertial_box import bodies_of
-from scaling_service.calibration.inertial_cone import pseudo_inertia
-from scaling_service.calibration.inertial_evidence import ForceRecording
-from scaling_service.calibration.inertial_prior import PriorSpread, inertial_prior
+from scaling_service.capabilities.dynamics.inertia.box import bodies_of
+from scaling_service.capabilities.dynamics.inertia.cone import pseudo_inertia
+from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
+from scaling_service.capabilities.dynamics.inertia.identification import (
+    IdentificationSettings,
+    identify_inertia,
+)
+from scaling_service.capabilities.dynamics.inertia.prior import PriorSpread, inertial_prior
+from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.estimation.inverse_dynamics import dynamics_of
-from scaling_service.models.forces import SegmentLoads
-from scaling_service.models.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import inertias_of, total_mass, with_inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
 FREE = IdentificationSettings(mass_known=False)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from scaling_service.anatomy.inertia import apply_inertia_table
-from scaling_service.calibration.inertial_box import bodies_of
-from scaling_service.calibration.inertial_cone import KEPT, Body, possible_minimum, pseudo_inertia
-from scaling_service.calibration.inertial_evidence import ForceRecording, evidence_of, repeated
-from scaling_service.calibration.inertial_noise import most_likely_noise
-from scaling_service.calibration.inertial_prior import (
+from scaling_service.capabilities.dynamics.inertia.box import bodies_of
+from scaling_service.capabilities.dynamics.inertia.cone import KEPT, Body, possible_minimum, pseudo_inertia
+from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording, evidence_of, repeated
+from scaling_service.capabilities.dynamics.inertia.noise import most_likely_noise
+from scaling_service.capabilities.dynamics.inertia.prior import (
     COM_SD,
     LENGTH_SD,
     MASS_SD,
@@ -21,9 +20,10 @@ from scaling_service.calibration.inertial_prior import (
     inertial_prior,
 )
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.kernels.mechanism import Inertias
-from scaling_service.models.inertia_tables import TABLE_NAMES
-from scaling_service.models.massive import inertias_of, with_inertias
+from scaling_service.model.anatomy.inertia import apply_inertia_table
+from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.massive import inertias_of, with_inertias
+from scaling_service.numerics.multibody.mechanism import Inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.anatomy.hip_centre import hip_centres
-from scaling_service.calibration.linear import linear, setup_factors
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.scaling.methods.linear import linear, setup_factors
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.models.builtin import builtin
-from scaling_service.models.subject import Measurement, ScaleSetup
+from scaling_service.model.anatomy.hip_centre import hip_centres
+from scaling_service.model.builtin import builtin
+from scaling_service.model.subject import Measurement, ScaleSetup
 from tests.calibration.people import person
 
 SETTINGS = CalibrationSettings(sizes="measured")

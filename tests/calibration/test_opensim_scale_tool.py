@@ -16,20 +16,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.calibration.linear import linear, setup_factors
-from scaling_service.calibration.placement import frames_around
-from scaling_service.calibration.settings import PAPER
+from scaling_service.capabilities.motion.inverse_kinematics import Task
+from scaling_service.capabilities.scaling.methods.linear import linear, setup_factors
+from scaling_service.capabilities.scaling.methods.placement import frames_around
+from scaling_service.capabilities.subject.calibration_settings import PAPER
+from scaling_service.capabilities.subject.loading import load
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.estimation.inverse_kinematics import Task
-from scaling_service.formats.osim import read_osim, read_scale_setup
-from scaling_service.formats.trc import read_trc
-from scaling_service.jobs.loading import load
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.compile import compile_model
-from scaling_service.models.scaling import scaled
-from scaling_service.models.subject import MarkerPlacement, Session, Subject
-from scaling_service.models.trial import Trial
+from scaling_service.files.osim import read_osim, read_scale_setup
+from scaling_service.files.trc import read_trc
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import MarkerPlacement, Session, Subject
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.peers.opensim_scale import OpenSimScale, run_opensim_scale
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.calibration.frames import calibration_frames
-from scaling_service.calibration.freedom import selected_coordinates
-from scaling_service.calibration.methods import METHODS, calibrate
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.frames import calibration_frames
+from scaling_service.capabilities.scaling.methods.freedom import selected_coordinates
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.models.results import Calibration
+from scaling_service.model.results import Calibration
 from tests.calibration.people import KNEES, Person, imaged, person
 
 TILTS = {"knee_r": (4.0, -6.0, 0.0), "knee_l": (-5.0, 3.0, 0.0)}

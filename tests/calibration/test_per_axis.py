@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.frames import pelvis_frame
-from scaling_service.anatomy.hip_centre import hip_centres
-from scaling_service.anatomy.lengths import joint_centres
-from scaling_service.calibration.linear import linear
-from scaling_service.calibration.methods import calibrate
-from scaling_service.calibration.per_axis import fitted_factor, per_axis
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.methods.per_axis import fitted_factor, per_axis
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.scaling.run import scale
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.jobs.loading import load
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import scale
-from scaling_service.models.builtin import builtin
-from scaling_service.models.results import Calibration
-from scaling_service.models.subject import ScaleSetup
+from scaling_service.model.anatomy.frames import pelvis_frame
+from scaling_service.model.anatomy.hip_centre import hip_centres
+from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.model.builtin import builtin
+from scaling_service.model.results import Calibration
+from scaling_service.model.subject import ScaleSetup
 from tests.calibration.people import Person, person
 from tests.jobs.laboratory import write_subject
 

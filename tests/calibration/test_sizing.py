@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.centres import read_pelvis
-from scaling_service.anatomy.lengths import segment_lengths
-from scaling_service.anatomy.markers import canonical
-from scaling_service.calibration.linear import linear
-from scaling_service.calibration.points import person_points
-from scaling_service.calibration.settings import CalibrationSettings
-from scaling_service.calibration.sizing import Sizing, size_segments
-from scaling_service.jobs.loading import load
-from scaling_service.models.results import SegmentSize
-from scaling_service.models.subject import Session, Subject
-from scaling_service.models.trial import Trial
-from scaling_service.studies.virtual_subject import demo_session
+from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.sizes.points import person_points
+from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.model.anatomy.centres import read_pelvis
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.results import SegmentSize
+from scaling_service.model.subject import Session, Subject
+from scaling_service.model.trial import Trial
+from scaling_service.virtual.subject import demo_session
 from tests.calibration.conventional import patient
 from tests.calibration.people import person
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.kernels.laws import Array
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.trial import Trial
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import marker_positions
 
 
 @dataclass(frozen=True)

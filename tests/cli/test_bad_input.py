@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
-from scaling_service.formats.c3d_writing import write_c3d
-from scaling_service.jobs import saving
+from scaling_service.files.c3d_writing import write_c3d
 from tests.cli.spoilt import (
     Spoil,
     as_c3d,

@@ -11,10 +11,11 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
+from scaling_service.capabilities.cohort import subject_item
+from scaling_service.capabilities.cohort.progress import Screen
+from scaling_service.capabilities.cohort.scaling_items import Outcome
+from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
-from scaling_service.cli.batch_progress import Screen
-from scaling_service.jobs import saving, subject_item
-from scaling_service.jobs.cohort_run import Outcome
 from tests.jobs.cohorts import someone, table
 
 FEW = ["--workers", "1", "--frames", "20", "--smooth-hz", "0"]

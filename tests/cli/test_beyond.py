@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.cli import main
-from scaling_service.jobs import saving
-from scaling_service.jobs.settings import Settings
 from tests.jobs.laboratory import laboratory
 
 

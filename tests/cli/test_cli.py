@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.calibration.methods import METHODS
+from scaling_service.capabilities.scaling import run as tasks
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.cli import main
-from scaling_service.jobs import saving, tasks
 from tests.jobs.laboratory import document, laboratory, write_subject
 
 

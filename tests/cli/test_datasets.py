@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.cli import datasets, main
-from scaling_service.jobs import saving
-from scaling_service.jobs.catalogue import read_catalogue
-from scaling_service.schemas.datasets import Dataset
+from scaling_service.capabilities.datasets import command as datasets
+from scaling_service.capabilities.datasets.catalogue import read_catalogue
+from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.scaling import saving
+from scaling_service.cli import main
 from tests.jobs.laboratory import laboratory
 from tests.jobs.mirror import Mirror, laid_out, made_up, serve
 

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import yaml
 
+from scaling_service.capabilities.discovery import demo as discover_demo
+from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
+from scaling_service.capabilities.discovery.documents import discovery_document
+from scaling_service.capabilities.discovery.run import DiscoverResults
+from scaling_service.capabilities.discovery.screen import show
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli.app import EXIT_INPUT, main
-from scaling_service.cli.discover_screen import show
-from scaling_service.formats.trc import write_trc
-from scaling_service.jobs import discover_demo
-from scaling_service.jobs.discover import DiscoverResults
-from scaling_service.jobs.discover_documents import discovery_document
-from scaling_service.jobs.loading import Loaded
-from scaling_service.models.trial import Trial
-from scaling_service.schemas.discovery import DiscoveryDocument, HiddenDocument, PlacedEffect
-from scaling_service.schemas.results import RepairNote
-from scaling_service.studies.virtual_subject import virtual_subject
+from scaling_service.documents.results import RepairNote
+from scaling_service.files.trc import write_trc
+from scaling_service.model.trial import Trial
+from scaling_service.virtual.subject import virtual_subject
 from tests.jobs.hidden_case import SHORT, found, session
 
 _ONE = HiddenDocument(kind="marker_swap", where=["LLM", "LMM"], parameters={"start_s": 2.0})

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from scaling_service.capabilities.landmarks.document import LandmarksDocument
 from scaling_service.cli import main
-from scaling_service.schemas.landmarks import LandmarksDocument
 from tests.landmarking import bones
 
 

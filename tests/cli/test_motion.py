@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scaling_service.cli.app import EXIT_INPUT, main
-from scaling_service.formats.sto import read_sto
-from scaling_service.formats.trc import read_trc, write_trc
+from scaling_service.files.sto import read_sto
+from scaling_service.files.trc import read_trc, write_trc
 
 
 def test_motions_their_uncertainty_and_poses_are_written(

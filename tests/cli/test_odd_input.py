@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.scaling import run as tasks
+from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
-from scaling_service.jobs import saving, tasks
 from tests.cli.spoilt import PERSON, assert_refused, record, recorded
 from tests.jobs.laboratory import document, laboratory, write_recording, write_subject
 

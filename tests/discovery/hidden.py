@@ -7,19 +7,19 @@ from functools import cache
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Recording, account, scene_of
-from scaling_service.discovery.judging import NOTHING
-from scaling_service.kernels.laws import Array
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.trial import Trial
-from scaling_service.studies.virtual_subject import VirtualSettings, VirtualSubject, virtual_subject
+from scaling_service.capabilities.discovery.evidence.fitting import Recording, account, scene_of
+from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.search.candidates import Candidate
+from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.search.comparing import Unseen
+from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.search.judging import NOTHING
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, virtual_subject
 
 TRIALS = {"knee_r": "fit", "gait_1": "fit", "gait_2": "held_out"}
 NOISE_M = 1e-3

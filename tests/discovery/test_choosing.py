@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from scaling_service.discovery.additions import with_effects
-from scaling_service.discovery.choosing import chosen
-from scaling_service.discovery.fitting import account, scene_of
-from scaling_service.discovery.options import look
-from scaling_service.discovery.strictness import DiscoverySettings
-from scaling_service.models.body import BodyModel
+from scaling_service.capabilities.discovery.evidence.fitting import account, scene_of
+from scaling_service.capabilities.discovery.laws.additions import with_effects
+from scaling_service.capabilities.discovery.search.choosing import chosen
+from scaling_service.capabilities.discovery.search.options import look
+from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.model.body import BodyModel
 from tests.discovery.hidden import hide, person, recorded, sized
 
 SETTINGS = DiscoverySettings()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.fitting import account
-from scaling_service.discovery.generators import Generators
-from scaling_service.discovery.wobbles import shapes
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.laws.generators import Generators
+from scaling_service.capabilities.discovery.laws.wobbles import shapes
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.discovery.hidden import choice, person, recorded
 
 KINDS = (

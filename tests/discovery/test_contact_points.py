@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.discovery.contact_points import Spell, fitted_point
-from scaling_service.discovery.contacts import touches
-from scaling_service.discovery.fitting import account
-from scaling_service.discovery.weighed import Weighed
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import prepare, read
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.evidence.weighed import Weighed
+from scaling_service.capabilities.discovery.laws.contact_points import Spell, fitted_point
+from scaling_service.capabilities.discovery.laws.contacts import touches
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.numerics.multibody.laws import Array
 from tests.jobs.force_laboratory import force_laboratory
 
 POINT = (0.08, 0.25, -0.1)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.evidence import Evidence, gather
-from scaling_service.discovery.fitting import account, scene_of
-from scaling_service.discovery.generators import Generators
-from scaling_service.discovery.loads import columns_of
-from scaling_service.discovery.watched import Watched
-from scaling_service.discovery.wobbles import shapes
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import prepare, read
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.evidence.fitting import account, scene_of
+from scaling_service.capabilities.discovery.evidence.score import Evidence, gather
+from scaling_service.capabilities.discovery.evidence.watched import Watched
+from scaling_service.capabilities.discovery.laws.generators import Generators
+from scaling_service.capabilities.discovery.laws.loads import columns_of
+from scaling_service.capabilities.discovery.laws.wobbles import shapes
+from scaling_service.capabilities.discovery.search.candidates import Candidate
+from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import choice, person, recorded
 from tests.jobs.force_laboratory import force_laboratory
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.discovery import foreign
-from scaling_service.discovery.findings import Findings, Foreign
-from scaling_service.discovery.fitting import account
-from scaling_service.discovery.options import Options
-from scaling_service.discovery.spots import BentSpot, VolumeSpot, field
-from scaling_service.discovery.strictness import DiscoverySettings
-from scaling_service.discovery.workflow import discover
-from scaling_service.kernels.laws import Array
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.discovery.disturbances import laws as foreign
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.evidence.spots import BentSpot, VolumeSpot, field
+from scaling_service.capabilities.discovery.search.findings import Findings, Foreign
+from scaling_service.capabilities.discovery.search.options import Options
+from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import hide, person, recorded
 
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import with_effects
-from scaling_service.discovery.fitting import account
-from scaling_service.discovery.hindsight import at_rest, without_the_superfluous
-from scaling_service.discovery.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.laws.additions import with_effects
+from scaling_service.capabilities.discovery.search.hindsight import at_rest, without_the_superfluous
+from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
 from tests.discovery.hidden import passed, person, recorded, sized
 
 SETTINGS = DiscoverySettings()

@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scaling_service.discovery.candidates import Candidate, Column
-from scaling_service.discovery.comparing import explained, unseen
-from scaling_service.discovery.evidence import Evidence, Stretch
-from scaling_service.discovery.judging import fit_each
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.evidence.score import Evidence, Stretch
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.search.comparing import explained, unseen
+from scaling_service.capabilities.discovery.search.judging import fit_each
+from scaling_service.numerics.multibody.laws import Array
 
 ROWS, STRETCHES, NUISANCES = 40, 20, 2
 CHOICE = [Candidate("anything", ("here",), (Column("a", 1.0), Column("b", 1.0)))]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.discovery.locating import in_one_stretch
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.evidence.locating import in_one_stretch
+from scaling_service.numerics.multibody.laws import Array
 
 FRAMES, TIMES, PLACES = 50, 2000, 30
 LEVEL = 0.05 / (2 * PLACES)

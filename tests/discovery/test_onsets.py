@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from scaling_service.discovery.onsets import onset
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.laws.onsets import onset
+from scaling_service.numerics.multibody.laws import Array
 
 TIMES = np.arange(0.0, 2.0, 0.01)
 BEGINNING = 0.63

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.discovery.oscillator import oscillate, oscillator_taps, pulled, pulled_taps
+from scaling_service.capabilities.discovery.laws.oscillator import (
+    oscillate,
+    oscillator_taps,
+    pulled,
+    pulled_taps,
+)
 
 STEP, FREQUENCY, DAMPING = 0.01, 3.0, 0.2
 W = 2.0 * np.pi * FREQUENCY

@@ -8,12 +8,12 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.resting import rested, swinging_markers
-from scaling_service.discovery.watched import Watched
-from scaling_service.discovery.wobbles import Skin
-from scaling_service.kernels.laws import Array
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.discovery.evidence.resting import rested, swinging_markers
+from scaling_service.capabilities.discovery.evidence.watched import Watched
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.wobbles import Skin
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import choice, person
 
 THIGH = ("LLFE", "LMFE")

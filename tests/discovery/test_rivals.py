@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Contact
-from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Account, Recording, account, scene_of
-from scaling_service.discovery.judging import Fitted
-from scaling_service.discovery.option import Option
-from scaling_service.discovery.refining import misfit, refined
-from scaling_service.discovery.rivals import Naming, better_rival, revisited
-from scaling_service.discovery.strictness import DiscoverySettings
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import Prepared, prepare, read
-from scaling_service.models.body import Vector
+from scaling_service.capabilities.discovery.evidence.fitting import Account, Recording, account, scene_of
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Contact
+from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.search.comparing import Unseen
+from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.search.judging import Fitted
+from scaling_service.capabilities.discovery.search.option import Option
+from scaling_service.capabilities.discovery.search.refining import misfit, refined
+from scaling_service.capabilities.discovery.search.rivals import Naming, better_rival, revisited
+from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.model.body import Vector
 from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
 

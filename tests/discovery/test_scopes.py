@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.effects import marker_offset
-from scaling_service.discovery.fitting import Recording
-from scaling_service.discovery.judging import NOTHING
-from scaling_service.discovery.option import Option
-from scaling_service.discovery.scene import Scene
-from scaling_service.discovery.widest import widest
-from scaling_service.discovery.workflow import discover
+from scaling_service.capabilities.discovery.effects import marker_offset
+from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.search.candidates import Candidate
+from scaling_service.capabilities.discovery.search.comparing import Unseen
+from scaling_service.capabilities.discovery.search.judging import NOTHING
+from scaling_service.capabilities.discovery.search.option import Option
+from scaling_service.capabilities.discovery.search.widest import widest
+from scaling_service.capabilities.discovery.search.workflow import discover
 from tests.discovery.hidden import candidate, hide, person, recorded
 
 MOVED_MM = (10.0, 0.0, 10.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.candidates import Candidate, Exchange, FreeMotion
-from scaling_service.discovery.fitting import Recording
-from scaling_service.discovery.spots import At
-from scaling_service.discovery.workflow import Discovery, discover
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.evidence.spots import At
+from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Exchange, FreeMotion
+from scaling_service.capabilities.discovery.search.workflow import Discovery, discover
+from scaling_service.model.trial import Trial
 from tests.discovery.hidden import hide, person, recorded
 
 HIDDEN = [

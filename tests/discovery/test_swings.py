@@ -7,10 +7,10 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
-from scaling_service.discovery.catalogue import kinds, plausible
-from scaling_service.discovery.fitting import Recording
-from scaling_service.discovery.workflow import discover
-from scaling_service.kernels.laws import Array
+from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.search.catalogue import kinds, plausible
+from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import candidate, person, recorded
 
 FREQUENCY_HZ, DAMPING = 5.0, 0.2

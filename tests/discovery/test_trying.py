@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized, with_effects
-from scaling_service.discovery.candidates import Candidate
-from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.findings import Named
-from scaling_service.discovery.fitting import Recording, account, scene_of
-from scaling_service.discovery.refining import refined
-from scaling_service.discovery.strictness import DiscoverySettings
-from scaling_service.discovery.trying import Tried, tried_in_full
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import prepare, read
-from scaling_service.models.body import BodyModel
+from scaling_service.capabilities.discovery.evidence.fitting import Recording, account, scene_of
+from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.search.candidates import Candidate
+from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.search.refining import refined
+from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.search.trying import Tried, tried_in_full
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.model.body import BodyModel
 from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import with_effects
-from scaling_service.discovery.fitting import account
-from scaling_service.discovery.options import compared
-from scaling_service.discovery.withdrawn import Withdrawable
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.laws.additions import with_effects
+from scaling_service.capabilities.discovery.search.options import compared
+from scaling_service.capabilities.discovery.search.withdrawn import Withdrawable
 from tests.discovery.hidden import candidate, person, recorded, sized
 
 

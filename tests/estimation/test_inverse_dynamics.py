@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
-from scaling_service.estimation.inverse_dynamics import (
+from scaling_service.capabilities.dynamics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
     check_weight,
@@ -19,23 +18,24 @@ from scaling_service.estimation.inverse_dynamics import (
     inverse_dynamics,
     rated_motion,
 )
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.formats.forces import read_forces
-from scaling_service.formats.osim import read_osim
-from scaling_service.formats.sto import Table, motion_table, write_sto
-from scaling_service.formats.trc import read_trc
-from scaling_service.kernels.derivatives import spline_rates
-from scaling_service.kernels.law_rates import Motion as Rates
-from scaling_service.kernels.tree import forward, positions
-from scaling_service.kernels.wrench import GRAVITY, root_wrench
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.forces import SegmentLoads
-from scaling_service.models.massive import mechanism_of, total_mass
-from scaling_service.models.results import Motion
-from scaling_service.models.trial import Array
-from scaling_service.processing.plates_feet import assign_plates, foot_loads
-from scaling_service.processing.synchronise import synchronise
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
+from scaling_service.files.forces import read_forces
+from scaling_service.files.osim import read_osim
+from scaling_service.files.sto import Table, motion_table, write_sto
+from scaling_service.files.trc import read_trc
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.results import Motion
+from scaling_service.model.trial import Array
+from scaling_service.numerics.multibody.derivatives import spline_rates
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY, root_wrench
+from scaling_service.recording.plates_feet import assign_plates, foot_loads
+from scaling_service.recording.synchronise import synchronise
 from tests.peers.opensim_id import OpenSimId, run_opensim_id, write_loads
 
 BODY = builtin("full_body_35dof")

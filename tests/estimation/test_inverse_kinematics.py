@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion.inverse_kinematics import Task, inverse_kinematics, solve_task
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.estimation.inverse_kinematics import Task, inverse_kinematics, solve_task
-from scaling_service.kernels.losses import Huber
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Joint, Law, Marker
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.trial import Trial
+from scaling_service.model.body import BodyModel, Joint, Law, Marker
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.losses import Huber
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import Array
 
 RATE = 100.0

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.formats.osim import read_ik_tasks, read_osim
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.tasks import Results, scale
-from scaling_service.models.results import Motion
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.run import Results, scale
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.files.osim import read_ik_tasks, read_osim
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.results import Motion
 from tests.jobs.laboratory import write_subject
 from tests.jobs.recorded import squatter_document, walker_document
 from tests.peers.opensim_ik import OpenSimIk, run_opensim_ik

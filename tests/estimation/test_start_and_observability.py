@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.estimation.observability import determined
-from scaling_service.estimation.start import first_guess
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.compile import compile_model
+from scaling_service.capabilities.motion.observability import determined
+from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.model.compile import compile_model
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import leg, leg_motion, random_tree
 
 NONE = np.zeros(0)

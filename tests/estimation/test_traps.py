@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.estimation.traps import freed
-from scaling_service.kernels.sweep import MotionSolution
+from scaling_service.capabilities.motion.traps import freed
+from scaling_service.numerics.multibody.sweep import MotionSolution
 
 GOOD, WRONG = 1.0, -1.0
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.clinical_angles import SIDES, clinical_angles, clinical_cycles
-from scaling_service.evaluation.clinical_gait import clinical_gait
-from scaling_service.formats.osim import read_osim
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.results import Motion
-from scaling_service.models.trial import Trial
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session
+from scaling_service.capabilities.scaling.clinical.angles import SIDES, clinical_angles, clinical_cycles
+from scaling_service.capabilities.scaling.clinical.gait import clinical_gait
+from scaling_service.files.osim import read_osim
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.results import Motion
+from scaling_service.model.trial import Trial
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 SAME = {
     "hip_flexion": "hip_flexion",

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from scipy.stats import friedmanchisquare
 
+from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
+from scaling_service.capabilities.cohort.subject_summary import (
+    TRUTH,
+    Following,
+    MethodSummary,
+    SubjectSummary,
+)
 from scaling_service.core.streams import stream
-from scaling_service.evaluation.cohort import CohortSettings, cohort_statistics
-from scaling_service.evaluation.panels import panels
-from scaling_service.evaluation.subject_summary import TRUTH, Following, MethodSummary, SubjectSummary
-from scaling_service.evaluation.waveforms import WaveformSettings
+from scaling_service.numerics.statistics.panels import panels
+from scaling_service.numerics.statistics.waveforms import WaveformSettings
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
 QUICK = CohortSettings(waveforms=WaveformSettings(rearrangements=500))

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.markers import canonical
+from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles, gait_cycles
 from scaling_service.core.streams import stream
-from scaling_service.evaluation.gait_cycles import find_gait_cycles, gait_cycles
-from scaling_service.formats.recording import read_recording
-from scaling_service.formats.sto import read_sto
-from scaling_service.models.trial import Trial
-from scaling_service.processing.orientation import decide
-from scaling_service.processing.pipeline import process
-from scaling_service.studies.virtual_motion import draw_style
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session
+from scaling_service.files.recording import read_recording
+from scaling_service.files.sto import read_sto
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.trial import Trial
+from scaling_service.recording.orientation import decide
+from scaling_service.recording.pipeline import process
+from scaling_service.virtual.motion import draw_style
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 SEEDS = range(6)
 LONG = VirtualSettings(strides=6.0, functional_s=4.0, gait_trials=1)

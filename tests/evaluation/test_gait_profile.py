@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.core.errors import InputError
-from scaling_service.evaluation.gait_profile import (
+from scaling_service.capabilities.scaling.clinical.gait_profile import (
     VARIABLES,
     gait_profile,
     gait_variable_score,
     schwartz2008,
     typical_score,
 )
+from scaling_service.core.errors import InputError
 
 REFERENCE = schwartz2008()
 PERCENT = np.linspace(0.0, 100.0, 101)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.scaling.comparison.generalisation import generalisation
+from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.capabilities.scaling.documents import method_document
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.cli import main
-from scaling_service.evaluation.generalisation import generalisation
-from scaling_service.evaluation.kinematic_error import KinematicError
-from scaling_service.jobs import saving
-from scaling_service.jobs.documents import method_document
-from scaling_service.jobs.tasks import compare
 from tests.jobs.laboratory import document, laboratory, write_subject
 
 

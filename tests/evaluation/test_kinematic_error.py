@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scaling_service.evaluation.kinematic_error import kinematic_error
-from scaling_service.models.body import BodyModel, Marker, Segment
-from scaling_service.models.results import Motion
+from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.model.body import BodyModel, Marker, Segment
+from scaling_service.model.results import Motion
 
 NAMES = ("RASIS", "CLUSTER", "BONE")
 MODEL = BodyModel(

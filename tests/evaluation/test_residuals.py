@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics, RatedMotion
+from scaling_service.capabilities.dynamics.residuals import evaluate_residuals, residual_indicator
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.estimation.inverse_dynamics import InverseDynamics, RatedMotion
-from scaling_service.evaluation.residuals import evaluate_residuals, residual_indicator
 
 
 def known(residual: np.ndarray, external: float = 800.0) -> InverseDynamics:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.evaluation.segments import geometry, marker_shifts
-from scaling_service.models.builtin import builtin
-from scaling_service.models.results import Calibration, EstimatedParameter
-from scaling_service.models.scaling import scaled
+from scaling_service.capabilities.scaling.comparison.segments import geometry, marker_shifts
+from scaling_service.model.builtin import builtin
+from scaling_service.model.results import Calibration, EstimatedParameter
+from scaling_service.model.scaling import scaled
 
 
 def fitted(name: str, value: float, group: str, target: str) -> EstimatedParameter:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import joint_centres
-from scaling_service.evaluation.gait_cycles import gait_cycles
-from scaling_service.evaluation.placed_centres import placed_centres
-from scaling_service.evaluation.stride_curves import leg_coordinates, stride_curves
-from scaling_service.models.results import Motion
-from scaling_service.models.scaling import scaled
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session
+from scaling_service.capabilities.scaling.comparison.gait_cycles import gait_cycles
+from scaling_service.capabilities.scaling.comparison.placed_centres import placed_centres
+from scaling_service.capabilities.scaling.comparison.stride_curves import leg_coordinates, stride_curves
+from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.model.results import Motion
+from scaling_service.model.scaling import scaled
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 
 @pytest.fixture(scope="module")

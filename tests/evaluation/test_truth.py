@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.truth import angle_errors, centre_errors, length_errors
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import default_coordinates
-from scaling_service.models.results import Motion
-from scaling_service.models.scaling import scaled
+from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import default_coordinates
+from scaling_service.model.results import Motion
+from scaling_service.model.scaling import scaled
 
 N = 4
 

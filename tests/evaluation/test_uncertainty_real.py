@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.evaluation.uncertainty import Recording, UncertaintySettings, propagate
-from scaling_service.evaluation.uncertainty_linear import propagate_linearly
-from scaling_service.formats.forces import read_forces
-from scaling_service.formats.osim import read_osim
-from scaling_service.formats.trc import read_trc
-from scaling_service.processing.plates_feet import assign_plates, foot_loads
-from scaling_service.processing.synchronise import synchronise
+from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
+from scaling_service.capabilities.dynamics.uncertainty.total import Recording, UncertaintySettings, propagate
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.files.forces import read_forces
+from scaling_service.files.osim import read_osim
+from scaling_service.files.trc import read_trc
+from scaling_service.recording.plates_feet import assign_plates, foot_loads
+from scaling_service.recording.synchronise import synchronise
 
 FRAMES = 300
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.dynamics.inverse_dynamics import inverse_dynamics
+from scaling_service.capabilities.dynamics.residuals import evaluate_residuals
+from scaling_service.capabilities.dynamics.uncertainty.jacobian import LAGS, wrench_jacobians
+from scaling_service.capabilities.dynamics.uncertainty.noise import LowPass
+from scaling_service.capabilities.dynamics.uncertainty.points import HALO, PointBody, second_difference
+from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
+from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.estimation.inverse_dynamics import inverse_dynamics
-from scaling_service.evaluation.kinematic_error import kinematic_error
-from scaling_service.evaluation.residuals import evaluate_residuals
-from scaling_service.evaluation.uncertainty_jacobian import LAGS, wrench_jacobians
-from scaling_service.evaluation.uncertainty_noise import LowPass
-from scaling_service.evaluation.uncertainty_points import HALO, PointBody, second_difference
-from scaling_service.evaluation.uncertainty_reference import Reference
-from scaling_service.kernels.filters import butterworth
-from scaling_service.kernels.wrench import GRAVITY
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Segment
-from scaling_service.models.massive import Six
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
+from scaling_service.model.massive import Six
+from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from tests.evaluation.uncertain import recording
 
 

@@ -8,7 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.waveforms import WaveformSettings, paired_t_test, repeated_measures_anova
+from scaling_service.numerics.statistics.waveforms import (
+    WaveformSettings,
+    paired_t_test,
+    repeated_measures_anova,
+)
 from tests.evaluation.curves import smooth
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.waveform_clusters import CurveTest
-from scaling_service.evaluation.waveforms import paired_t_test, repeated_measures_anova
+from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.waveforms import paired_t_test, repeated_measures_anova
 from tests.evaluation.curves import bump, smooth
 
 

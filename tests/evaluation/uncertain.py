@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from scaling_service.evaluation.uncertainty_reference import Recording
-from scaling_service.studies.virtual_excitation import ExcitationSettings, ExcitedPerson, excited_person
+from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
+from scaling_service.studies.muller2017.excitation import ExcitationSettings, ExcitedPerson, excited_person
 
 SHORT = ExcitationSettings(seconds=8.0)
 

@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 
 from scaling_service.core.errors import InputError
-from scaling_service.models.trial import Trial
+from scaling_service.model.trial import Trial
 
 Read = TypeVar("Read")
 

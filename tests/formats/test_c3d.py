@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.formats import c3d
-from scaling_service.formats.c3d import read_c3d, read_c3d_file
-from scaling_service.formats.c3d_writing import write_c3d
+from scaling_service.files import c3d
+from scaling_service.files.c3d import read_c3d, read_c3d_file
+from scaling_service.files.c3d_writing import write_c3d
 from tests.formats.made import SHARED_FOLDER, outcome, random_trial
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.formats.c3d import C3dFile, read_c3d_file
-from scaling_service.formats.c3d_plates import read_c3d_plates
+from scaling_service.files.c3d import C3dFile, read_c3d_file
+from scaling_service.files.c3d_plates import read_c3d_plates
 
 CORNERS = [[[600.0], [600.0], [0.0], [0.0]], [[400.0], [0.0], [0.0], [400.0]], [[0.0]] * 4]
 

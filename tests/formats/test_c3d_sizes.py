@@ -6,13 +6,13 @@ import ezc3d
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.subject.loading import with_stated_sizes
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.formats.c3d import read_c3d
-from scaling_service.formats.c3d_sizes import stated_sizes
-from scaling_service.jobs.loading import with_stated_sizes
-from scaling_service.models.sizes import MeasuredSizes
-from scaling_service.models.subject import Subject
-from scaling_service.schemas.reading import check_document
+from scaling_service.documents.reading import check_document
+from scaling_service.files.c3d import read_c3d
+from scaling_service.files.c3d_sizes import stated_sizes
+from scaling_service.model.sizes import MeasuredSizes
+from scaling_service.model.subject import Subject
 from tests.formats.made import random_trial
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.formats.forces import find_plates, forces_of_table, read_forces
-from scaling_service.formats.sto import Table
+from scaling_service.files.forces import find_plates, forces_of_table, read_forces
+from scaling_service.files.sto import Table
 
 NAMINGS = {
     "ground_force_1_v": ("ground_force_1_p", "ground_force_1_m"),

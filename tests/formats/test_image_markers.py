@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.formats.image_markers import read_image_markers
+from scaling_service.files.image_markers import read_image_markers
 
 GOOD = "marker,segment,x_mm,y_mm,z_mm\nRASI,pelvis,-114.19,-126.25,-127.36\nRKNE,femur_r,1,2,3\n"
 

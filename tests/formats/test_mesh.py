@@ -8,8 +8,8 @@ import pyvista
 import trimesh
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.formats import mesh as module
-from scaling_service.formats.mesh import READERS, read_mesh
+from scaling_service.files import mesh as module
+from scaling_service.files.mesh import READERS, read_mesh
 
 BALL = trimesh.creation.icosphere(2, 30.0)
 

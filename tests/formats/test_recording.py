@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.formats.c3d_writing import write_c3d
-from scaling_service.formats.recording import READERS, read_recording
-from scaling_service.formats.trc import write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.c3d_writing import write_c3d
+from scaling_service.files.recording import READERS, read_recording
+from scaling_service.files.trc import write_trc
+from scaling_service.model.trial import Trial
 
 WRITERS = {".trc": write_trc, ".c3d": write_c3d}
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.formats.sto import Table, motion_table, motion_values, read_sto, write_sto
+from scaling_service.files.sto import Table, motion_table, motion_values, read_sto, write_sto
 from tests.formats.made import SHARED_FOLDER, outcome
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.formats.trc import read_trc, write_trc
+from scaling_service.files.trc import read_trc, write_trc
 from tests.formats.made import SHARED_FOLDER, outcome, random_trial
 
 

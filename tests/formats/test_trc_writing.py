@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
 from tests.formats.made import SHARED_FOLDER, random_trial
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.tasks import Results, compare
-from scaling_service.processing.pipeline import ProcessingSettings
+from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.recording.pipeline import ProcessingSettings
 from tests.jobs.laboratory import laboratory
 
 UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))

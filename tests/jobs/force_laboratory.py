@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scaling_service.formats.sto import Table, write_sto
-from scaling_service.formats.trc import write_trc
-from scaling_service.kernels.law_rates import Motion as Rates
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.kernels.wrench import root_wrench
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.massive import mechanism_of, total_mass
-from scaling_service.models.trial import Array, Trial
+from scaling_service.files.sto import Table, write_sto
+from scaling_service.files.trc import write_trc
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.trial import Array, Trial
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.wrench.ground_wrench import root_wrench
 
 RATE_HZ, SECONDS = 100.0, 2.5
 LEGS = ("pelvis", "hip", "knee", "ankle")

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Column, Contact, FreeMotion
-from scaling_service.discovery.comparing import Unseen
-from scaling_service.discovery.findings import Findings, Gap, Level, Named
-from scaling_service.discovery.judging import NOTHING
-from scaling_service.discovery.loads import Inertial
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, Contact, FreeMotion
+from scaling_service.capabilities.discovery.search.comparing import Unseen
+from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, Named
+from scaling_service.capabilities.discovery.search.judging import NOTHING
 
 UNSEEN = Unseen(0.5, 1e-4, False)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from scaling_service.jobs.discover import DiscoverResults, run
-from scaling_service.jobs.discover_settings import DiscoverSettings
-from scaling_service.jobs.loading import Loaded
-from scaling_service.models.subject import Session
-from scaling_service.studies.virtual_hidden import RECORDED, hidden_session
+from scaling_service.capabilities.discovery.run import DiscoverResults, run
+from scaling_service.capabilities.discovery.settings import DiscoverSettings
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.model.subject import Session
+from scaling_service.virtual.hidden import RECORDED, hidden_session
 
 SHORT = replace(RECORDED, functional_s=3.0, gait_trials=1, rate_hz=50.0)
 """Three movements at half the rate: searched in a few seconds."""

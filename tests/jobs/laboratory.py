@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scaling_service.formats.trc import write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import write_trc
+from scaling_service.model.trial import Trial
 from tests.calibration.people import Person, person
 
 LABELS = {

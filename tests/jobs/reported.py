@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scaling_service.jobs.documents import comparison_document, method_document
-from scaling_service.jobs.judging import verdict_document, verdict_of
-from scaling_service.jobs.reporting import report_html
-from scaling_service.jobs.tasks import Results
-from scaling_service.schemas.results import ComparisonDocument, TruthDocument
+from scaling_service.capabilities.scaling.documents import comparison_document, method_document
+from scaling_service.capabilities.scaling.judging import verdict_document, verdict_of
+from scaling_service.capabilities.scaling.reporting import report_html
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.reports.reading import Node, read
 
 MOST_BYTES = 8e6

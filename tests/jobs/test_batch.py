@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 import yaml
 
+from scaling_service.capabilities.cohort import subject_item
+from scaling_service.capabilities.cohort.document import CohortDocument
+from scaling_service.capabilities.cohort.run import BatchResult, batch
+from scaling_service.capabilities.cohort.scaling_items import Outcome
+from scaling_service.capabilities.cohort.subject_item import read_record
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
-from scaling_service.jobs import saving, subject_item
-from scaling_service.jobs.batch import BatchResult, batch
-from scaling_service.jobs.cohort_run import Outcome
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.subject_item import read_record
-from scaling_service.schemas.cohort import CohortDocument
 from tests.jobs.cohorts import FAST, someone, table
 
 METHODS = ("MB", "MB_am")

@@ -12,13 +12,13 @@ import pytest
 import typer
 import yaml
 
+from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
+from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.run import next_commands
 from scaling_service.cli.app import app
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.catalogue import find_dataset, read_catalogue
-from scaling_service.jobs.datasets import next_commands
-from scaling_service.models.builtin import reference_folder
-from scaling_service.schemas.datasets import Dataset
-from scaling_service.schemas.reading import check_document
+from scaling_service.documents.reading import check_document
+from scaling_service.model.builtin import reference_folder
 
 CATALOGUE = read_catalogue()
 

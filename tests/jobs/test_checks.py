@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.core.errors import InputError, MarkerMissing, SubjectInvalid, TrialUnusable
-from scaling_service.jobs.checks import (
+from scaling_service.capabilities.subject.checks import (
     refuse_one_spot,
     refuse_repeated,
     require_landmarks,
     require_measurements,
 )
-from scaling_service.jobs.hashes import input_hashes
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.models.subject import Measurement, ScaleSetup, Session, Subject
-from scaling_service.models.trial import Trial
+from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.core.errors import InputError, MarkerMissing, SubjectInvalid, TrialUnusable
+from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
+from scaling_service.model.trial import Trial
 from tests.jobs.laboratory import document, known_person, laboratory, write_subject
 
 SESSION = known_person(0.3).session

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.clinical_gait import ClinicalGait, clinical_gait
-from scaling_service.evaluation.gait_profile import VARIABLES
-from scaling_service.jobs.clinical import clinical_document, write_clinical
-from scaling_service.models.results import Motion
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session
+from scaling_service.capabilities.scaling.clinical.document import clinical_document, write_clinical
+from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_gait
+from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES
+from scaling_service.model.results import Motion
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 
 @pytest.fixture(scope="module")

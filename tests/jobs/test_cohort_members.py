@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.cohort_members import read_members
 
 
 @pytest.fixture

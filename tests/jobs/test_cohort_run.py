@@ -14,12 +14,10 @@ from os import _exit
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import segment_lengths
-from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.serial import Serial
-from scaling_service.evaluation.subject_summary import TRUTH, MethodSummary, SubjectSummary
-from scaling_service.jobs.cohort_documents import statistics_document
-from scaling_service.jobs.cohort_run import (
+from scaling_service.capabilities.cohort.document import StatisticsDocument
+from scaling_service.capabilities.cohort.documents import statistics_document
+from scaling_service.capabilities.cohort.executors import tell, workers
+from scaling_service.capabilities.cohort.scaling_items import (
     Done,
     NothingPossible,
     Outcome,
@@ -27,14 +25,16 @@ from scaling_service.jobs.cohort_run import (
     possible_methods,
     run_cohort,
 )
-from scaling_service.jobs.cohort_summary import summarise
-from scaling_service.jobs.cohort_tables import table
-from scaling_service.jobs.executors import tell, workers
-from scaling_service.jobs.loading import Loaded
-from scaling_service.jobs.tasks import run
-from scaling_service.models.subject import Subject
-from scaling_service.schemas.cohort import StatisticsDocument
-from scaling_service.studies.virtual_subject import VirtualSettings, virtual_subject
+from scaling_service.capabilities.cohort.subject_summary import TRUTH, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort.summaries import summarise
+from scaling_service.capabilities.cohort.tables import table
+from scaling_service.capabilities.scaling.run import run
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.serial import Serial
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.subject import Subject
+from scaling_service.virtual.subject import VirtualSettings, virtual_subject
 from tests.calibration.people import imaged, person
 
 SHORT = VirtualSettings(functional_s=3.0, gait_trials=1)

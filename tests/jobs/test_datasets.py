@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from scaling_service.capabilities.datasets import downloads
+from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.downloads import DownloadFailed, check_base_url
+from scaling_service.capabilities.datasets.run import Obtained, get_dataset
+from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
-from scaling_service.formats.image_markers import read_image_markers
-from scaling_service.jobs import downloads
-from scaling_service.jobs.datasets import Obtained, get_dataset
-from scaling_service.jobs.downloads import DownloadFailed, check_base_url
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.schemas.datasets import Dataset
+from scaling_service.files.image_markers import read_image_markers
 from tests.jobs.mirror import MODEL, Mirror, laid_out, made_up, serve
 
 FILES = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.anatomy.lengths import segment_lengths
-from scaling_service.calibration.methods import METHODS
-from scaling_service.jobs.demo import run_demo
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.tasks import Results
-from scaling_service.schemas.results import TruthDocument
-from scaling_service.studies.virtual_subject import virtual_subject
+from scaling_service.capabilities.scaling.demo import run_demo
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.documents.results import TruthDocument
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.virtual.subject import virtual_subject
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from scaling_service.discovery.findings import Named
-from scaling_service.jobs.discover_documents import discovery_document
-from scaling_service.jobs.discover_words import known_kinds, meaning, shown
-from scaling_service.schemas.discovery import DiscoveryDocument, QuantityDocument
+from scaling_service.capabilities.discovery.document import DiscoveryDocument, QuantityDocument
+from scaling_service.capabilities.discovery.documents import discovery_document
+from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.words import known_kinds, meaning, shown
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 

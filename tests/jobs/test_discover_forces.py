@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Column, Contact
-from scaling_service.discovery.catalogue import candidates
-from scaling_service.discovery.fitting import Account, account, scene_of
-from scaling_service.discovery.forces import corrected_forces
-from scaling_service.discovery.loads import PlateBias, PlateGain
-from scaling_service.discovery.performing import performed_on_plates
-from scaling_service.discovery.separating import would_separate
-from scaling_service.formats.forces import forces_of_table, read_forces
-from scaling_service.formats.sto import read_sto
-from scaling_service.jobs.discover_forces import usable_frames
-from scaling_service.jobs.discover_recordings import forces_table, write_contacts, write_corrected
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import Prepared, prepare, read
-from scaling_service.models.forces import GroundForces
-from scaling_service.processing.plates_feet import FootContacts
+from scaling_service.capabilities.discovery.evidence.fitting import Account, account, scene_of
+from scaling_service.capabilities.discovery.evidence.forces import corrected_forces
+from scaling_service.capabilities.discovery.evidence.performing import performed_on_plates
+from scaling_service.capabilities.discovery.forces import usable_frames
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
+from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, Contact
+from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.search.separating import would_separate
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.files.forces import forces_of_table, read_forces
+from scaling_service.files.sto import read_sto
+from scaling_service.model.forces import GroundForces
+from scaling_service.recording.plates_feet import FootContacts
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import laboratory
 

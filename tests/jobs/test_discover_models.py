@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Column, FreeMotion
-from scaling_service.discovery.effects import (
+from scaling_service.capabilities.discovery.effects import (
     coupled_motion,
     joint_axis_tilt,
     joint_centre_offset,
@@ -21,23 +19,25 @@ from scaling_service.discovery.effects import (
     skin_wobble,
     soft_tissue_artefact,
 )
-from scaling_service.discovery.fitting import Account
-from scaling_service.discovery.loads import Inertial, PlateGain, Tilt
-from scaling_service.discovery.scene import Scene
-from scaling_service.formats.osim import read_osim, write_osim
-from scaling_service.jobs.discover_models import (
+from scaling_service.capabilities.discovery.evidence.fitting import Account
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.loads import Inertial, PlateGain, Tilt
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.models import (
     corrected_model,
     osim_plan,
     own_models,
     write_corrected_osim,
 )
-from scaling_service.jobs.discover_start import Prepared
-from scaling_service.jobs.loading import Loaded
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.results import Array
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, FreeMotion
+from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.results import Array
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.jobs.hidden_case import session
 
 NEEDS_OPENSIM = pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.discovery.additions import Sized
-from scaling_service.discovery.candidates import Candidate, Contact
-from scaling_service.discovery.fitting import account
-from scaling_service.formats.sto import read_sto, write_sto
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import Prepared, prepare, read
-from scaling_service.models.subject import Subject
+from scaling_service.capabilities.discovery.evidence.fitting import account
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.search.candidates import Candidate, Contact
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.files.sto import read_sto, write_sto
+from scaling_service.model.subject import Subject
 
 WITHHELD, KEPT = "ground_force_2_", "ground_force_1_"
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.formats.trc import read_trc
-from scaling_service.jobs.discover_pictures import pictures
-from scaling_service.jobs.discover_saving import FILE_NAME, save_discovery
-from scaling_service.models.document import from_document
-from scaling_service.reports.discovery.page import discovery_page, headline
-from scaling_service.reports.discovery.what import what_section
-from scaling_service.reports.figures import Figure
-from scaling_service.schemas.discovery import DiscoveryDocument
-from scaling_service.studies.virtual_hidden import SLIDING, SWAPPED
+from scaling_service.capabilities.discovery.document import DiscoveryDocument
+from scaling_service.capabilities.discovery.pictures import pictures
+from scaling_service.capabilities.discovery.report.page import discovery_page, headline
+from scaling_service.capabilities.discovery.report.what import what_section
+from scaling_service.capabilities.discovery.saving import FILE_NAME, save_discovery
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.files.trc import read_trc
+from scaling_service.model.document import from_document
+from scaling_service.report.figures import Figure
+from scaling_service.virtual.hidden import SLIDING, SWAPPED
 from tests.jobs.hidden_case import found, session
 
 

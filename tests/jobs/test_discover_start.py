@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.calibration.settings import CalibrationSettings
+from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.fit import LARGEST_M, check_fits, mirrored, typical_distance
+from scaling_service.capabilities.discovery.free import free_of
+from scaling_service.capabilities.discovery.limits import check_lengths, limits
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.discovery.fitting import Recording
-from scaling_service.jobs.discover_fit import LARGEST_M, check_fits, mirrored, typical_distance
-from scaling_service.jobs.discover_free import free_of
-from scaling_service.jobs.discover_limits import check_lengths, limits
-from scaling_service.jobs.discover_settings import AS_MEASURED, DiscoverSettings
-from scaling_service.jobs.discover_start import prepare, read
-from scaling_service.jobs.loading import Loaded
-from scaling_service.models.builtin import builtin
-from scaling_service.models.scaling import scaled
-from scaling_service.models.trial import Trial
+from scaling_service.model.builtin import builtin
+from scaling_service.model.scaling import scaled
+from scaling_service.model.trial import Trial
 from tests.jobs.hidden_case import session
 from tests.jobs.laboratory import laboratory
 

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.dynamics.forces import trial_forces
+from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
+from scaling_service.capabilities.dynamics.saving import save_dynamics
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from scaling_service.capabilities.dynamics.start import prepare
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.formats.osim import read_osim
-from scaling_service.jobs.dynamics import DynamicsResults, dynamics
-from scaling_service.jobs.dynamics_forces import trial_forces
-from scaling_service.jobs.dynamics_saving import save_dynamics
-from scaling_service.jobs.dynamics_settings import DynamicsSettings
-from scaling_service.jobs.dynamics_start import prepare
-from scaling_service.models.builtin import builtin
-from scaling_service.models.forces import GroundForces
-from scaling_service.models.massive import inertias_of, total_mass, with_inertias
-from scaling_service.models.trial import Repair
-from scaling_service.processing.orientation import Orientation
+from scaling_service.files.osim import read_osim
+from scaling_service.model.builtin import builtin
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.trial import Repair
+from scaling_service.recording.orientation import Orientation
 from tests.calibration.forced import other_person
 from tests.jobs.force_laboratory import document, force_laboratory, recorded, write_subject
 from tests.jobs.recorded import walker_document

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.scaling.run import compare
+from scaling_service.capabilities.subject.bone_evidence import gather
+from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.evidence import gather
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import compare
-from scaling_service.models.builtin import builtin
-from scaling_service.models.subject import Subject
+from scaling_service.model.builtin import builtin
+from scaling_service.model.subject import Subject
 from tests.jobs.recorded import walker_document
 
 MODEL = builtin("lower_limb_14dof")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.jobs.judging import evidence_of, usual_lengths
-from scaling_service.jobs.tasks import Results
-from scaling_service.models.images import ImageEvidence
+from scaling_service.capabilities.scaling.judging import evidence_of, usual_lengths
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.model.images import ImageEvidence
 
 
 def test_errors_and_parameters_are_the_results(results: Results) -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.subject.loading import blamed_on, load, read_model
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.formats.trc import write_trc
-from scaling_service.jobs.loading import blamed_on, load, read_model
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.subjects import load_subject
+from scaling_service.files.trc import write_trc
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.laboratory import known_person, laboratory, write_recording
 

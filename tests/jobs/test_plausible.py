@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.kinematic_error import KinematicError
-from scaling_service.jobs.plausible import doubts
+from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.capabilities.scaling.plausible import doubts
 
 
 def _error(mean: float) -> KinematicError:

@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.formats.trc import write_trc
-from scaling_service.jobs.proof import prove
-from scaling_service.jobs.proof_roles import bone_of
-from scaling_service.jobs.proof_saving import prove_folder
-from scaling_service.jobs.proof_warnings import _OTHER
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import scale
-from scaling_service.models.builtin import builtin
-from scaling_service.models.document import to_document
-from scaling_service.models.trial import Array
-from scaling_service.schemas.arrays import ArrayEntry
-from scaling_service.schemas.proof import ProofDocument
+from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.roles import bone_of
+from scaling_service.capabilities.intake.run import prove
+from scaling_service.capabilities.intake.saving import prove_folder
+from scaling_service.capabilities.intake.warnings import _OTHER
+from scaling_service.capabilities.scaling.run import scale
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.files.trc import write_trc
+from scaling_service.model.builtin import builtin
+from scaling_service.model.document import to_document
+from scaling_service.model.trial import Array
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 

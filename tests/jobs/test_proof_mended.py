@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.formats.trc import write_trc
-from scaling_service.jobs.proof import prove
-from scaling_service.jobs.proof_saving import prove_folder
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import default_coordinates
-from scaling_service.models.trial import Array, Trial
-from scaling_service.schemas.proof import ProblemEntry, ProofDocument
+from scaling_service.capabilities.intake.document import ProblemEntry, ProofDocument
+from scaling_service.capabilities.intake.run import prove
+from scaling_service.capabilities.intake.saving import prove_folder
+from scaling_service.files.trc import write_trc
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import default_coordinates
+from scaling_service.model.trial import Array, Trial
 from tests.calibration.people import movement, trial
 from tests.jobs.force_laboratory import recorded, write_forces
 

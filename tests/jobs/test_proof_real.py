@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.jobs.proof import prove
-from scaling_service.schemas.proof import ProofDocument
+from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.run import prove
 
 
 def proof(data: Path, name: str, scratch: Path) -> ProofDocument:

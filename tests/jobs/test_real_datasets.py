@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.formats.image_markers import read_image_markers
-from scaling_service.formats.mesh import read_mesh
-from scaling_service.jobs.catalogue import read_catalogue
-from scaling_service.jobs.dataset_files import image_markers
-from scaling_service.jobs.datasets import get_dataset
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import compare
-from scaling_service.schemas.datasets import Dataset, RemoteFile
+from scaling_service.capabilities.datasets.catalogue import read_catalogue
+from scaling_service.capabilities.datasets.document import Dataset, RemoteFile
+from scaling_service.capabilities.datasets.files import image_markers
+from scaling_service.capabilities.datasets.run import get_dataset
+from scaling_service.capabilities.scaling.run import compare
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.files.image_markers import read_image_markers
+from scaling_service.files.mesh import read_mesh
 from tests.jobs.mirror import serve
 
 CATALOGUE = read_catalogue()

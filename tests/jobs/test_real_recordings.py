@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.formats.osim import read_osim
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.tasks import Results, compare, scale
+from scaling_service.capabilities.scaling.run import Results, compare, scale
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.files.osim import read_osim
 from tests.jobs.laboratory import write_subject
 from tests.jobs.recorded import squatter_document, walker_document
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.cli import main
-from scaling_service.jobs import saving
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.tasks import Results, compare
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.reported import MOST_BYTES
 from tests.reports.reading import data, read

@@ -9,18 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.jobs.demo import run_demo
-from scaling_service.jobs.judging import verdict_of
-from scaling_service.jobs.overlay import knee_axes, overlay
-from scaling_service.jobs.reporting import report_html, shown_trial, subject_data
-from scaling_service.jobs.tasks import Results
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import Marker
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.neutral import neutral_frames
-from scaling_service.models.parameters import fold, free_axis
-from scaling_service.schemas.results import TruthDocument
+from scaling_service.capabilities.playback.overlay import knee_axes, overlay
+from scaling_service.capabilities.scaling.demo import run_demo
+from scaling_service.capabilities.scaling.judging import verdict_of
+from scaling_service.capabilities.scaling.reporting import report_html, shown_trial, subject_data
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.documents.results import TruthDocument
+from scaling_service.model.body import Marker
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.parameters import fold, free_axis
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.jobs.reported import MOST_BYTES, document_of, page_of, without
 from tests.reports.reading import data, tables
 from tests.reports.test_blocks import NASTY, shown

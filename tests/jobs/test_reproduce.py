@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.cli import main
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.reproduce import StudyResult, reproduce_puchaud2019, save_study
-from scaling_service.jobs.settings import Settings
-from scaling_service.schemas.study import Beside, StudyDocument
-from scaling_service.studies.puchaud2019_claims import CLAIMS
-from scaling_service.studies.puchaud2019_paper import METHODS, paper
+from scaling_service.studies.document import Beside, StudyDocument
+from scaling_service.studies.puchaud2019.claims import CLAIMS
+from scaling_service.studies.puchaud2019.paper import METHODS, paper
+from scaling_service.studies.puchaud2019.run import StudyResult, reproduce_puchaud2019, save_study
 from tests.reports.reading import Node, read
 
 WALKERS = 2  # looked at alone; the paper's six, and one more, take twice as long
@@ -23,7 +23,7 @@ PERSONS = WALKERS + 1
 @pytest.fixture(scope="module")
 def result() -> StudyResult:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scaling_service.jobs.reproduce.WALKERS", WALKERS)
+        patch.setattr("scaling_service.studies.puchaud2019.run.WALKERS", WALKERS)
         return reproduce_puchaud2019(Settings(), subjects=PERSONS, worker_count=2)
 
 
@@ -78,7 +78,7 @@ def test_the_page_says_what_the_document_says(result: StudyResult, page: Node) -
 
 def test_another_seed_is_other_persons(result: StudyResult) -> None:
     assert result.document.subjects[0] == "virtual_1"
-    from scaling_service.studies.puchaud2019 import person_seeds
+    from scaling_service.studies.puchaud2019.study import person_seeds
 
     assert not set(person_seeds(0)) & set(person_seeds(1))
 

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
 from scaling_service.core.errors import InputError
-from scaling_service.evaluation.uncertainty import UncertaintySettings
-from scaling_service.jobs.reproduce_muller2017 import reproduce_muller2017, save_muller2017
-from scaling_service.schemas.study_muller2017 import Muller2017Document
-from scaling_service.studies.muller2017_claims import CLAIMS
-from scaling_service.studies.virtual_excitation import ExcitationSettings
+from scaling_service.studies.muller2017.claims import CLAIMS
+from scaling_service.studies.muller2017.document import Muller2017Document
+from scaling_service.studies.muller2017.excitation import ExcitationSettings
+from scaling_service.studies.muller2017.run import reproduce_muller2017, save_muller2017
 from tests.reports.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.scaling import saving
+from scaling_service.capabilities.scaling.comparison.segments import geometry
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.saving import check_folder, save
 from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
-from scaling_service.evaluation.segments import geometry
-from scaling_service.formats.osim import read_osim
-from scaling_service.formats.sto import motion_values, read_sto
-from scaling_service.jobs import saving
-from scaling_service.jobs.saving import check_folder, save
-from scaling_service.jobs.tasks import Results
-from scaling_service.models.document import from_document
-from scaling_service.models.results import Calibration
-from scaling_service.schemas.results import ComparisonDocument, ScalingDocument
+from scaling_service.documents.results import ComparisonDocument, ScalingDocument
+from scaling_service.files.osim import read_osim
+from scaling_service.files.sto import motion_values, read_sto
+from scaling_service.model.document import from_document
+from scaling_service.model.results import Calibration
 
 needs_opensim = pytest.mark.skipif(
     find_spec("opensim") is None, reason="the opensim library is not installed"

@@ -12,19 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.jobs.arrays import MOST_FRAMES, ArrayFiles
-from scaling_service.jobs.loading import Loaded
-from scaling_service.jobs.proof_tables import at_frames
-from scaling_service.jobs.scene_results import AFTER, BEFORE, scene_of_discovery, scene_of_results
-from scaling_service.jobs.scene_shapes import MOST_FACES, glb, long_ends, simple_shape
-from scaling_service.jobs.tasks import Results, run
-from scaling_service.models.builtin import builtin
-from scaling_service.models.neutral import neutral_frames
-from scaling_service.models.poses import segment_poses
-from scaling_service.models.trial import Array
-from scaling_service.schemas.arrays import ArrayEntry
-from scaling_service.schemas.scene import BodyEntry, MotionEntry, SceneDocument, SceneTrial
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session
+from scaling_service.capabilities.intake.tables import at_frames
+from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
+from scaling_service.capabilities.playback.results import AFTER, BEFORE, scene_of_discovery, scene_of_results
+from scaling_service.capabilities.playback.shapes import MOST_FACES, glb, long_ends, simple_shape
+from scaling_service.capabilities.scaling.run import Results, run
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.documents.table_files import MOST_FRAMES, ArrayFiles
+from scaling_service.model.builtin import builtin
+from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.poses import segment_poses
+from scaling_service.model.trial import Array
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 from tests.jobs.hidden_case import found
 
 TOLERANCE_MM = 0.005  # float32 of some metres, local coordinates to the micrometre

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.jobs.hashes import input_hashes
-from scaling_service.jobs.subjects import load_subject
 from tests.jobs.laboratory import document, write_subject
 
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.calibration.methods import METHODS, calibrate
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
+from scaling_service.capabilities.scaling.run import Results, compare, scale
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.evaluation.kinematic_error import kinematic_error
-from scaling_service.jobs.settings import Settings
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import Results, compare, scale
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin, generic_person
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin, generic_person
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.laboratory import document, laboratory, write_subject
 

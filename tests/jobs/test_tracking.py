@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.discovery.models import corrected_model
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.recordings import ik
+from scaling_service.capabilities.motion.saving import save_motions
+from scaling_service.capabilities.scaling.run import scale
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import FileUnreadable, InputError, ModelRefused
-from scaling_service.formats.sto import read_sto
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.jobs.discover_models import corrected_model
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.tasks import scale
-from scaling_service.jobs.tracking import ik
-from scaling_service.jobs.tracking_saving import save_motions
-from scaling_service.models.builtin import builtin
-from scaling_service.models.document import to_document
+from scaling_service.files.sto import read_sto
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.builtin import builtin
+from scaling_service.model.document import to_document
 from tests.jobs.hidden_case import found, session
 from tests.jobs.laboratory import document, laboratory, write_subject
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scaling_service.models.body import (
+from scaling_service.model.body import (
     BodyModel,
     Coordinate,
     Joint,

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.kernels.estimator import Settings
-from scaling_service.kernels.problem import Problem
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Parameter
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.parameters import free_axis, free_marker, free_scale
+from scaling_service.model.body import BodyModel, Parameter
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.parameters import free_axis, free_marker, free_scale
+from scaling_service.numerics.least_squares.estimator import Settings
+from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import Array, leg, leg_motion
 
 TIGHT = Settings(max_steps=300, relative_decrease=1e-15)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.kernels.law_rates import Motion
-from scaling_service.models.body import BodyModel, Segment
+from scaling_service.model.body import BodyModel, Segment
+from scaling_service.numerics.multibody.law_rates import Motion
 from tests.kernels.bodies import named, slow_jacobian, slow_markers
 
 Array = NDArray[np.float64]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from scaling_service.kernels.sweep import SweepSettings, solve_motion
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import Array, leg, leg_motion
 
 SEEDS = st.integers(0, 10_000)

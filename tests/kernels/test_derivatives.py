@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from scaling_service.kernels.derivatives import MIN_SAMPLES, SplineRates, spline_rates
+from scaling_service.numerics.multibody.derivatives import MIN_SAMPLES, SplineRates, spline_rates
 
 
 def test_rates_are_those_of_scipys_natural_quintic_spline() -> None:

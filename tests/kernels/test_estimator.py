@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.estimator import (
+from scaling_service.numerics.least_squares.estimator import (
     Outcome,
     Settings,
     solve,
@@ -18,9 +18,9 @@ from scaling_service.kernels.estimator import (
     solve_parameters,
     uncertainty,
 )
-from scaling_service.kernels.losses import Cauchy, Huber
-from scaling_service.kernels.problem import Problem, residuals, total_cost
-from scaling_service.kernels.sweep import SweepSettings, solve_motion
+from scaling_service.numerics.least_squares.losses import Cauchy, Huber
+from scaling_service.numerics.least_squares.problem import Problem, residuals, total_cost
+from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
 from tests.kernels.bodies import Array
 from tests.kernels.bordered import TIGHT, Case, case, freed
 
@@ -153,7 +153,7 @@ def test_blocks_and_forgetting_them_make_no_difference(monkeypatch: pytest.Monke
     usual = solve(this.problem, this.q0, this.p0, few)
     for name, value in (("problem._BLOCK", 10_000), ("problem._BLOCK", 7), ("border._KEEP", 0)):
         with monkeypatch.context() as patch:
-            patch.setattr(f"scaling_service.kernels.{name}", value)
+            patch.setattr(f"scaling_service.numerics.least_squares.{name}", value)
             other = solve(this.problem, this.q0, this.p0, few)
         np.testing.assert_allclose(other.p, usual.p, rtol=0, atol=1e-10)
         np.testing.assert_allclose(other.q, usual.q, rtol=0, atol=1e-10)

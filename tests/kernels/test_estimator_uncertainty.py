@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.kernels.estimator import Settings, solve, uncertainty
-from scaling_service.kernels.problem import residuals
-from scaling_service.models.parameters import free_axis, free_marker, free_scale
+from scaling_service.model.parameters import free_axis, free_marker, free_scale
+from scaling_service.numerics.least_squares.estimator import Settings, solve, uncertainty
+from scaling_service.numerics.least_squares.problem import residuals
 from tests.kernels.bodies import leg
 from tests.kernels.bordered import TIGHT, case
 

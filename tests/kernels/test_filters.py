@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.kernels.filters import (
+from scaling_service.numerics.signals.filters import (
     butterworth,
     fill_short_gaps,
     moving_average,

@@ -7,13 +7,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.functional import (
+from scaling_service.numerics.geometry.functional import (
     Poses,
     ranges_of_motion,
     rotation_axis,
     rotation_centre,
 )
-from scaling_service.kernels.rigid import fit_rigid
+from scaling_service.numerics.multibody.rigid import fit_rigid
 
 CENTRE = np.array([0.02, -0.09, 0.08])
 """In the proximal segment, m: about where a hip lies in the pelvis."""

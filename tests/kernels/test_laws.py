@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 
-from scaling_service.kernels.laws import NONE, Factor, Piecewise, TermArrays, Values
+from scaling_service.numerics.multibody.laws import NONE, Factor, Piecewise, TermArrays, Values
 
 
 def curve(seed: int) -> PPoly:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.kernels.losses import SQUARED, Cauchy, Huber, Loss
+from scaling_service.numerics.least_squares.losses import SQUARED, Cauchy, Huber, Loss
 
 LOSSES = [SQUARED, Huber(0.01), Cauchy(0.01)]
 

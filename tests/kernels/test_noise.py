@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.kernels.noise import repetition, residual_variance
-from scaling_service.kernels.problem import Problem
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.compile import compile_model
-from scaling_service.models.parameters import free_marker
+from scaling_service.model.compile import compile_model
+from scaling_service.model.parameters import free_marker
+from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.signals.noise import repetition, residual_variance
 from tests.kernels.bodies import leg, leg_motion
 
 NONE = np.zeros(0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.rigid import (
+from scaling_service.numerics.multibody.rigid import (
     fit_rigid,
     nearest_rotation,
     rotation_about,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from scaling_service.kernels.splines import DEGREE, ORDER, SplineBasis
-from scaling_service.kernels.splines_band import (
+from scaling_service.numerics.signals.splines import DEGREE, ORDER, SplineBasis
+from scaling_service.numerics.signals.splines_band import (
     Quadratic,
     Step,
     banded,

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.sweep import SweepSettings, is_articulated, solve_motion
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
-from scaling_service.models.compile import compile_model, parameter_values
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.numerics.multibody.sweep import SweepSettings, is_articulated, solve_motion
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import Array, leg, leg_motion, with_signal
 from tests.kernels.swept import SEEDS, TIGHT, Case, case
 
@@ -117,7 +117,7 @@ def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     this.options["prior"] = (this.truth, np.full(10, 1e-4))
     few = SweepSettings(max_steps=4, left=0.0, step_tolerance=0.0)  # so that both end alike
     blocked = this.solve(few)
-    monkeypatch.setattr("scaling_service.kernels.sweep._BLOCK", 10_000)
+    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._BLOCK", 10_000)
     np.testing.assert_allclose(blocked.q, this.solve(few).q, rtol=0, atol=1e-12)
     np.testing.assert_allclose(blocked.cost, this.solve(few).cost, rtol=1e-11)
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.kernels.sweep import SweepSettings, solve_motion
-from scaling_service.kernels.tree import forward, jacobian, marker_positions, positions
-from scaling_service.models.compile import compile_model
+from scaling_service.model.compile import compile_model
+from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
+from scaling_service.numerics.multibody.tree import forward, jacobian, marker_positions, positions
 from tests.kernels.bodies import Array, leg, leg_motion, random_tree, slow_jacobian
 from tests.kernels.swept import SEEDS, Case, case
 
@@ -97,7 +97,7 @@ def test_newton_steps_are_fewer_where_residuals_stay(seed: int, monkeypatch: pyt
     measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
     how = SweepSettings(left=1e-12, max_steps=300)
     newton = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
-    monkeypatch.setattr("scaling_service.kernels.sweep._NEAR", 0.0)
+    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._NEAR", 0.0)
     plain = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
     assert np.median(newton.steps) <= 9 < np.median(plain.steps)
     np.testing.assert_allclose(newton.cost, plain.cost, rtol=1e-7)

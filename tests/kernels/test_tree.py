@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.kernels.tree import Tree, forward, jacobian, marker_positions, positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.parameters import free_axis, free_marker, free_scale
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.parameters import free_axis, free_marker, free_scale
+from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, marker_positions, positions
 from tests.kernels.bodies import (
     Array,
     all_names,

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.kernels.law_rates import Motion
-from scaling_service.kernels.spatial import moving, point_velocity
-from scaling_service.kernels.wrench import GRAVITY as DOWN
-from scaling_service.kernels.wrench import Loads, inverse_dynamics, moment_about, root_wrench
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Parameter, Segment
-from scaling_service.models.builtin import BUILTIN_NAMES, builtin
-from scaling_service.models.compile import parameter_values
-from scaling_service.models.massive import mechanism_of, total_mass
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Parameter, Segment
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.multibody.spatial import moving, point_velocity
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY as DOWN
+from scaling_service.numerics.wrench.ground_wrench import Loads, inverse_dynamics, moment_about, root_wrench
 from tests.kernels.bodies import leg, random_tree
 from tests.kernels.massive import (
     GRAVITY,

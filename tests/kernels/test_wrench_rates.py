@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.kernels.law_rates import Motion
-from scaling_service.kernels.laws import Array
-from scaling_service.kernels.marker_rates import marker_motion, marker_normal, rows_of_twists
-from scaling_service.kernels.marker_shifts import MarkerShifts, shift_normal
-from scaling_service.kernels.mechanism import Mechanism
-from scaling_service.kernels.screws import screws_of
-from scaling_service.kernels.spatial import moving
-from scaling_service.kernels.tree import Tree
-from scaling_service.kernels.wrench import root_wrench
-from scaling_service.kernels.wrench_rates import wrench_rates
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Shape, Term
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model
-from scaling_service.models.massive import mechanism_of
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Term
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model
+from scaling_service.model.massive import mechanism_of
+from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.marker_rates import marker_motion, marker_normal, rows_of_twists
+from scaling_service.numerics.multibody.marker_shifts import MarkerShifts, shift_normal
+from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.screws import screws_of
+from scaling_service.numerics.multibody.spatial import moving
+from scaling_service.numerics.multibody.tree import Tree
+from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench.wrench_rates import wrench_rates
 
 STEP, FRAMES = 1e-5, 3
 RNG = np.random.default_rng(11)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.kernels.base_parameters import base_parameters, triangular_factor
-from scaling_service.kernels.mechanism import Inertias
-from scaling_service.kernels.regressor import regressor_blocks
-from scaling_service.kernels.wrench import inverse_dynamics
-from scaling_service.models.builtin import BUILTIN_NAMES, builtin
-from scaling_service.models.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.wrench.base_parameters import base_parameters, triangular_factor
+from scaling_service.numerics.wrench.ground_wrench import inverse_dynamics
+from scaling_service.numerics.wrench.regressor import regressor_blocks
 from tests.kernels.bodies import leg, random_tree
 from tests.kernels.massive import GRAVITY, in_pinocchio, random_motion, with_random_masses
 from tests.kernels.test_wrench import pendulum

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.landmarking.head import _twins
-from scaling_service.landmarking.spheres import SphereOnBone
-from scaling_service.landmarking.surface import prepare
+from scaling_service.bones.head import _twins
+from scaling_service.bones.spheres import SphereOnBone
+from scaling_service.bones.surface import prepare
 from tests.landmarking import bones
 
 

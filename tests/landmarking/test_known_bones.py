@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.landmarking.results import BoneLandmarks
-from scaling_service.landmarking.whole import find_landmarks
+from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.whole import find_landmarks
 from tests.landmarking import bones
 
 

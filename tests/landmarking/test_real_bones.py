@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from scaling_service.formats.mesh import read_mesh
-from scaling_service.landmarking.results import BoneLandmarks
-from scaling_service.landmarking.shells import merged
-from scaling_service.landmarking.whole import Mesh, find_landmarks
+from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.shells import merged
+from scaling_service.bones.whole import Mesh, find_landmarks
+from scaling_service.files.mesh import read_mesh
 
 FILES = {
     "pelvis": "pelvis_no_sacrum.stl",

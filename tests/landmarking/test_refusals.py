@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.landmarking.refusals import MeshRefused
-from scaling_service.landmarking.whole import find_landmarks, unit_of
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.whole import find_landmarks, unit_of
 from tests.landmarking import bones
 
 CUBE = bones.meshed([lambda p: np.abs(p).max(axis=1) - 50], [-60] * 3, [60] * 3, step=4.0)

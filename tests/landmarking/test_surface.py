@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.landmarking.refining import refined_mesh
-from scaling_service.landmarking.shells import boundary_share, merged, shells, wound_alike
-from scaling_service.landmarking.smoothing import Smoother, vertex_areas, vertex_normals
-from scaling_service.landmarking.surface import prepare
+from scaling_service.bones.refining import refined_mesh
+from scaling_service.bones.shells import boundary_share, merged, shells, wound_alike
+from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals
+from scaling_service.bones.surface import prepare
 
 BALL = trimesh.creation.icosphere(4, 0.03)
 POINTS, FACES = np.asarray(BALL.vertices), np.asarray(BALL.faces).astype(np.intp)

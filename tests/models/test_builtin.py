@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from scaling_service.core.errors import InputError
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Shape
-from scaling_service.models.builtin import BUILTIN_NAMES, builtin, generic_person, reference_folder
-from scaling_service.models.compact import expand
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.neutral import neutral_frames, neutral_markers, shape_value
+from scaling_service.model.body import BodyModel, Shape
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin, generic_person, reference_folder
+from scaling_service.model.compact import expand
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.neutral import neutral_frames, neutral_markers, shape_value
+from scaling_service.numerics.multibody.tree import marker_positions
 
 models = pytest.mark.parametrize("name", BUILTIN_NAMES)
 legs = pytest.mark.parametrize("name", ["lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"])

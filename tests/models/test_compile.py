@@ -11,11 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.moves import Fixed, Shift, Turn
-from scaling_service.kernels.rigid import rotation_about
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
-from scaling_service.models.compile import (
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
+from scaling_service.model.compile import (
     compile_model,
     coordinate_bounds,
     default_coordinates,
@@ -23,8 +20,11 @@ from scaling_service.models.compile import (
     parameter_values,
     signal_rows,
 )
-from scaling_service.models.neutral import neutral_frames
-from scaling_service.models.parameters import free_scale
+from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.parameters import free_scale
+from scaling_service.numerics.multibody.moves import Fixed, Shift, Turn
+from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import leg, leg_motion, random_tree, slow_batch
 
 

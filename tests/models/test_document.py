@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.models.body import (
+from scaling_service.model.body import (
     BodyModel,
     Coordinate,
     Coupler,
@@ -24,8 +24,8 @@ from scaling_service.models.body import (
     Shape,
     Term,
 )
-from scaling_service.models.builtin import BUILTIN_NAMES, builtin
-from scaling_service.models.document import from_document, to_document
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.document import from_document, to_document
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -6,11 +6,11 @@ from importlib.resources.abc import Traversable
 
 import pytest
 
-from scaling_service.anatomy.markers import canonical, looks_computed, plain_key
-from scaling_service.models.body import BodyModel
-from scaling_service.models.builtin import builtin
-from scaling_service.models.marker_sets import MarkerSet, landmarks, marker_sets
-from scaling_service.models.reference import marker_set_files, read_reference
+from scaling_service.model.anatomy.markers import canonical, looks_computed, plain_key
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import builtin
+from scaling_service.model.marker_sets import MarkerSet, landmarks, marker_sets
+from scaling_service.model.reference import marker_set_files, read_reference
 
 SETS = list(marker_sets().values())
 OF_SKIN = [s for s in SETS if not s.key_points]

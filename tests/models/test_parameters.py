@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.neutral import neutral_frames
-from scaling_service.models.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
-from scaling_service.models.scaling import scaled
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.kernels.bodies import leg, leg_motion
 
 FACTORS = st.floats(0.8, 1.2)

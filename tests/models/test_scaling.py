@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
-from scaling_service.models.compile import compile_model
-from scaling_service.models.scaling import scaled
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
 
 INERTIA = (0.02, 0.01, 0.03, 0.001, -0.002, 0.003)
 

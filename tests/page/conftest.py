@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scaling_service.api import site
+from scaling_service.service.http import site
 from tests.cli.serving import served
 from tests.page.node import packages
 from tests.page.visitor import ARGUMENTS, CHROMIUM, Visitor

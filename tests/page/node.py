@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-WEB = Path(__file__).resolve().parents[2] / "scaling_service" / "api" / "web"
+WEB = Path(__file__).resolve().parents[2] / "scaling_service" / "service" / "page"
 
 
 def node() -> tuple[Path, list[str]]:

@@ -9,8 +9,8 @@ import numpy as np
 import requests
 
 from scaling_service.client import Client
-from scaling_service.formats.trc import write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import write_trc
+from scaling_service.model.trial import Trial
 from tests.page.conftest import Visit
 from tests.page.node import WEB
 from tests.page.walker import put_walker

@@ -9,8 +9,8 @@ import numpy as np
 import requests
 from PIL import Image
 
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
 from tests.page.conftest import Visit
 from tests.page.visitor import Visitor
 

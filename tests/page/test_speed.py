@@ -11,8 +11,8 @@ import pytest
 import requests
 
 from scaling_service.client import Client
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
 from tests.page.conftest import Visit
 
 pytestmark = pytest.mark.benchmark

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.client import Client
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
 
 FILES = ("static.trc", "gait_1.trc")
 

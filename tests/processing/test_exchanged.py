@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.markers import canonical
-from scaling_service.formats.recording import READERS, read_recording
-from scaling_service.models.trial import Trial
-from scaling_service.processing.exchanged import exchanged
-from scaling_service.studies.virtual_subject import demo_session
+from scaling_service.files.recording import READERS, read_recording
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.trial import Trial
+from scaling_service.recording.exchanged import exchanged
+from scaling_service.virtual.subject import demo_session
 
 RATE_HZ = 100.0
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "RLFE", "RMFE", "LLFE", "LMFE", "RLM", "RMM", "LLM", "LMM")

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.models.trial import Trial
-from scaling_service.processing.gaps import fill, mean_shape
+from scaling_service.model.trial import Trial
+from scaling_service.recording.gaps import fill, mean_shape
 
 LABELS = ("A", "B", "C", "D", "E")
 CLUSTERS = {"femur_r": ("A", "B", "C", "D", "E")}
@@ -142,7 +142,7 @@ def test_mean_shape_of_a_rigid_cluster_with_holes_is_the_cluster(seed):
 
 @pytest.mark.parametrize("length", [20, 50])
 def test_gaps_cut_out_of_a_real_recording(shared_data, length):
-    from scaling_service.formats.trc import read_trc
+    from scaling_service.files.trc import read_trc
 
     trial = read_trc(shared_data / "opencap_squat/squats1.trc")
     cluster = {"femur_r": ("r_thigh1", "r_thigh2", "r_thigh3", "r_knee")}

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.kernels.rigid import rotation_about
-from scaling_service.models.trial import Trial
-from scaling_service.processing.orientation import apply, decide, orient
-from scaling_service.processing.units import unit_factor
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.recording.orientation import apply, decide, orient
+from scaling_service.recording.units import unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
     "RASIS": (0.10, 0.95, 0.12), "LASIS": (0.10, 0.95, -0.12), "RPSIS": (-0.08, 0.98, 0.05),
@@ -152,7 +152,7 @@ def test_gaps_and_markers_that_are_never_seen_do_not_disturb():
 
 def test_real_laboratories(shared_data):
     """Y up by OpenSim's convention in the TRC files, Z up by the data's description in the C3D file."""
-    from scaling_service.formats.recording import read_recording
+    from scaling_service.files.recording import read_recording
 
     for name, up in (
         ("functional/right_knee.c3d", "up +z"),

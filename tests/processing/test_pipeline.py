@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import InputError
-from scaling_service.models.trial import Trial
-from scaling_service.processing.orientation import decide
-from scaling_service.processing.pipeline import ProcessingSettings, process
-from scaling_service.processing.smoothing import smooth_by_average, smooth_by_cutoff
+from scaling_service.model.trial import Trial
+from scaling_service.recording.orientation import decide
+from scaling_service.recording.pipeline import ProcessingSettings, process
+from scaling_service.recording.smoothing import smooth_by_average, smooth_by_cutoff
 
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "HEAD")
 CLUSTERS = {"pelvis": LABELS[:4]}
@@ -98,7 +98,7 @@ def test_one_frame_goes_through():
 
 
 def test_real_recordings_go_through(shared_data):
-    from scaling_service.formats.recording import read_recording
+    from scaling_service.files.recording import read_recording
 
     trial = read_recording(shared_data / "jia_mri/Walking01.c3d")
     roles = {"RASI": "RASIS", "LASI": "LASIS", "RPSI": "RPSIS", "LPSI": "LPSIS", "RANK": "RLM", "LANK": "LLM"}

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.formats.c3d import read_c3d
-from scaling_service.formats.c3d_plates import read_c3d_plates
-from scaling_service.formats.forces import read_forces
-from scaling_service.kernels.filters import butterworth
-from scaling_service.kernels.rigid import rotation_from_vector
-from scaling_service.models.forces import GroundForces, PlateRecording, RawPlate
-from scaling_service.models.trial import Array
-from scaling_service.processing.orientation import Orientation, decide
-from scaling_service.processing.plates import ground_forces, orient_forces, plate_axes
+from scaling_service.files.c3d import read_c3d
+from scaling_service.files.c3d_plates import read_c3d_plates
+from scaling_service.files.forces import read_forces
+from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
+from scaling_service.model.trial import Array
+from scaling_service.numerics.multibody.rigid import rotation_from_vector
+from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording.plates import ground_forces, orient_forces, plate_axes
 
 FORCE, POINT, FREE = np.array([30.0, -20.0, 700.0]), np.array([0.12, -0.05, 0.0]), 4.0
 """On the body, in axes with z up and the middle of the plate as origin."""

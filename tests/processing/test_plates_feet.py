@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.formats.forces import read_forces
-from scaling_service.formats.recording import read_recording
-from scaling_service.models.forces import GroundForces
-from scaling_service.models.trial import Array
-from scaling_service.processing.plates_feet import NOBODY, FootContacts, assign_plates, foot_loads
-from scaling_service.processing.synchronise import synchronise
+from scaling_service.files.forces import read_forces
+from scaling_service.files.recording import read_recording
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.trial import Array
+from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_plates, foot_loads
+from scaling_service.recording.synchronise import synchronise
 
 STEP, N = 0.01, 200
 TIMES = STEP * np.arange(N)

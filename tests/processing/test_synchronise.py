@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.kernels.filters import butterworth
-from scaling_service.models.forces import GroundForces
-from scaling_service.models.trial import Array
-from scaling_service.processing.synchronise import synchronise
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.trial import Array
+from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.recording.synchronise import synchronise
 
 
 def made(times: Array) -> GroundForces:

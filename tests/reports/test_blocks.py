@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.reports.blocks import (
+from scaling_service.report.blocks import (
     Block,
     Bullets,
     Callout,
@@ -17,7 +17,7 @@ from scaling_service.reports.blocks import (
     Table,
     Text,
 )
-from scaling_service.reports.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, chart, plain
 from tests.reports.reading import Node, data, read, tables
 
 NASTY = "<script>alert('1')</script> & \"quoted\" </td></style>"

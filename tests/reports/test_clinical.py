@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.gait_profile import VARIABLES, schwartz2008
-from scaling_service.evaluation.verdict_evidence import Verdict
-from scaling_service.reports.subject.clinical import clinical_section
-from scaling_service.reports.subject.data import SubjectData
-from scaling_service.schemas.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
-from scaling_service.schemas.results import ComparisonDocument, MethodResult
+from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, schwartz2008
+from scaling_service.capabilities.scaling.comparison.verdict_evidence import Verdict
+from scaling_service.capabilities.scaling.report.clinical import clinical_section
+from scaling_service.capabilities.scaling.report.data import SubjectData
+from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents.results import ComparisonDocument, MethodResult
 from tests.reports.reading import data, read, tables
 from tests.schemas.test_results import METHOD, PROVENANCE
 

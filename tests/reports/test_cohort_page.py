@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.cohort import CohortSettings, CohortStatistics, cohort_statistics
-from scaling_service.evaluation.subject_summary import Following, MethodSummary, SubjectSummary
-from scaling_service.evaluation.waveforms import WaveformSettings
-from scaling_service.jobs.cohort_documents import statistics_document
-from scaling_service.reports.cohort.page import cohort_page
-from scaling_service.schemas.cohort import CohortDocument, SubjectEntry
+from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
+from scaling_service.capabilities.cohort.documents import statistics_document
+from scaling_service.capabilities.cohort.report.page import cohort_page
+from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
+from scaling_service.capabilities.cohort.subject_summary import Following, MethodSummary, SubjectSummary
+from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.reports.reading import Node, read
 
 QUICK = CohortSettings(waveforms=WaveformSettings(rearrangements=300))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.jobs.dynamics import dynamics
-from scaling_service.jobs.dynamics_saving import save_dynamics
-from scaling_service.jobs.dynamics_settings import DynamicsSettings
-from scaling_service.schemas.dynamics import DynamicsDocument
+from scaling_service.capabilities.dynamics.document import DynamicsDocument
+from scaling_service.capabilities.dynamics.run import dynamics
+from scaling_service.capabilities.dynamics.saving import save_dynamics
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from tests.jobs.force_laboratory import force_laboratory
 from tests.reports.reading import Node, read
 

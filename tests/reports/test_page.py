@@ -8,8 +8,8 @@ import re
 
 import pytest
 
-from scaling_service.reports.blocks import Text
-from scaling_service.reports.page import Page, Section
+from scaling_service.report.blocks import Text
+from scaling_service.report.page import Page, Section
 from tests.reports.reading import Node, read
 
 

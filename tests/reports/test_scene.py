@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.models.images import Bone
-from scaling_service.reports.coarse import coarsened
-from scaling_service.reports.scene import Body, Scene
+from scaling_service.model.images import Bone
+from scaling_service.report.coarse import coarsened
+from scaling_service.report.scene import Body, Scene
 from tests.reports.reading import data, read
 
 

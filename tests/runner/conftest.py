@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.store.fixtures import database_url, sqlite_store, store
 
 __all__ = ["database_url", "sqlite_store", "store"]

@@ -12,12 +12,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from scaling_service.runner.executors import MakeExecutor
-from scaling_service.runner.runner import Runner
-from scaling_service.runner.service import Service, open_store
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
-from scaling_service.store.rows import JobRow
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.executors import MakeExecutor
+from scaling_service.service.jobs.runner import Runner
+from scaling_service.service.jobs.service import Service, open_store
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store.rows import JobRow
 from tests.runner.tiny import TINY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,13 +67,13 @@ def all_done(service: Service) -> bool:
 
 RUNNING = """
 import sys
-from scaling_service.runner.launcher import Launcher
-from scaling_service.runner import launcher
+from scaling_service.service.sandbox.launcher import Launcher
+from scaling_service.service.jobs import launcher
 launcher._LAUNCHER = Launcher("tests.runner.tiny")  # warm at once: tiny jobs need little
-from scaling_service.runner.logs import log_as_json
-from scaling_service.runner.runner import Runner
-from scaling_service.runner.service import open_store
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.service.jobs.logs import log_as_json
+from scaling_service.service.jobs.runner import Runner
+from scaling_service.service.jobs.service import open_store
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.runner.tiny import TINY
 settings = ServiceSettings.model_validate_json(sys.argv[1])
 Runner(open_store(settings), settings, kinds=TINY).run()

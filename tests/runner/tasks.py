@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import MarkerMissing
-from scaling_service.runner.child import Progress
+from scaling_service.service.sandbox.child import Progress
 
 
 def add(folder: Path, progress: Progress) -> Any:

@@ -10,17 +10,17 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from scaling_service.calibration.methods import METHODS
-from scaling_service.formats.trc import write_trc
-from scaling_service.jobs.discover import discover
-from scaling_service.jobs.discover_saving import save_discovery
-from scaling_service.jobs.discover_settings import DiscoverSettings
-from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN
-from scaling_service.models.inertia_tables import TABLE_NAMES
-from scaling_service.runner.discover_request import DiscoverRequest
-from scaling_service.runner.kinds import KINDS
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.capabilities.discovery.request import DiscoverRequest
+from scaling_service.capabilities.discovery.run import discover
+from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.settings import DiscoverSettings
+from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.files.trc import write_trc
+from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.service.jobs.kinds import KINDS
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.jobs.hidden_case import session
 from tests.runner.services import running
 from tests.runner.test_kinds import done, put, untimed

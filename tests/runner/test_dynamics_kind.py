@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from scaling_service.calibration.methods import METHODS
-from scaling_service.jobs.dynamics import dynamics
-from scaling_service.jobs.dynamics_saving import save_dynamics
-from scaling_service.jobs.dynamics_settings import AS_IT_IS, OWN, DynamicsSettings
-from scaling_service.models.inertia_tables import TABLE_NAMES
-from scaling_service.runner.dynamics_request import DynamicsRequest
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.capabilities.dynamics.request import DynamicsRequest
+from scaling_service.capabilities.dynamics.run import dynamics
+from scaling_service.capabilities.dynamics.saving import save_dynamics
+from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN, DynamicsSettings
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.jobs.force_laboratory import document, force_laboratory
 from tests.runner.services import running
 from tests.runner.test_kinds import done, put, untimed

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.runner.executors import MakeExecutor, executor_maker
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
-from scaling_service.store.errors import StoreUnavailable
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.executors import MakeExecutor, executor_maker
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store.errors import StoreUnavailable
 from tests.runner.services import ROOT, ended, running, tiny_service, until
 
 NUMBER = 6
@@ -98,7 +98,7 @@ def test_a_scheduler_that_does_not_answer_is_told(
     settings: ServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("scaling_service.runner.executors._CONNECT_S", 0.5)
+    monkeypatch.setattr("scaling_service.service.jobs.executors._CONNECT_S", 0.5)
     make = executor_maker(settings.model_copy(update={"dask_address": "tcp://127.0.0.1:9"}))
     with pytest.raises(StoreUnavailable, match="scheduler does not answer"):
         make()

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.runner.identity import _files, canonical, code_version, job_id, specification
-from scaling_service.runner.kinds import KINDS, Late
-from scaling_service.runner.requests import ScalingRequest
+from scaling_service.capabilities.scaling.request import ScalingRequest
+from scaling_service.service.jobs.identity import _files, canonical, code_version, job_id, specification
+from scaling_service.service.jobs.kinds import KINDS, Late
 
 BASE = {
     "kind": "scaling",
@@ -77,13 +77,21 @@ def test_every_kind_has_a_request_that_travels_and_a_function_that_can_be_named(
     assert request.subjects == ("S01",)
     assert isinstance(kind.work, Late)
     assert pickle.loads(pickle.dumps(kind.work)) == kind.work
-    assert callable(getattr(import_module(f"scaling_service.runner.work.{kind.work.module}"), kind.work.name))
+    assert callable(
+        getattr(import_module(f"scaling_service.capabilities.{kind.work.module}"), kind.work.name)
+    )
     with pytest.raises(ValueError, match="extra"):
         kind.request.model_validate({**least, "unknown": 1})
 
 
 def test_the_web_page_changes_no_result(tmp_path: Path) -> None:
-    for name in ("a.py", "api/app.py", "api/web/src/x.json", "api/web/node_modules/y/z.py", "web/data.csv"):
+    for name in (
+        "a.py",
+        "api/app.py",
+        "service/page/src/x.json",
+        "service/page/node_modules/y/z.py",
+        "web/data.csv",
+    ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
     assert {name for name, _ in _files(tmp_path, "")} == {"a.py", "api/app.py", "web/data.csv"}

@@ -13,10 +13,10 @@ from contextlib import suppress
 
 import pytest
 
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
-from scaling_service.store import queueing
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store import queueing
 from tests.runner.services import all_done, children_of, runner_process, tiny_service, until
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 import trimesh
 
-from scaling_service.jobs.landmarks import landmark_bones
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.subjects import load_subject
-from scaling_service.jobs.tasks import compare
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
+from scaling_service.capabilities.landmarks.run import landmark_bones
+from scaling_service.capabilities.scaling.run import compare
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.jobs.laboratory import document, laboratory
 from tests.landmarking.bones import femur
 from tests.runner.services import ended, running

@@ -10,15 +10,15 @@ from collections import Counter
 import pytest
 from sqlalchemy import update
 
-from scaling_service.runner.ledger import Ledger, Made, QueueFull
-from scaling_service.runner.machine import Event
-from scaling_service.schemas.jobs import Failure, State
-from scaling_service.store import jobs, queueing
-from scaling_service.store.blobs import prepare
-from scaling_service.store.jobs import NewJob
-from scaling_service.store.rows import JobRow
-from scaling_service.store.store import Store
-from scaling_service.store.tables import jobs as table
+from scaling_service.documents.jobs import Failure, State
+from scaling_service.service.jobs.ledger import Ledger, Made, QueueFull
+from scaling_service.service.jobs.machine import Event
+from scaling_service.service.store import jobs, queueing
+from scaling_service.service.store.blobs import prepare
+from scaling_service.service.store.jobs import NewJob
+from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import jobs as table
 
 WHY = Failure(kind="Test", problem="it was so")
 
@@ -190,8 +190,8 @@ def test_a_queue_has_an_end(store: Store) -> None:
 LEASING = """
 import sys
 from pathlib import Path
-from scaling_service.runner.ledger import Ledger
-from scaling_service.store.store import Store
+from scaling_service.service.jobs.ledger import Ledger
+from scaling_service.service.store.store import Store
 store = Store.open(Path(sys.argv[1]), sys.argv[2] or None)
 ledger = Ledger(store, 3, 60.0)
 while (row := ledger.lease(sys.argv[3], "host")) is not None:

@@ -13,18 +13,18 @@ from typing import Any
 
 import pytest
 
-from scaling_service.runner.child import Child, Work
-from scaling_service.runner.launcher import Launcher
-from scaling_service.runner.limits import Limits
-from scaling_service.runner.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
-from scaling_service.runner.supervisor import supervise
+from scaling_service.service.jobs.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.child import Child, Work
+from scaling_service.service.sandbox.launcher import Launcher
+from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.supervisor import supervise
 from tests.runner import tasks
 
 
 @pytest.fixture(scope="module")
 def launch() -> Iterator[Launcher]:
     """A fork server that imports little, so that it starts at once."""
-    made = Launcher("scaling_service.runner.child")
+    made = Launcher("scaling_service.service.sandbox.child")
     yield made
     made.close()
 
@@ -181,7 +181,7 @@ def test_secrets_are_not_handed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in ("outputs", "tmp"):
         (tmp_path / name).mkdir()
     monkeypatch.setenv("SCALING_SERVICE_DATABASE_URL", "postgresql://user:secret@/x")
-    fresh = Launcher("scaling_service.runner.child")
+    fresh = Launcher("scaling_service.service.sandbox.child")
     child = Child(tasks.environment, tmp_path, Limits())
     outcome = supervise(child, stop=lambda: False, progress=lambda _what, _share: None, launch=fresh)
     fresh.close()
@@ -193,13 +193,13 @@ def test_secrets_are_not_handed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 SUPERVISING = """
 import sys
 from pathlib import Path
-from scaling_service.runner.child import Child
-from scaling_service.runner.launcher import Launcher
-from scaling_service.runner.limits import Limits
-from scaling_service.runner.supervisor import supervise
+from scaling_service.service.sandbox.child import Child
+from scaling_service.service.sandbox.launcher import Launcher
+from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.supervisor import supervise
 from tests.runner import tasks
 supervise(Child(tasks.grandchild, Path(sys.argv[1]), Limits()), stop=lambda: False,
-          progress=lambda *_: None, launch=Launcher("scaling_service.runner.child"))
+          progress=lambda *_: None, launch=Launcher("scaling_service.service.sandbox.child"))
 """
 
 

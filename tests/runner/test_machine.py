@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.runner.machine import Event, NotPossible, Standing, after
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.machine import Event, NotPossible, Standing, after
 
 # Written out apart from the machine: what a reader of the states' names would expect.
 EXPECTED = """

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.recordings import ik
+from scaling_service.capabilities.motion.request import MotionRequest
+from scaling_service.capabilities.motion.saving import save_motions
+from scaling_service.capabilities.scaling.run import scale
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import InputError
-from scaling_service.jobs.saving import save
-from scaling_service.jobs.tasks import scale
-from scaling_service.jobs.tracking import ik
-from scaling_service.jobs.tracking_saving import save_motions
-from scaling_service.runner.kinds import KINDS
-from scaling_service.runner.motion_request import MotionRequest
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.service.jobs.kinds import KINDS
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.jobs.laboratory import document, laboratory
 from tests.runner.services import running
 from tests.runner.test_kinds import done, put, untimed

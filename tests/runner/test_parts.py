@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from scaling_service.runner.cohort_request import RECORD
-from scaling_service.runner.ledger import QueueFull
-from scaling_service.runner.service import Service, open_store
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
-from scaling_service.store import deletion, parts
-from scaling_service.store.errors import InUse, NotFound
-from scaling_service.store.rows import JobRow
+from scaling_service.capabilities.cohort.request import RECORD
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.ledger import QueueFull
+from scaling_service.service.jobs.service import Service, open_store
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store import deletion, parts
+from scaling_service.service.store.errors import InUse, NotFound
+from scaling_service.service.store.rows import JobRow
 from tests.runner.services import ended, running, until
 from tests.runner.wholes import WHOLES
 
@@ -170,6 +170,6 @@ def test_parts_count_for_the_queue_and_cannot_be_asked_for(settings: ServiceSett
 
 
 def test_the_name_of_what_a_member_keeps() -> None:
-    from scaling_service.jobs import subject_item
+    from scaling_service.capabilities.cohort import subject_item
 
     assert RECORD == subject_item.RECORD

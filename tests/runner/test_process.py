@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.runner.process import EXIT_INPUT, RunnerProcess
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.process import EXIT_INPUT, RunnerProcess
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
 from tests.runner.services import ROOT, ended, until
 from tests.runner.test_limits import gone
 
@@ -58,8 +58,8 @@ def test_it_is_started_again_and_the_job_is_done(settings: ServiceSettings) -> N
 
 PARENT = """
 import sys
-from scaling_service.runner.process import RunnerProcess
-from scaling_service.runner.settings import ServiceSettings
+from scaling_service.service.jobs.process import RunnerProcess
+from scaling_service.service.jobs.settings import ServiceSettings
 process = RunnerProcess(ServiceSettings.model_validate_json(sys.argv[1]))
 process.start()
 print(process.pid, flush=True)
@@ -84,7 +84,10 @@ def test_it_ends_with_its_parent_however_that_ends(settings: ServiceSettings) ->
 def test_alone_it_takes_settings_from_the_environment_and_ends_at_sigterm(tmp_path: Path) -> None:
     environment = ENVIRONMENT | {"SCALING_SERVICE_DATA_DIRECTORY": str(tmp_path / "data")}
     with subprocess.Popen(
-        [sys.executable, "-m", "scaling_service.runner"], env=environment, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "scaling_service.service.jobs"],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stderr is not None
         assert '"message": "runner started"' in process.stderr.readline()
@@ -96,7 +99,7 @@ def test_alone_it_takes_settings_from_the_environment_and_ends_at_sigterm(tmp_pa
 def test_settings_that_cannot_be_used_are_told_in_one_line(tmp_path: Path) -> None:
     environment = ENVIRONMENT | {"SCALING_SERVICE_WORKRES": "2"}
     done = subprocess.run(
-        [sys.executable, "-m", "scaling_service.runner"],
+        [sys.executable, "-m", "scaling_service.service.jobs"],
         env=environment,
         capture_output=True,
         text=True,

@@ -10,11 +10,11 @@ from typing import Any, get_args
 import pytest
 from pydantic import ValidationError
 
-from scaling_service.calibration.methods import METHODS, Optimised
-from scaling_service.runner.cohort_request import BatchRequest
-from scaling_service.runner.kinds import KINDS, Late
-from scaling_service.runner.requests import ScalingRequest
-from scaling_service.runner.single import LinearRequest, OptimisedRequest
+from scaling_service.capabilities.cohort.request import BatchRequest
+from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
+from scaling_service.capabilities.scaling.request import ScalingRequest
+from scaling_service.capabilities.scaling.single_request import LinearRequest, OptimisedRequest
+from scaling_service.service.jobs.kinds import KINDS, Late
 
 
 def test_every_method_can_be_asked_for_where_it_belongs() -> None:
@@ -28,7 +28,7 @@ def test_every_method_can_be_asked_for_where_it_belongs() -> None:
 def test_every_row_has_a_function_a_route_and_a_result_and_travels(kind: str) -> None:
     row = KINDS[kind]
     assert isinstance(row.work, Late)
-    assert callable(getattr(import_module(f"scaling_service.runner.work.{row.work.module}"), row.work.name))
+    assert callable(getattr(import_module(f"scaling_service.capabilities.{row.work.module}"), row.work.name))
     assert row.result is not None
     wholes = [other.parts.kind for other in KINDS.values() if other.parts is not None]
     assert bool(row.route) != (kind in wholes)

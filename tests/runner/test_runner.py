@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.schemas.jobs import State
-from scaling_service.store.errors import NotFound
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store.errors import NotFound
 from tests.runner.services import all_done, ended, running, tiny_service, until
 
 

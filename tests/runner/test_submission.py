@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.runner.names import plain_name
-from scaling_service.runner.service import Service
-from scaling_service.runner.settings import ServiceSettings
-from scaling_service.runner.submission import RequestInvalid
-from scaling_service.schemas.jobs import State
-from scaling_service.store import keys
-from scaling_service.store.errors import NotFound, TooLarge
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.names import plain_name
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.jobs.submission import RequestInvalid
+from scaling_service.service.store import keys
+from scaling_service.service.store.errors import NotFound, TooLarge
 from tests.jobs.laboratory import document
 
 

@@ -8,12 +8,12 @@ from itertools import count
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scaling_service.runner.ledger import Made
-from scaling_service.runner.machine import Event
-from scaling_service.schemas.jobs import State
-from scaling_service.store import jobs, listing
-from scaling_service.store.rows import JobRow
-from scaling_service.store.store import Store
+from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.ledger import Made
+from scaling_service.service.jobs.machine import Event
+from scaling_service.service.store import jobs, listing
+from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.store import Store
 from tests.runner.test_ledger import WHY, ask, ledger_of
 
 OFTEN = ("lease", "lease", "lease", "finish", "finish", "finish", "die", "die")

@@ -9,10 +9,10 @@ from typing import Any
 
 from pydantic import Field
 
+from scaling_service.capabilities.scaling.request import Documents, JobRequest, Needed
 from scaling_service.core.errors import MarkerMissing
-from scaling_service.runner.child import Progress
-from scaling_service.runner.kinds import Kind
-from scaling_service.runner.requests import Documents, JobRequest, Needed
+from scaling_service.service.jobs.kinds import Kind
+from scaling_service.service.sandbox.child import Progress
 
 
 class TinyRequest(JobRequest):

@@ -11,9 +11,9 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.runner.child import Progress
-from scaling_service.runner.kinds import Kind, Parts
-from scaling_service.runner.names import PARTS
+from scaling_service.service.jobs.kinds import Kind, Parts
+from scaling_service.service.jobs.names import PARTS
+from scaling_service.service.sandbox.child import Progress
 from tests.runner.tiny import TINY, TinyRequest, square
 
 

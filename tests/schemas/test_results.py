@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from scaling_service.schemas.results import ComparisonDocument, MethodResult, ScalingDocument, TrialError
+from scaling_service.documents.results import ComparisonDocument, MethodResult, ScalingDocument, TrialError
 
 ERROR: dict[str, Any] = {
     "role": "evaluation",

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, SubjectInvalid
-from scaling_service.schemas.reading import check_document, read_document
-from scaling_service.schemas.subject import SubjectDocument
+from scaling_service.documents.reading import check_document, read_document
+from scaling_service.documents.subject import SubjectDocument
 
 WHOLE = """
 subject: {id: S01, sex: F, height_m: 1.70, mass_kg: 62.0}

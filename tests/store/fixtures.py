@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.store import uploads
-from scaling_service.store.rows import FileRow
-from scaling_service.store.store import Store
+from scaling_service.service.store import uploads
+from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.store import Store
 from tests.store.postgres import server
 
 

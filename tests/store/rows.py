@@ -7,15 +7,15 @@ from typing import Any
 
 from sqlalchemy import insert
 
-from scaling_service.schemas.jobs import State
-from scaling_service.store import jobs, references
-from scaling_service.store.blobs import prepare
-from scaling_service.store.clock import NowUs
-from scaling_service.store.jobs import NewJob
-from scaling_service.store.keys import ensure_owner
-from scaling_service.store.rows import FileRow
-from scaling_service.store.store import Store
-from scaling_service.store.tables import jobs as table
+from scaling_service.documents.jobs import State
+from scaling_service.service.store import jobs, references
+from scaling_service.service.store.blobs import prepare
+from scaling_service.service.store.clock import NowUs
+from scaling_service.service.store.jobs import NewJob
+from scaling_service.service.store.keys import ensure_owner
+from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import jobs as table
 
 
 def add_job(

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.store import references, subjects, uploads
-from scaling_service.store.blobs import Blobs, Content, prepare
-from scaling_service.store.errors import ContentMissing, TooLarge
-from scaling_service.store.store import Store
+from scaling_service.service.store import references, subjects, uploads
+from scaling_service.service.store.blobs import Blobs, Content, prepare
+from scaling_service.service.store.errors import ContentMissing, TooLarge
+from scaling_service.service.store.store import Store
 from tests.store.fixtures import upload
 
 
@@ -41,7 +41,7 @@ def test_an_upload_that_is_too_large_or_broken_off_leaves_nothing(sqlite_store: 
 UPLOADING = """
 import sys, time
 from pathlib import Path
-from scaling_service.store.blobs import Blobs
+from scaling_service.service.store.blobs import Blobs
 with Blobs(Path(sys.argv[1])).incoming(100) as incoming:
     incoming.write(b"half")
     print("writing", flush=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from scaling_service.store import deletion, jobs, subjects, uploads
-from scaling_service.store.clock import US_PER_S, NowUs
-from scaling_service.store.errors import NotFound
-from scaling_service.store.store import Store
-from scaling_service.store.tables import jobs as job_table
-from scaling_service.store.tables import subjects as subject_table
+from scaling_service.service.store import deletion, jobs, subjects, uploads
+from scaling_service.service.store.clock import US_PER_S, NowUs
+from scaling_service.service.store.errors import NotFound
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import jobs as job_table
+from scaling_service.service.store.tables import subjects as subject_table
 from tests.store.fixtures import upload
 from tests.store.rows import add_job
 

@@ -11,12 +11,12 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import text
 
-from scaling_service.store import migrate, queueing
-from scaling_service.store.database import Database
-from scaling_service.store.errors import StoreTooNew
-from scaling_service.store.migrate import script
-from scaling_service.store.store import Store
-from scaling_service.store.tables import metadata
+from scaling_service.service.store import migrate, queueing
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.errors import StoreTooNew
+from scaling_service.service.store.migrate import script
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import metadata
 from tests.store.postgres import server
 
 

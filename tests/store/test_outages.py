@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from scaling_service.store import keys, subjects, uploads
-from scaling_service.store.errors import StoreFull, StoreUnavailable
-from scaling_service.store.store import Store
+from scaling_service.service.store import keys, subjects, uploads
+from scaling_service.service.store.errors import StoreFull, StoreUnavailable
+from scaling_service.service.store.store import Store
 from tests.store.disks import SmallDisk, small_disk
 from tests.store.fixtures import upload
 from tests.store.postgres import Server, require

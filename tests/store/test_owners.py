@@ -8,11 +8,11 @@ import pytest
 from sqlalchemy import select
 
 from scaling_service.core.errors import InputError
-from scaling_service.schemas.jobs import State
-from scaling_service.store import jobs, keys, listing, subjects, uploads
-from scaling_service.store.errors import NotFound
-from scaling_service.store.store import Store
-from scaling_service.store.tables import api_keys
+from scaling_service.documents.jobs import State
+from scaling_service.service.store import jobs, keys, listing, subjects, uploads
+from scaling_service.service.store.errors import NotFound
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import api_keys
 from tests.store.fixtures import upload
 from tests.store.rows import add_job, add_many
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.schemas.jobs import State
-from scaling_service.store import jobs, listing, queueing
-from scaling_service.store.store import Store
+from scaling_service.documents.jobs import State
+from scaling_service.service.store import jobs, listing, queueing
+from scaling_service.service.store.store import Store
 from tests.store.postgres import server
 from tests.store.rows import add_job, add_many
 

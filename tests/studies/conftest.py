@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.studies.virtual_image import VirtualImage, virtual_image
-from scaling_service.studies.virtual_subject import virtual_subject
+from scaling_service.virtual.image import VirtualImage, virtual_image
+from scaling_service.virtual.subject import virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged, seen
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scaling_service.models.images import ImageEvidence
-from scaling_service.studies.virtual_image import VirtualImage, image_evidence, virtual_image
-from scaling_service.studies.virtual_subject import VirtualSettings, VirtualSubject, virtual_subject
+from scaling_service.model.images import ImageEvidence
+from scaling_service.virtual.image import VirtualImage, image_evidence, virtual_image
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, virtual_subject
 
 SHORT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0)
 EXACT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0, image=0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.studies.bones.shapes import (
+from scaling_service.virtual.bones.shapes import (
     HalfSpace,
     Part,
     Plate,
@@ -16,7 +16,7 @@ from scaling_service.studies.bones.shapes import (
     rod,
     strip,
 )
-from scaling_service.studies.bones.surface import surface_of
+from scaling_service.virtual.bones.surface import surface_of
 
 
 def at(*points: tuple[float, float, float]) -> np.ndarray:

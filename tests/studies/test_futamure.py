@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.jobs.reproduce_futamure import reproduce_futamure
-from scaling_service.kernels.wrench import GRAVITY
-from scaling_service.models.massive import total_mass
-from scaling_service.reports.study.futamure import study_page
-from scaling_service.studies.futamure import study_squatter
-from scaling_service.studies.futamure_claims import answers, less
-from scaling_service.studies.virtual_squatters import OVER_FOOT_M, virtual_squatter
+from scaling_service.model.massive import total_mass
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.studies.futamure.claims import answers, less
+from scaling_service.studies.futamure.report import study_page
+from scaling_service.studies.futamure.run import reproduce_futamure
+from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter
+from scaling_service.studies.futamure.study import study_squatter
 
 
 def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:

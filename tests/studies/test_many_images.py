@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.studies.virtual_image import image_evidence, virtual_image
-from scaling_service.studies.virtual_subject import VirtualSettings, virtual_subject
+from scaling_service.virtual.image import image_evidence, virtual_image
+from scaling_service.virtual.subject import VirtualSettings, virtual_subject
 
 PERSONS = 26
 

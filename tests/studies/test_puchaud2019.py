@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.evaluation.cohort import cohort_statistics
-from scaling_service.evaluation.subject_summary import Following, MethodSummary, SubjectSummary
-from scaling_service.studies.puchaud2019_claims import CLAIMS, answers
-from scaling_service.studies.puchaud2019_paper import AXES, LENGTHS, METHODS, paper
-from scaling_service.studies.puchaud2019_questions import Answer, Study
+from scaling_service.capabilities.cohort.statistics import cohort_statistics
+from scaling_service.capabilities.cohort.subject_summary import Following, MethodSummary, SubjectSummary
+from scaling_service.studies.puchaud2019.claims import CLAIMS, answers
+from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, paper
+from scaling_service.studies.puchaud2019.questions import Answer, Study
 
 NODES = 101
 COORDINATES = [f"{joint}_{side}" for joint in ("hip_flexion", "knee_angle") for side in "rl"]

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import joint_centres
-from scaling_service.formats.mesh import read_mesh
-from scaling_service.landmarking.shells import shells
-from scaling_service.studies.bones.person import PersonBones, leg_shapes, virtual_bones
-from scaling_service.studies.bones.proportions import leg_shape
-from scaling_service.studies.virtual_subject import virtual_subject
+from scaling_service.bones.shells import shells
+from scaling_service.files.mesh import read_mesh
+from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.virtual.bones.person import PersonBones, leg_shapes, virtual_bones
+from scaling_service.virtual.bones.proportions import leg_shape
+from scaling_service.virtual.subject import virtual_subject
 from tests.studies.imaged import EXACT, SHORT, Imaged
 
 SHELLS = {"pelvis": 2, "femur_r": 1, "tibia_r": 2, "femur_l": 1, "tibia_l": 2}

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.estimation.inverse_dynamics import dynamics_of, rated_motion
-from scaling_service.evaluation.kinematic_error import kinematic_error
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.builtin import builtin
-from scaling_service.models.compile import compile_model, parameter_values
-from scaling_service.models.massive import inertias_of, total_mass
-from scaling_service.studies.virtual_excitation import ExcitationSettings, excited_person
-from scaling_service.studies.virtual_sequence import sequence
+from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of, rated_motion
+from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.massive import inertias_of, total_mass
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.studies.muller2017.excitation import ExcitationSettings, excited_person
+from scaling_service.virtual.sequence import sequence
 
 SHORT = ExcitationSettings(seconds=4.0)
 EXACT = ExcitationSettings(seconds=4.0, skin=0.0, noise=0.0, inertia=0.0, calibration=0.0)

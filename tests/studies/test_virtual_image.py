@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.anatomy.lengths import segment_lengths
-from scaling_service.calibration.methods import calibrate
-from scaling_service.estimation.inverse_kinematics import inverse_kinematics
-from scaling_service.evaluation.truth import centre_errors, length_errors
-from scaling_service.models.images import Bone
-from scaling_service.studies.virtual_image import (
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.comparison.truth import centre_errors, length_errors
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.images import Bone
+from scaling_service.virtual.image import (
     MARKER_MM,
     SURFACE_MM,
     VirtualImage,
     image_evidence,
     virtual_image,
 )
-from scaling_service.studies.virtual_subject import VirtualSettings, demo_session, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, demo_session, virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged
 
 CENTRE_MM = {"hip": 0.05, "knee": 0.1, "ankle": 0.4}

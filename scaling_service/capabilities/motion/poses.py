@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.kernels.laws import NONE, Array
-from scaling_service.kernels.tree import Tree, forward
-from scaling_service.models.body import BodyModel, Marker
-from scaling_service.models.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.models.results import Motion
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.results import Motion
+from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.tree import Tree, forward
 
 _BLOCK = 4096  # frames: 30 MB of frames of a whole body
 

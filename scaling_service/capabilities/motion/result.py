@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from scaling_service.capabilities.motion.poses import SegmentPoses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
-from scaling_service.evaluation.kinematic_error import KinematicError
-from scaling_service.models.body import BodyModel
-from scaling_service.models.results import Motion
-from scaling_service.schemas.results import Provenance
+from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.documents.results import Provenance
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Motion
 
 _MM = 1e3
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from scaling_service.estimation.inverse_kinematics import Task
-from scaling_service.kernels.laws import Array
-from scaling_service.kernels.masks import seen
-from scaling_service.kernels.tree import Tree, forward, jacobian, positions
+from scaling_service.capabilities.motion.inverse_kinematics import Task
+from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, positions
 
 Mask = NDArray[np.bool_]
 

@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from scaling_service.formats.sto import Table, write_sto
+from scaling_service.files.sto import Table, write_sto
 from tests.blind.real.angles import data_folder
 from tests.blind.real.hiding import CASES, RealCase
 from tests.blind.real.squats import PERSON, read_squats, write_subject

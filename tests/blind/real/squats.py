@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from scaling_service.formats.sto import Table, read_sto, write_sto
-from scaling_service.formats.trc import read_trc, write_trc
-from scaling_service.models.trial import Trial
+from scaling_service.files.sto import Table, read_sto, write_sto
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
 from tests.blind.body import Array
 
 FOLDER = "opencap_squat"

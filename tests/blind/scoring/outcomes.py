@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.formats.sto import read_sto
+from scaling_service.files.sto import read_sto
 from tests.blind.scoring.matching import best, opposite, parameters_right, size, smallest_nameable
 from tests.blind.scoring.records import Record
 

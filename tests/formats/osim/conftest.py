@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.models.body import BodyModel
+from scaling_service.model.body import BodyModel
 from tests.peers.worker import standing
 
 Oracle = Callable[[dict[str, Any]], dict[str, Any]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import pytest
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable
-from scaling_service.formats.osim import process, read_osim
+from scaling_service.files.osim import process, read_osim
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_a_marker_set_that_does_not_fit(oracle, tmp_path):
 
 
 def test_the_calling_process_never_imports_opensim(tmp_path):
-    code = "import sys, scaling_service.formats.osim; print('opensim' in sys.modules)"
+    code = "import sys, scaling_service.files.osim; print('opensim' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.formats.osim import read_osim
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.compile import compile_model
-from scaling_service.models.scaling import scaled
+from scaling_service.files.osim import read_osim
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
 
 MODELS = [
     "rajagopal_walk/Rajagopal2016.osim",

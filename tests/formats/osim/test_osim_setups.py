@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.formats.osim import read_ik_tasks, read_scale_setup
-from scaling_service.models.subject import Measurement
+from scaling_service.files.osim import read_ik_tasks, read_scale_setup
+from scaling_service.model.subject import Measurement
 
 SETUP = """<?xml version="1.0" encoding="UTF-8"?>
 <OpenSimDocument Version="{version}"><ScaleTool name="s">

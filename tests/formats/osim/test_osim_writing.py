@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.formats.osim import read_osim, write_osim
-from scaling_service.kernels.tree import marker_positions
-from scaling_service.models.body import BodyModel, Joint, Law, Marker
-from scaling_service.models.builtin import BUILTIN_NAMES, builtin
-from scaling_service.models.compile import compile_model
-from scaling_service.models.scaling import scaled
+from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.model.body import BodyModel, Joint, Law, Marker
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
 from tests.formats.osim.hand_made import X, Y, hand_made
 
 

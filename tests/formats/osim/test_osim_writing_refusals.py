@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.formats.osim import read_osim, write_osim
-from scaling_service.models.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
 from tests.formats.osim.hand_made import X, Y, Z, hand_made
 
 

@@ -1,0 +1,195 @@
+"""The femur: hip centre, knee centre and axis, epicondyles, side."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.condyles import Knee, find_knee
+from scaling_service.bones.head import HEAD_COVERED, find_head
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.results import (
+    BoneLandmarks,
+    Cylinder,
+    Quality,
+    Side,
+    Sphere,
+    confidence,
+)
+from scaling_service.bones.spheres import SphereOnBone
+from scaling_service.bones.surface import Surface, prepare
+from scaling_service.bones.tips import tip
+from scaling_service.bones.whole_bone import one_bone, require_long
+
+Array = NDArray[np.float64]
+
+FLARE = 1.3
+"""Largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2."""
+
+AXES_APART_DEG = 3.0
+"""Sphere axis against cylinder axis, above which a warning is given (contract)."""
+
+
+def femur_landmarks(
+    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
+) -> BoneLandmarks:
+    """Landmarks of a femur of unknown orientation and side.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3), m
+    faces : ndarray of int, shape (m, 3)
+    named_side : {"r", "l"}, optional
+        What the bone is called; believed only where its shape does not tell.
+
+    Returns
+    -------
+    BoneLandmarks
+        Points ``hip_centre``, ``knee_centre``, ``epicondyle_medial`` and ``epicondyle_lateral``;
+        spheres ``head``, ``condyle_medial``, ``condyle_lateral``; cylinder ``condyles``; axis ``knee``.
+
+    Raises
+    ------
+    MeshRefused
+        It is no femur, is called by the wrong side, or neither of its ends can be used.
+
+    References
+    ----------
+    Pillet et al. 2014 (sphere on the head); Kai et al. 2014 and Sauret et al. 2016 (condyles);
+    Modenese & Renault 2021 (description only).
+    """
+    surface = prepare(vertices, faces)
+    surface, notes = one_bone(surface, "femur")
+    require_long(surface, "femur")
+    refused: dict[str, str] = {}
+    head = find_head(surface, refused)
+    knee, reason = _knee(surface, head)
+    if knee is None:
+        refused["knee_centre"] = reason
+    elif head is None and _flares(surface, knee):
+        knee = None
+        refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
+    if head is None and knee is None:
+        raise MeshRefused(
+            f"it is no femur that can be used: {refused['hip_centre']}; {refused['knee_centre']}",
+            remedy="Give the surface of one femur, in the right unit",
+        )
+    side, side_from = _side(surface, head, knee, named_side)
+    return _collected(surface, head, knee, (side, side_from), refused, notes)
+
+
+def _knee(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
+    """The knee at the end without the head (at either without one), or why there is none."""
+    ends = [1.0, -1.0] if head is None else [-float(np.sign(head.centre[0]))]
+    tried = [find_knee(surface, end) for end in ends]
+    found = [knee for knee in tried if not isinstance(knee, str)]
+    if found:
+        return max(found, key=lambda knee: knee.least_covered), ""
+    return None, next(reason for reason in tried if isinstance(reason, str))
+
+
+def _flares(surface: Surface, knee: Knee) -> bool:
+    """Whether the far end is wider than the shaft: a femur without its head is cut through the shaft."""
+    height = knee.frame.height / float(knee.frame.height.max())
+    widths = []
+    for level in (0.5, 0.6, 0.7, 0.96):
+        points = surface.smooth[np.abs(height - level) < 0.03][:, 1:]
+        widths.append(float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0)
+    return widths[-1] > FLARE * min(widths[:-1])
+
+
+def _side(
+    surface: Surface, head: SphereOnBone | None, knee: Knee | None, named: Side | None
+) -> tuple[Side, str]:
+    """The head lies medial of the shaft; a bone without one of its ends is what it is called."""
+    if head is None or knee is None:
+        if named is None:
+            raise MeshRefused(
+                "only one end of the femur can be used, which does not tell left from right",
+                remedy="Name it femur_r or femur_l",
+            )
+        return named, "name"
+    level = knee.frame.height / float(knee.frame.height.max())
+    shaft = (level > 0.3) & (level < 0.7)
+    middle = surface.areas[shaft] @ surface.smooth[shaft] / surface.areas[shaft].sum()
+    # Across the shaft only: the knee axis is a few degrees off square, which is 30 mm at the hip.
+    right = knee.frame.z - float(knee.frame.z @ knee.frame.y) * knee.frame.y
+    medial = float((head.centre - middle) @ right)
+    if abs(medial) < 10e-3:  # chosen: a head stands 30-50 mm medial of the shaft
+        raise MeshRefused(
+            f"the head stands {1e3 * abs(medial):.0f} mm beside the shaft, so left and right are not clear",
+            remedy="Check that the bone is whole and not deformed",
+        )
+    side: Side = "r" if medial < 0 else "l"
+    return side, "shape"
+
+
+def _collected(
+    surface: Surface,
+    head: SphereOnBone | None,
+    knee: Knee | None,
+    side: tuple[Side, str],
+    refused: dict[str, str],
+    notes: list[str],
+) -> BoneLandmarks:
+    points: dict[str, Array] = {}
+    balls: dict[str, Sphere] = {}
+    cylinders: dict[str, Cylinder] = {}
+    axes: dict[str, Array] = {}
+    if head is not None:
+        points["hip_centre"] = surface.to_image(head.centre)
+        balls["head"] = _sphere(surface, head, poor_cover=HEAD_COVERED, good_cover=0.6)
+    if knee is not None:
+        medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
+        points["knee_centre"] = surface.to_image(knee.centre)
+        axes["knee"] = surface.turned(knee.axis)
+        balls["condyle_medial"] = _sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
+        balls["condyle_lateral"] = _sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
+        outwards = knee.axis if side[0] == "r" else -knee.axis
+        points["epicondyle_lateral"] = surface.to_image(tip(surface, outwards, knee.distal))
+        points["epicondyle_medial"] = surface.to_image(tip(surface, -outwards, knee.distal))
+        notes += _axis_notes(surface, knee, cylinders)
+    return BoneLandmarks(
+        bone="femur",
+        side=side[0],
+        side_from=side[1],
+        points=points,
+        spheres=balls,
+        cylinders=cylinders,
+        axes=axes,
+        definitions={
+            "hip_centre": "centre of the least-squares sphere on the femoral head",
+            "knee_centre": "midpoint of the centres of the spheres on the condyles",
+            "epicondyle_medial": "furthest point along the knee axis",
+            "epicondyle_lateral": "furthest point along the knee axis",
+        },
+        refused=refused,
+        warnings=(*surface.notes, *notes),
+    )
+
+
+def _axis_notes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> list[str]:
+    """Adds the cylinder; says where the two axes differ."""
+    found = knee.cylinder
+    if found is None:
+        return ["no cylinder fits both condyles"]
+    axis = found.direction * np.sign(found.direction @ knee.axis)
+    quality = Quality(found.rms, found.covered, confidence(found.rms / found.radius, poor=0.08, good=0.03))
+    cylinders["condyles"] = Cylinder(
+        surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
+        surface.turned(axis),
+        found.radius,
+        quality,
+    )
+    apart = float(np.rad2deg(np.arccos(min(1.0, float(axis @ knee.axis)))))
+    if apart <= AXES_APART_DEG:
+        return []
+    return [f"the axes through the spheres and of the cylinder differ by {apart:.1f} degrees"]
+
+
+def _sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cover: float) -> Sphere:
+    trust = min(
+        confidence(ball.covered, poor=poor_cover, good=good_cover),
+        confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
+    )
+    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))

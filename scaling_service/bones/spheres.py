@@ -1,0 +1,208 @@
+"""Spheres hidden in a surface: found by votes of the normals, refined geometrically, judged by coverage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.surface import Surface
+from scaling_service.numerics.geometry.fits import fit_sphere
+
+Array = NDArray[np.float64]
+
+_CELL_M = 3e-3  # chosen: the votes of a rough MRI head scatter by about as much
+_RADIUS_STEP_M = 1e-3
+_APART_M = 10e-3  # chosen: less than half of the smallest head's radius
+_ALIGNED = np.cos(np.deg2rad(35.0))  # chosen: a normal further off does not belong to the sphere
+_SPREAD = 3.0  # Tukey's weight vanishes at this many robust standard deviations; chosen, 4.7 on clean data
+_NARROWEST, _WIDEST = 0.02, 0.08  # shares of the radius between which that limit is held; chosen
+_START, _CLOSING = 0.25, 0.8  # first limit as a share of the radius, and how it closes with each step
+_STEPS = 60
+_SETTLED_M = 1e-7
+_ROOM = 1.5  # chosen: centres move by a few mm
+_CLOSED = 6  # steps after which the limit has closed to its widest final value
+
+
+@dataclass(frozen=True, slots=True)
+class SphereOnBone:
+    """A sphere with the share of it that the surface covers.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,), m
+        In the surface's own frame.
+    radius, rms : float, m
+    covered : float
+        Share of the sphere's full solid angle.
+    support : ndarray, shape (n,)
+        Weight of every vertex, 0 to 1.
+    """
+
+    centre: Array
+    radius: float
+    rms: float
+    covered: float
+    support: Array
+
+
+def spheres(
+    surface: Surface, radii: tuple[float, float], *, hollow: bool = False, most: int = 6
+) -> list[SphereOnBone]:
+    """The spheres that most of the surface lies on, the best covered first.
+
+    Every vertex votes, with its area, for the centres that lie behind it (before it, if ``hollow``)
+    at each radius, as in a Hough transform; the peaks are refined by geometric least squares.
+
+    Parameters
+    ----------
+    radii : tuple of float, m
+        Smallest and largest.
+    hollow : bool
+        Sockets, whose normals point to their centre, in place of balls.
+    most : int
+        How many peaks to refine.
+    """
+    found: list[SphereOnBone] = []
+    for centre, radius in _peaks(surface, radii, hollow, most):
+        sphere = refined(surface, centre, radius, hollow=hollow)
+        if sphere is None or not radii[0] <= sphere.radius <= radii[1]:
+            continue
+        if all(np.linalg.norm(sphere.centre - other.centre) > _APART_M for other in found):
+            found.append(sphere)
+    return sorted(found, key=lambda sphere: -sphere.covered)
+
+
+def refined(
+    surface: Surface,
+    centre: Array,
+    radius: float,
+    *,
+    hollow: bool = False,
+) -> SphereOnBone | None:
+    """The robust least-squares sphere near a first guess, or None where there is none.
+
+    Selection uses the smoothed surface, the fit the vertices themselves, each weighted by its area and
+    by Tukey's biweight of its distance, the limit of which follows the scatter that is found.
+
+    """
+    sign = -1.0 if hollow else 1.0
+    limit = _START * radius
+    about = _Around.of(surface, centre, radius + limit)
+    for step in range(_STEPS):
+        about = about.reaching(surface, centre, radius + limit)
+        offset = about.smooth - centre
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+        facing = sign * np.einsum("ij,ij->i", offset, about.normals) / distance
+        gap = distance - radius
+        near = (np.abs(gap) < limit) & (facing > _ALIGNED)
+        if int(near.sum()) < _FEWEST:
+            return None
+        weight = (1.0 - (gap[near] / limit) ** 2) ** 2
+        fit = fit_sphere(about.points[near], weight * about.areas[near], start=centre)
+        moved = float(np.linalg.norm(fit.centre - centre)) + abs(fit.radius - radius)
+        if not fit.converged or moved > 0.5 * radius:
+            return None
+        centre, radius = fit.centre, fit.radius
+        scatter = 1.4826 * _weighted_median(np.abs(gap[near]), about.areas[near])
+        # A vote finds the centre to a few mm and the radius less well: the limit closes in from wide.
+        widest = max(_WIDEST, _START * _CLOSING ** (step + 1)) * radius
+        limit = float(np.clip(_SPREAD * scatter, _NARROWEST * radius, widest))
+        if moved < _SETTLED_M and step > _CLOSED:
+            break
+    support = np.zeros(len(surface.points))
+    support[about.rows[near]] = weight
+    return SphereOnBone(centre, radius, fit.rms, covered_share(surface, centre, support), support)
+
+
+@dataclass(frozen=True, slots=True)
+class _Around:
+    """The vertices around a place: a sphere is on a small part of a bone.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,), m
+    reach : float, m
+        No vertex nearer to the centre is missing.
+    rows : ndarray of int, shape (n,)
+        Which vertices of the surface these are.
+    points, smooth, normals : ndarray, shape (n, 3)
+    areas : ndarray, shape (n,), m2
+    """
+
+    centre: Array
+    reach: float
+    rows: NDArray[np.intp]
+    points: Array
+    smooth: Array
+    normals: Array
+    areas: Array
+
+    @classmethod
+    def of(cls, surface: Surface, centre: Array, reach: float) -> _Around:
+        """All vertices nearer than half as far again, so that a centre may move."""
+        wide = _ROOM * reach
+        rows = np.flatnonzero(((surface.smooth - centre) ** 2).sum(axis=1) < wide**2)
+        parts = (surface.points, surface.smooth, surface.normals, surface.areas)
+        return cls(centre, wide, rows, *(part[rows] for part in parts))
+
+    def reaching(self, surface: Surface, centre: Array, reach: float) -> _Around:
+        """The same where it holds all vertices within reach of a centre, else anew."""
+        held = float(np.linalg.norm(centre - self.centre)) + reach <= self.reach
+        return self if held else _Around.of(surface, centre, reach)
+
+
+def covered_share(surface: Surface, centre: Array, support: Array) -> float:
+    """Share of the full solid angle that the supporting vertices take up."""
+    offset = (surface.smooth - centre)[support > 0]
+    distance = np.linalg.norm(offset, axis=1)
+    facing = np.abs(np.einsum("ij,ij->i", offset, surface.normals[support > 0])) / distance
+    return float((surface.areas[support > 0] * facing / distance**2).sum() / (4.0 * np.pi))
+
+
+_FEWEST = 12  # chosen: three times what a sphere needs
+
+
+def _peaks(
+    surface: Surface, radii: tuple[float, float], hollow: bool, most: int
+) -> list[tuple[Array, float]]:
+    """Where the votes are densest over position and radius, the best first, apart from each other."""
+    inwards = surface.normals if hollow else -surface.normals
+    tried = np.arange(radii[0], radii[1] + 1e-9, _RADIUS_STEP_M)
+    low = surface.smooth.min(axis=0) - radii[1]
+    shape = tuple(np.ceil((np.ptp(surface.smooth, axis=0) + 2 * radii[1]) / _CELL_M).astype(int) + 1)
+    best = np.zeros(shape)
+    best_radius = np.zeros(shape)
+    for radius in tried:
+        cell = ((surface.smooth + radius * inwards - low) / _CELL_M).astype(np.intp)
+        flat = np.ravel_multi_index((cell[:, 0], cell[:, 1], cell[:, 2]), shape)
+        votes = np.bincount(flat, surface.areas, int(np.prod(shape))).reshape(shape)
+        share = _with_neighbours(votes) / (4.0 * np.pi * radius**2)
+        np.copyto(best_radius, radius, where=share > best)
+        np.maximum(best, share, out=best)
+    centres = low + _CELL_M * (np.argwhere(best > 0) + 0.5)
+    scores, of = best[best > 0], best_radius[best > 0]
+    found: list[tuple[Array, float]] = []
+    while len(found) < most and len(scores) and scores.max() > 0:
+        k = int(np.argmax(scores))
+        found.append((centres[k], float(of[k])))
+        scores = np.where(np.linalg.norm(centres - centres[k], axis=1) < _APART_M, 0.0, scores)
+    return found
+
+
+def _with_neighbours(votes: Array) -> Array:
+    """Of every cell its own votes and those of the 26 around it."""
+    for axis in range(votes.ndim):
+        own = np.moveaxis(votes, axis, 0)
+        votes = votes.copy()
+        total = np.moveaxis(votes, axis, 0)
+        total[1:] += own[:-1]
+        total[:-1] += own[1:]
+    return votes
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

@@ -1,0 +1,234 @@
+"""A bone's surface made ready: one vertex per place, outward normals, no debris, its own axes.
+
+Everything after this happens in the bone's own principal frame, so that the image's orientation and
+origin cannot matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.refining import refined_mesh
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.shells import (
+    boundary_share,
+    merged,
+    shells,
+    without_useless_faces,
+    wound_alike,
+)
+from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals, without_noise
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.intp]
+
+STRAY_SHARE = 0.05
+"""Shells below this share of the largest one's area are debris of the segmentation (field experience)."""
+
+SMOOTHING_M = 5.0e-3
+"""Length of the waves that are taken off before points are selected: chosen, above voxels of MRI (1-2 mm),
+so that stairs and noise do not turn normals, and far below the radius of a condyle (20 mm)."""
+
+COARSE_M = 3e-3
+"""Median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices."""
+
+OPEN_SHARE = 1e-3
+"""Boundary edges above this share of all are called open; chosen, a pinhole is not worth a word."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A cleaned bone in its own principal frame, m.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3), m
+        Vertices, without their noise where there was much; the longest principal axis is x, the shortest z.
+    smooth : ndarray, shape (n, 3), m
+        The same vertices smoothed over 5 mm, for selecting; fits use ``points``.
+    normals : ndarray, shape (n, 3)
+        Outward unit normals of the smoothed surface.
+    areas : ndarray, shape (n,), m2
+        What each vertex stands for.
+    shell : ndarray of int, shape (n,)
+        Number of the connected piece, the largest first.
+    faces : ndarray of int, shape (m, 3)
+    origin : ndarray, shape (3,), m
+    R_image_own : ndarray, shape (3, 3)
+        Rotates this frame into the image's.
+    noise : float, m
+        Standard deviation of what was taken off the vertices along their normals; 0 on a quiet mesh.
+    notes : tuple of str
+        What was repaired.
+    """
+
+    points: Array
+    smooth: Array
+    normals: Array
+    areas: Array
+    shell: NDArray[np.intp]
+    faces: Faces
+    origin: Array
+    R_image_own: Array
+    noise: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    def to_image(self, points: Array) -> Array:
+        """Points (..., 3) of this frame in the image."""
+        moved: Array = points @ self.R_image_own.T + self.origin
+        return moved
+
+    def turned(self, directions: Array) -> Array:
+        """Directions (..., 3) of this frame in the image."""
+        moved: Array = directions @ self.R_image_own.T
+        return moved
+
+    def part(self, kept: NDArray[np.bool_]) -> Surface:
+        """Only some vertices; faces go."""
+        return replace(
+            self,
+            points=self.points[kept],
+            smooth=self.smooth[kept],
+            normals=self.normals[kept],
+            areas=self.areas[kept],
+            shell=self.shell[kept],
+            faces=np.zeros((0, 3), dtype=np.intp),
+        )
+
+
+def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
+    """Clean a mesh and put it into its own frame.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3), m
+    faces : ndarray of int, shape (m, 3)
+
+    Raises
+    ------
+    MeshRefused
+        Empty, not finite, or faces that name vertices that do not exist.
+    """
+    vertices, triangles = _checked(vertices, faces)
+    notes: list[str] = []
+    points, triangles = merged(vertices, triangles)
+    triangles = without_useless_faces(triangles)
+    if len(triangles) < _FEWEST_FACES:
+        raise MeshRefused(
+            f"it has {len(triangles)} faces, too few for a bone",
+            remedy=f"Give a surface of at least {_FEWEST_FACES} faces",
+        )
+    points, triangles, label = _without_strays(points, triangles, notes)
+    open_share = boundary_share(triangles)
+    if open_share > OPEN_SHARE:
+        notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
+    triangles = _facing_out(points, triangles, label, notes)
+    points, noise = without_noise(points, triangles, SMOOTHING_M)
+    if noise > 0.0:
+        notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
+    points, triangles = refined_mesh(points, triangles, COARSE_M)
+    label = shells_by_size(points, triangles)
+    origin, axes = _principal_frame(points, triangles)
+    points = (points - origin) @ axes
+    smooth = Smoother(points, triangles).smoothed(SMOOTHING_M)
+    return Surface(
+        points=points,
+        smooth=smooth,
+        normals=vertex_normals(smooth, triangles),
+        areas=vertex_areas(smooth, triangles),
+        shell=label,
+        faces=triangles,
+        origin=origin,
+        R_image_own=axes,
+        noise=noise,
+        notes=tuple(notes),
+    )
+
+
+_FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
+
+
+def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:
+    vertices, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
+    if vertices.size == 0 or triangles.size == 0:
+        raise MeshRefused("the mesh is empty", remedy="Export the bone's surface again")
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise MeshRefused(
+            f"vertices of shape {vertices.shape} and faces of shape {triangles.shape} are no triangles",
+            remedy="Export a surface of triangles",
+        )
+    if not np.issubdtype(triangles.dtype, np.integer):
+        raise MeshRefused("faces are not whole numbers", remedy="Export the bone's surface again")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise MeshRefused("faces name vertices that do not exist", remedy="Export the bone's surface again")
+    if not np.isfinite(vertices).all():
+        raise MeshRefused("some vertices are not finite", remedy="Export the bone's surface again")
+    return vertices, triangles.astype(np.intp)
+
+
+def _without_strays(
+    points: Array, triangles: Faces, notes: list[str]
+) -> tuple[Array, Faces, NDArray[np.intp]]:
+    label = shells(len(points), triangles)
+    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    order = np.argsort(-areas, kind="stable")
+    large = areas[order] >= STRAY_SHARE * areas[order[0]]
+    strays = int((~large & (areas[order] > 0)).sum())
+    if strays:
+        share = float(areas[order[~large]].sum() / areas.sum())
+        notes.append(f"{strays} stray shells ({100 * share:.2g} % of the area) were dropped")
+    rank = np.full(len(areas), -1, dtype=np.intp)
+    rank[order[large]] = np.arange(int(large.sum()))
+    kept = rank[label] >= 0
+    number = np.cumsum(kept) - 1
+    triangles = number[triangles[kept[triangles[:, 0]]]]
+    return points[kept], triangles, rank[label][kept]
+
+
+def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
+    """Number of the connected piece of each vertex, the largest area first."""
+    label = shells(len(points), triangles)
+    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    rank = np.empty(len(areas), dtype=np.intp)
+    rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
+    numbers: NDArray[np.intp] = rank[label]
+    return numbers
+
+
+def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
+    """Every shell wound alike, then turned so that it encloses a positive volume."""
+    triangles, turned = wound_alike(len(points), triangles)
+    corners = points[triangles]
+    owner = label[triangles[:, 0]]
+    n_shells = int(label.max()) + 1
+    middle = np.column_stack([np.bincount(label, points[:, k], n_shells) for k in range(3)]).astype(float)
+    middle = middle / np.bincount(label, minlength=n_shells)[:, None]
+    corners = corners - middle[owner][:, None]
+    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    inside_out = np.bincount(owner, volumes, n_shells) < 0
+    if turned:
+        notes.append(f"{turned} faces were wound against their neighbours and were turned")
+    if inside_out.any():
+        notes.append("the normals pointed inwards and were turned")
+    flip = inside_out[owner]
+    return np.where(flip[:, None], triangles[:, ::-1], triangles)
+
+
+def _principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
+    """Centroid of the surface and its principal axes in columns, right-handed, longest first.
+
+    Signs follow the third moments, which no rotation of the image changes.
+    """
+    areas = vertex_areas(points, triangles)
+    w = areas / areas.sum()
+    origin = w @ points
+    local = points - origin
+    _, vectors = np.linalg.eigh(local.T @ (w[:, None] * local))
+    axes = vectors[:, ::-1].copy()
+    skewness = w @ (local @ axes) ** 3
+    axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return origin, axes

@@ -1,0 +1,163 @@
+"""The talus: a cylinder on the trochlea, which is the ankle's axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.cylinders import CylinderOnBone, refined_cylinder
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.results import BoneLandmarks, Cylinder, Quality, Side, confidence
+from scaling_service.bones.surface import Surface, prepare
+from scaling_service.bones.tibia import TibiaFrame
+from scaling_service.bones.whole_bone import one_bone
+from scaling_service.numerics.geometry.fits import across
+
+Array = NDArray[np.float64]
+
+RADII_M = (0.013, 0.032)
+"""Trochleae have radii of 18-25 mm in adults; chosen around them."""
+
+SIZE_M = (0.035, 0.085)
+"""Length of a talus, a child's to a giant's; adults have 50-65 mm."""
+
+ARC = 0.15
+"""Least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees."""
+
+AREA = 0.5
+"""Least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2."""
+
+_RIDGE = float(np.sin(np.deg2rad(25.0)))  # keeps to the dome; its sides stand across
+_DIRECTIONS = 150  # chosen: about 11 degrees apart on the half sphere
+_CELL_M = 2e-3
+_TRIED = 5
+
+
+def talus_landmarks(
+    vertices: Array,
+    faces: NDArray[np.integer],
+    *,
+    named_side: Side | None = None,
+    tibia: TibiaFrame,
+) -> BoneLandmarks:
+    """The ankle's centre and axis from a talus beside its tibia.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3), m
+    faces : ndarray of int, shape (m, 3)
+    named_side : {"r", "l"}, optional
+        A talus alone is what it is called.
+    tibia : TibiaFrame
+        Of the same image: the trochlea faces it, and the axis is signed by it. A talus alone has other
+        cylinders (its neck, the rims of its facets) that carry as much surface.
+
+    Returns
+    -------
+    BoneLandmarks
+        Point ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``.
+
+    Raises
+    ------
+    MeshRefused
+        It is no talus, or no part of it is a cylinder of a trochlea's size.
+    """
+    surface, notes = one_bone(prepare(vertices, faces), "talus")
+    length = float(np.ptp(surface.points[:, 0]))
+    if not SIZE_M[0] <= length <= SIZE_M[1]:
+        raise MeshRefused(
+            f"it is {1e3 * length:.4g} mm long; a talus has {1e3 * SIZE_M[0]:.0f}-{1e3 * SIZE_M[1]:.0f} mm",
+            remedy="Check the unit (mm or m), and that it is a talus",
+        )
+    up, right = surface.R_image_own.T @ tibia.y, surface.R_image_own.T @ tibia.z
+    found = _trochlea(surface, up, right)
+    axis = found.direction * np.sign(found.direction @ right)
+    supported = found.support > 0
+    along = (surface.points[supported] - found.point) @ axis
+    centre = found.point + axis * 0.5 * float(np.quantile(along, 0.02) + np.quantile(along, 0.98))
+    trust = min(
+        confidence(found.rms / found.radius, poor=0.08, good=0.03),
+        confidence(found.covered, poor=ARC, good=0.28),
+        confidence(found.area / found.radius**2, poor=AREA, good=1.2),
+    )
+    return BoneLandmarks(
+        bone="talus",
+        side=named_side,
+        side_from="name",
+        points={"ankle_centre": surface.to_image(centre)},
+        cylinders={
+            "trochlea": Cylinder(
+                surface.to_image(centre),
+                surface.turned(axis),
+                found.radius,
+                Quality(found.rms, found.covered, trust),
+            )
+        },
+        axes={"ankle": surface.turned(axis)},
+        definitions={"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"},
+        warnings=(*surface.notes, *notes),
+    )
+
+
+def _trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
+    """The convex cylinder that carries most of the surface, among those that face the tibia."""
+    facing = surface.normals @ up > 0.2
+    directions = _half_sphere(_DIRECTIONS)
+    directions = directions[np.abs(directions @ up) < 0.5]
+    directions = directions[np.abs(directions @ right) > 0.5]
+    guesses = sorted((_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
+    found: list[CylinderOnBone] = []
+    for _, point, direction, radius in guesses[:_TRIED]:
+        cylinder = refined_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
+        if cylinder is not None and RADII_M[0] <= cylinder.radius <= RADII_M[1]:
+            found.append(cylinder)
+    if not found:
+        raise MeshRefused(
+            "no part of it is a cylinder of a trochlea's size", remedy="Give the surface of one talus"
+        )
+    best = max(found, key=lambda c: c.area / (1.0 + (20.0 * c.rms / c.radius) ** 2))
+    if best.covered < ARC or best.area < AREA * best.radius**2 or best.rms > 0.08 * best.radius:
+        raise MeshRefused(
+            f"the best cylinder spans {360 * best.covered:.0f} degrees with {1e3 * best.rms:.1f} mm rms, "
+            "too little for a trochlea",
+            remedy="Give the surface of one talus",
+        )
+    return best
+
+
+def _circle(
+    surface: Surface, facing: NDArray[np.bool_], direction: Array
+) -> tuple[float, Array, Array, float]:
+    """Votes for the best circle seen along a direction: share of it, a point on its axis, radius."""
+    chosen = facing & (np.abs(surface.normals @ direction) < _RIDGE)
+    first, second = across(direction)
+    plane = np.stack([first, second])
+    points, normals = surface.smooth[chosen] @ plane.T, surface.normals[chosen] @ plane.T
+    areas = surface.areas[chosen]
+    low = surface.smooth @ plane.T
+    corner, size = low.min(axis=0) - RADII_M[1], np.ptp(low, axis=0) + 2 * RADII_M[1]
+    n = int(np.ceil(size.max() / _CELL_M)) + 1
+    best = (0.0, np.zeros(3), direction, RADII_M[0])
+    middle = surface.areas @ surface.smooth / surface.areas.sum()
+    for radius in np.arange(RADII_M[0], RADII_M[1], 1.5e-3):
+        cell = ((points - radius * normals - corner) / _CELL_M).astype(np.intp)
+        votes = np.bincount(cell[:, 0] * n + cell[:, 1], areas, n * n).reshape(n, n)
+        pooled = votes[:-1, :-1] + votes[1:, :-1] + votes[:-1, 1:] + votes[1:, 1:]
+        k = int(np.argmax(pooled))
+        # By radius, so that a wide arc of a small cylinder and a narrow one of a large are alike.
+        score = float(pooled.ravel()[k]) / radius
+        if score > best[0]:
+            i, j = np.unravel_index(k, pooled.shape)
+            flat = corner + _CELL_M * np.array([i + 1.0, j + 1.0])
+            point = plane.T @ flat + direction * float(middle @ direction)
+            best = (score, point, direction, float(radius))
+    return best
+
+
+def _half_sphere(n: int) -> Array:
+    """Evenly spread directions, without their opposites (a Fibonacci spiral)."""
+    k = np.arange(n) + 0.5
+    z = k / n
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across_z = np.sqrt(1.0 - z**2)
+    return np.column_stack([across_z * np.cos(turn), across_z * np.sin(turn), z])

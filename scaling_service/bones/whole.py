@@ -1,0 +1,187 @@
+"""All bones of one image together: what one bone says about another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.femur import femur_landmarks
+from scaling_service.bones.pelvis import pelvis_landmarks
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.results import BoneLandmarks, Side
+from scaling_service.bones.talus import talus_landmarks
+from scaling_service.bones.tibia import TibiaFrame, tibia_landmarks
+
+Array = NDArray[np.float64]
+Mesh = tuple[Array, NDArray[np.integer]]
+
+BONES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
+"""Names of bones, the sides as in the built-in models."""
+
+_TALUS_ALONE = "a talus alone does not show which of its facets is the trochlea"
+
+SIZE_M: Mapping[str, tuple[float, float]] = {
+    "pelvis": (0.15, 0.45),
+    "femur": (0.08, 0.64),
+    "tibia": (0.08, 0.64),
+    "talus": (0.03, 0.09),
+}
+"""Largest extents, parts of long bones included. Each range spans less than a factor of ten, so that
+no two of mm, cm and m can both be right."""
+
+UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""Metres in a unit."""
+
+_JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed images included
+
+
+def unit_of(extents: Mapping[str, float]) -> str:
+    """The unit in which all bones have the size of bones.
+
+    Parameters
+    ----------
+    extents : mapping of str to float
+        Bone to the largest distance between two of its points, in the unknown unit.
+
+    Raises
+    ------
+    MeshRefused
+        None, or not the same for all.
+
+    Examples
+    --------
+    >>> unit_of({"femur_r": 445.0, "talus_r": 61.0})
+    'mm'
+    """
+    fitting = [
+        unit
+        for unit, metres in UNITS.items()
+        if all(_has_size(name, extent * metres) for name, extent in extents.items())
+    ]
+    if fitting:
+        return fitting[0]
+    sizes = ", ".join(f"{name} {extent:.4g}" for name, extent in extents.items())
+    raise MeshRefused(
+        f"in no unit are all bones as large as bones ({sizes})",
+        field="--units",
+        remedy="Give all bones in one unit, mm or m, each in its place",
+    )
+
+
+def find_landmarks(
+    bones: Mapping[str, Mesh],
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, BoneLandmarks]:
+    """Landmarks of every bone of one image.
+
+    Parameters
+    ----------
+    bones : mapping
+        Name (of :data:`BONES`) to vertices (n, 3), m, and faces (m, 3), all in the image's axes.
+    progress : callable, optional
+        Called with the name of each bone before its turn.
+
+    Returns
+    -------
+    dict
+        Name to landmarks, in the order of :data:`BONES`. Where a talus is given, ``ankle_centre`` of its
+        tibia is that of the talus, and the malleoli's stands as ``ankle_centre_malleoli``.
+
+    Raises
+    ------
+    MeshRefused
+        With the bone's name as ``field``.
+    """
+    found: dict[str, BoneLandmarks] = {}
+    frames: dict[str, TibiaFrame] = {}
+    for name in [bone for bone in BONES if bone in bones]:
+        if progress is not None:
+            progress(name)
+        try:
+            found[name] = _one(name, bones[name], found, frames)
+        except MeshRefused as error:
+            raise MeshRefused(error.problem, field=error.field or name, remedy=error.remedy) from None
+    for side in ("r", "l"):
+        _with_talus(found, side)
+        _with_socket(found, side)
+    return found
+
+
+def _has_size(name: str, extent_m: float) -> bool:
+    low, high = SIZE_M[name.split("_")[0]]
+    return low <= extent_m <= high
+
+
+def _one(
+    name: str, mesh: Mesh, found: Mapping[str, BoneLandmarks], frames: dict[str, TibiaFrame]
+) -> BoneLandmarks:
+    vertices, faces = mesh
+    if name == "pelvis":
+        return pelvis_landmarks(vertices, faces)
+    kind, side = name.split("_")
+    named: Side = "r" if side == "r" else "l"
+    if kind == "femur":
+        return _right_side(name, femur_landmarks(vertices, faces, named_side=named))
+    if kind == "tibia":
+        landmarks, frames[side] = tibia_landmarks(vertices, faces, named_side=named)
+        return _right_side(name, landmarks)
+    if side not in frames:
+        raise MeshRefused(
+            _TALUS_ALONE, remedy=f"Give tibia_{side} of the same image too, or leave {name} out"
+        )
+    talus = talus_landmarks(vertices, faces, named_side=named, tibia=frames[side])
+    tibia = found[f"tibia_{side}"].points.get("malleolus_medial")
+    apart = 0.0 if tibia is None else float(np.linalg.norm(talus.points["ankle_centre"] - tibia))
+    if apart > 0.06:  # chosen: the trochlea lies 20-30 mm from the medial malleolus
+        raise MeshRefused(
+            f"it lies {1e3 * apart:.0f} mm from the tibia's malleolus",
+            remedy="Give tibia and talus of one image, not moved apart",
+        )
+    return talus
+
+
+def _right_side(name: str, landmarks: BoneLandmarks) -> BoneLandmarks:
+    if name.endswith(f"_{landmarks.side}"):
+        return landmarks
+    words = {"r": "right", "l": "left"}
+    said, is_ = words[name[-1]], words[landmarks.side or "r"]
+    raise MeshRefused(
+        f"it is a {is_} {landmarks.bone}, but is given as a {said} one",
+        remedy=f"Give it as {landmarks.bone}_{landmarks.side}; if the export mirrored it, mirror it back",
+    )
+
+
+def _with_talus(found: dict[str, BoneLandmarks], side: str) -> None:
+    """The ankle's centre of the tibia from the talus, where there is one."""
+    tibia, talus = found.get(f"tibia_{side}"), found.get(f"talus_{side}")
+    if tibia is None or talus is None:
+        return
+    points, words = dict(tibia.points), dict(tibia.definitions)
+    if "ankle_centre" in points:
+        points["ankle_centre_malleoli"] = points["ankle_centre"]
+        words["ankle_centre_malleoli"] = words["ankle_centre"]
+    points["ankle_centre"] = talus.points["ankle_centre"]
+    words["ankle_centre"] = talus.definitions["ankle_centre"]
+    refused = {name: why for name, why in tibia.refused.items() if name != "ankle_centre"}
+    found[f"tibia_{side}"] = replace(
+        tibia,
+        points=points,
+        definitions=words,
+        refused=refused,
+        axes={**tibia.axes, "ankle": talus.axes["ankle"]},
+    )
+
+
+def _with_socket(found: dict[str, BoneLandmarks], side: str) -> None:
+    """A word where the head does not sit in its socket."""
+    pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
+    if pelvis is None or femur is None or "hip_centre" not in femur.points:
+        return
+    apart = float(np.linalg.norm(femur.points["hip_centre"] - pelvis.points[f"acetabulum_{side}"]))
+    if apart > _JOINT_GAP_M:
+        warning = f"its head lies {1e3 * apart:.0f} mm from the socket of the pelvis: other poses or images"
+        found[f"femur_{side}"] = replace(femur, warnings=(*femur.warnings, warning))

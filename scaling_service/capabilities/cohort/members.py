@@ -1,0 +1,177 @@
+"""Who belongs to a cohort: the rows of a CSV file, or the subject files of a folder."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.documents.reading import read_content, read_text
+
+COLUMN = "subject"
+_SUFFIXES = (".yaml", ".yml", ".json")
+_SEPARATORS = ",;\t"
+"""What spreadsheets of different countries write; the one that the header's ``subject`` stands between."""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One subject of a cohort.
+
+    Parameters
+    ----------
+    file : Path
+        Its subject file.
+    shown : str
+        As the cohort names it.
+    groups : mapping
+        Further columns of the cohort file.
+    """
+
+    file: Path
+    shown: str
+    groups: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_members(cohort: Path) -> tuple[tuple[Member, ...], tuple[str, ...]]:
+    """The members of a cohort, and what was passed over.
+
+    Parameters
+    ----------
+    cohort : Path
+        A CSV file with the column ``subject`` (paths relative to it), or a folder with subject files or with
+        folders that each hold a ``subject.yaml``, ``.yml`` or ``.json``.
+
+    Raises
+    ------
+    InputError
+        There are none, one of them does not exist, or one is named twice.
+    """
+    if cohort.is_dir():
+        return _in_folder(cohort)
+    if cohort.suffix.lower() in _SUFFIXES:
+        raise InputError(
+            "a cohort is a CSV file or a folder, and this looks like a subject file",
+            file=cohort,
+            remedy=f"Name it in a CSV file with the column `{COLUMN}`, or give its folder",
+        )
+    return tuple(_in_table(cohort)), ()
+
+
+def _in_folder(folder: Path) -> tuple[tuple[Member, ...], tuple[str, ...]]:
+    members, passed = [], []
+    for path in sorted(p for p in folder.iterdir() if not p.name.startswith(".")):
+        for file in _candidates(path):
+            shown = file.relative_to(folder).as_posix()
+            if file.parent != folder or _is_subject(file):
+                members.append(Member(file, shown))
+            else:
+                passed.append(f"{shown} was passed over: it is no subject file")
+    if not members:
+        raise InputError(
+            "there is no subject file in this folder",
+            file=folder,
+            remedy=f"Put subject files ({', '.join(_SUFFIXES)}) there, or folders with a subject.yaml each",
+        )
+    return tuple(members), tuple(passed)
+
+
+def _candidates(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path] if path.suffix.lower() in _SUFFIXES else []
+    return [file for suffix in _SUFFIXES if (file := path / f"subject{suffix}").is_file()]
+
+
+def _is_subject(file: Path) -> bool:
+    """Whether a document says anything of a subject; one that cannot be read counts, so that it is told."""
+    try:
+        content = read_content(file)
+    except InputError:
+        return True
+    return isinstance(content, Mapping) and (
+        "trials" in content or isinstance(content.get("subject"), Mapping)
+    )
+
+
+def _in_table(file: Path) -> Iterator[Member]:
+    lines = read_text(file, "a table of subjects").splitlines()
+    header, rows = _table(lines, file)
+    column = header.index(COLUMN)
+    seen: dict[Path, int] = {}
+    for number, cells in rows:
+        place = f"line {number}"
+        shown = cells[column].strip() if column < len(cells) else ""
+        if len(cells) > len(header) or not shown:
+            raise InputError(
+                "no subject file is named"
+                if not shown
+                else f"it has {len(cells)} cells, the header {len(header)}",
+                file=file,
+                field=place,
+                remedy="Correct or remove the line; put texts with separators in quotes",
+            )
+        path = (file.parent / Path(shown).expanduser()).absolute()
+        if not path.is_file():
+            problem = "is a folder, not a file" if path.is_dir() else "does not exist"
+            raise InputError(
+                f"'{shown}' {problem} (looked for {path})",
+                file=file,
+                field=f"{place}, {COLUMN}",
+                remedy="Paths are relative to the cohort file: correct the path, or remove the line",
+            )
+        if (before := seen.setdefault(path.resolve(), number)) != number:
+            raise InputError(
+                f"'{shown}' stands in line {before} already",
+                file=file,
+                field=place,
+                remedy="Remove one of the two lines",
+            )
+        cells += [""] * (len(header) - len(cells))
+        yield Member(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
+
+
+def _table(lines: Sequence[str], file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header's names, and the other rows that are not blank with their line numbers."""
+    filled = next((k for k, line in enumerate(lines) if line.strip()), None)
+    if filled is None:
+        raise InputError("it is empty", file=file, remedy=f"Write a header with `{COLUMN}`, then a row each")
+    for separator in _SEPARATORS:
+        table = _split(lines, filled, separator, file)
+        header = [name.strip() for name in table[0][1]]
+        if COLUMN in header:
+            break
+    else:
+        raise InputError(
+            f"there is no column `{COLUMN}`; the header is '{lines[filled].strip()}'",
+            file=file,
+            field="header",
+            remedy=f"Name the column with the subject files `{COLUMN}`",
+        )
+    _check_header(header, file)
+    rows = [(number, cells) for number, cells in table[1:] if any(cell.strip() for cell in cells)]
+    if not rows:
+        raise InputError("it names no subject", file=file, remedy="Write a row for each subject file")
+    return header, rows
+
+
+def _split(lines: Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
+    reader = csv.reader(lines[first:], delimiter=separator, skipinitialspace=True)
+    try:
+        return [(first + reader.line_num, cells) for cells in reader]
+    except csv.Error as error:
+        raise FileUnreadable(
+            f"it is no table: {error}", file=file, remedy="Save it as CSV in UTF-8"
+        ) from None
+
+
+def _check_header(header: Sequence[str], file: Path) -> None:
+    for name in header:
+        if not name or header.count(name) > 1:
+            raise InputError(
+                f"two columns are called '{name}'" if name else "a column has no name",
+                file=file,
+                field="header",
+                remedy="Give every column a name of its own",
+            )

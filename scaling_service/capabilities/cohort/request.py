@@ -1,0 +1,103 @@
+"""A request for many subjects, as `batch` on the command line takes it."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+
+from scaling_service.capabilities.cohort.members import COLUMN
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.request import (
+    ChosenMethods,
+    ChosenSettings,
+    Documents,
+    JobRequest,
+    Needed,
+    ScalingRequest,
+    named_files,
+)
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.documents.reading import check_document
+from scaling_service.documents.subject import Identifier
+
+MOST_SUBJECTS = 1000
+"""Of a batch. Chosen: studies have tens; the inputs of all are copied for one job."""
+
+
+RECORD = "batch.json"
+"""What a member keeps for the statistics (``jobs.subject_item.RECORD``, without importing what computes)."""
+
+
+def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len({name.casefold() for name in names}) < len(names):
+        raise ValueError("name each subject once")
+    return names
+
+
+def _no_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[str, str]]:
+    if COLUMN in set(itertools.chain.from_iterable(groups.values())):
+        raise ValueError(f"a group cannot be called '{COLUMN}'")
+    return groups
+
+
+_Label = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
+
+
+class MemberRequest(ScalingRequest):
+    """Scale one subject's model as a member of a batch; the same member of two batches is one job."""
+
+
+class MemberResult(BaseModel):
+    """How a member of a batch ended that did not fail."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    status: Literal["done", "skipped"]
+    reason: str = Field(description="Why it was skipped; empty where it is done.")
+    wall_s: float
+
+
+class BatchRequest(JobRequest):
+    """Scale many subjects' models, and compare the methods over all of them.
+
+    One subject's failure does not stop the others; the result says how each ended.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    batch_subjects: Annotated[tuple[Identifier, ...], AfterValidator(_each_once)] = Field(
+        alias="subjects",
+        min_length=1,
+        max_length=MOST_SUBJECTS,
+        description="Names of the subjects, as uploaded.",
+        examples=[["S01"]],
+    )
+    groups: Annotated[dict[Identifier, dict[_Label, _Label]], AfterValidator(_no_subject_column)] = Field(
+        default={}, description="Subject to labels that are kept in the results, such as sex or side."
+    )
+    methods: ChosenMethods = Field(
+        default=None,
+        description=f"Of {', '.join(METHODS)}; all that each subject allows unless given.",
+        examples=[["MB", "MB_am"]],
+    )
+    settings: ChosenSettings = Field(
+        default=Settings(), description="How recordings are processed and models fitted."
+    )
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """All of them."""
+        return self.batch_subjects
+
+    def needed(self, documents: Documents) -> Needed:
+        """All files that the subjects' documents name."""
+        return {name: named_files(check_document(documents[name])) for name in self.subjects}
+
+    def members(self) -> list[MemberRequest]:
+        """One request for each subject."""
+        return [
+            MemberRequest(subject=name, methods=self.methods, settings=self.settings)
+            for name in self.subjects
+        ]

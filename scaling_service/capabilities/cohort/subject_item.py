@@ -1,0 +1,158 @@
+"""One subject of a batch, from its file to its folder: done once, and not again unless something changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from scaling_service.capabilities.cohort.scaling_items import Done, NothingPossible, possible_methods
+from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
+from scaling_service.capabilities.cohort.summaries import summarise
+from scaling_service.capabilities.scaling.documents import code_version
+from scaling_service.capabilities.scaling.run import Progress, compare
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.documents.reading import read_document
+from scaling_service.documents.results import ComparisonDocument
+from scaling_service.model.subject import Subject
+
+RECORD = "batch.json"
+"""What a batch keeps of a subject in its folder: SI, every digit, so that another run gives the same."""
+
+RECORD_VERSION = 1
+"""Part of every specification: raised when a summary holds other things than before."""
+
+_COMPUTING = (
+    0.85  # chosen: about the share of computing in the time of a subject, before its files are written
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """That a subject is done.
+
+    Parameters
+    ----------
+    specification : str
+        SHA-256 of everything that the results depend on.
+    files : tuple of str
+        What was written, relative to the subject's folder.
+    summary : SubjectSummary
+    """
+
+    specification: str
+    files: tuple[str, ...]
+    summary: SubjectSummary
+
+
+_RECORDS = TypeAdapter(Record)
+
+
+@dataclass(frozen=True, slots=True)
+class SubjectItem:
+    """How to scale the subject of a file, and where to write its results.
+
+    Parameters
+    ----------
+    file, folder : Path
+    name : str
+        The subject's id.
+    groups : mapping
+    force : bool
+        Do it again even if nothing changed.
+    """
+
+    file: Path
+    folder: Path
+    name: str
+    groups: Mapping[str, str] = field(default_factory=dict)
+    force: bool = False
+
+    def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
+        """Scale by the methods that are possible, and write what ``compare`` writes.
+
+        Raises
+        ------
+        NothingPossible
+            None of the methods can be done.
+        InputError
+            Whatever in the subject's files cannot be used, or a folder that cannot be written to.
+        """
+        subject = load_subject(self.file)
+        possible, left_out = possible_methods(subject, methods)
+        if not possible:
+            raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
+        specified = specification(self.file, subject, methods, settings)
+        known = None if self.force else read_record(self.folder)
+        if known is not None and known.specification == specified:
+            return Done(known.summary, kept=True)
+        results = compare(
+            self.file, possible, settings, progress=lambda what, share: progress(what, _COMPUTING * share)
+        )
+        # Gone before the first new file is there: a record never speaks for other files than its own.
+        (self.folder / RECORD).unlink(missing_ok=True)
+        document = save(
+            results,
+            self.folder,
+            progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
+        )
+        summary = summarise(results, left_out=left_out)
+        _write_record(self.folder, Record(specified, _files(document), summary))
+        return Done(summary)
+
+
+def specification(file: Path, subject: Subject, methods: Sequence[str] | None, settings: Settings) -> str:
+    """SHA-256 of what a subject's results depend on.
+
+    Notes
+    -----
+    The subject document counts as it is understood, not as it is written: comments and order change nothing.
+    Every file that it names counts by its content.
+    """
+    inputs = input_hashes(subject, file)
+    del inputs[file.resolve().name]
+    content = {
+        "record": RECORD_VERSION,
+        "code": code_version(),
+        "document": read_document(file).model_dump(mode="json"),
+        "inputs": inputs,
+        "methods": None if methods is None else list(methods),
+        "settings": settings.resolved(),
+        "seed": settings.seed,
+    }
+    text = json.dumps(content, sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def read_record(folder: Path) -> Record | None:
+    """What an earlier batch kept of a subject; None where it is absent, not whole, or its files are gone."""
+    try:
+        record = _RECORDS.validate_python(json.loads((folder / RECORD).read_text(encoding="utf-8")))
+    except (
+        OSError,
+        ValueError,
+    ):  # absent, no text, no JSON, or not this record: ValidationError is a ValueError
+        return None
+    return record if all((folder / name).is_file() for name in record.files) else None
+
+
+def _write_record(folder: Path, record: Record) -> None:
+    """Written beside and moved into place, so that there is never half of one."""
+    new = folder / f".{RECORD}.{os.getpid()}"
+    new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
+    new.replace(folder / RECORD)
+
+
+def _files(document: ComparisonDocument) -> tuple[str, ...]:
+    by_method = [
+        f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
+    ]
+    return ("comparison.json", *by_method)

@@ -1,0 +1,157 @@
+"""From one subject's results to what a cohort takes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.cohort.subject_summary import (
+    TRUTH,
+    Following,
+    MethodSummary,
+    SubjectSummary,
+)
+from scaling_service.capabilities.scaling.comparison.placed_centres import placed_centres
+from scaling_service.capabilities.scaling.comparison.stride_curves import StrideCurves, stride_curves
+from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.images import ImageEvidence
+from scaling_service.model.results import Array
+from scaling_service.model.subject import Session
+
+_IMAGED = "EB"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The true body and motion of a virtual person.
+
+    Parameters
+    ----------
+    model : BodyModel
+    motions : mapping
+        Trial to true coordinates, (n_frames, n_coordinates) in the model's order, rad or m.
+    """
+
+    model: BodyModel
+    motions: Mapping[str, Array]
+
+
+def summarise(
+    results: Results, truth: Truth | None = None, left_out: Mapping[str, str] | None = None
+) -> SubjectSummary:
+    """What a cohort's statistics take of one subject's results.
+
+    Parameters
+    ----------
+    results : Results
+    truth : Truth, optional
+    left_out : mapping, optional
+        Methods that were asked for and not done, with the reason.
+
+    Notes
+    -----
+    Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of a
+    leg that was not imaged an image-based method knows no length: what it took over from the other leg
+    is left out here.
+    """
+    session, scalings = results.session, results.scalings
+    motions = {method: scaling.motions for method, scaling in scalings.items()}
+    strides = stride_curves(session.dynamic, motions, session.model)
+    imaged = _imaged(session.images)
+    return SubjectSummary(
+        subject=session.subject.id,
+        methods={
+            method: _method(
+                scaling, session, strides, imaged if METHODS[method].needs_images else None, truth
+            )
+            for method, scaling in scalings.items()
+        },
+        true_lengths={} if truth is None else segment_lengths(truth.model),
+        centres=_centres(results, imaged, truth),
+        strides=dict(strides.strides),
+        no_strides=dict(strides.reasons),
+        left_out=dict(left_out or {}),
+    )
+
+
+def _method(
+    scaling: Scaling,
+    session: Session,
+    strides: StrideCurves,
+    imaged: frozenset[str] | None,
+    truth: Truth | None,
+) -> MethodSummary:
+    method, shape = scaling.calibration.method, scaling.geometry
+    fitted = {trial.name for trial in session.calibration}
+    moves_markers = any(p.group == "marker" for p in scaling.calibration.parameters)
+    metres, radians = ({}, {}) if truth is None else _from_truth(scaling, session, truth)
+    return MethodSummary(
+        lengths={n: v for n, v in shape.lengths.items() if imaged is None or n in imaged},
+        trials={
+            name: Following("calibration" if name in fitted else "evaluation", e.mean, e.rms, e.max)
+            for name, e in scaling.errors.items()
+        },
+        knee_axes={s: v for s, v in shape.knee_axes.items() if imaged is None or f"knee_{s}" in imaged},
+        marker_shifts=dict(shape.marker_shifts) if moves_markers else {},
+        curves={name: tuple(map(float, curve)) for name, curve in strides.curves[method].items()},
+        from_truth_m=metres,
+        from_truth_rad=radians,
+    )
+
+
+def _imaged(images: ImageEvidence | None) -> frozenset[str]:
+    """Joint centres and lengths that images show; a leg counts where it was imaged whole."""
+    if images is None:
+        return frozenset()
+    found = {f"{what}_{s}" for s in images.sides() for what in ("hip", "knee", "ankle", "femur", "shank")}
+    found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in images.centres}
+    return frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
+
+
+def _judged_on(session: Session) -> list[str]:
+    """The trials on which models are compared in space: held out, where any trial is."""
+    return [trial.name for trial in session.evaluation or session.calibration]
+
+
+def _centres(
+    results: Results, imaged: frozenset[str], truth: Truth | None
+) -> dict[str, dict[str, dict[str, Vector]]]:
+    trials = _judged_on(results.session)
+    if not trials:
+        return {}
+    found: dict[str, dict[str, dict[str, Vector]]] = {}
+    models = {
+        method: (scaling.calibration.model, np.concatenate([scaling.motions[t].q for t in trials]))
+        for method, scaling in results.scalings.items()
+    }
+    if _IMAGED in models:
+        seen = _seen_from(models, *models[_IMAGED])
+        found[_IMAGED] = {m: {j: at for j, at in by.items() if j in imaged} for m, by in seen.items()}
+    if truth is not None:
+        true = truth.model, np.concatenate([truth.motions[t] for t in trials])
+        found[TRUTH] = _seen_from({**models, TRUTH: true}, *true)
+    return found
+
+
+def _seen_from(
+    models: Mapping[str, tuple[BodyModel, Array]], reference: BodyModel, q: Array
+) -> dict[str, dict[str, Vector]]:
+    return {name: placed_centres(model, own, reference, q) for name, (model, own) in models.items()}
+
+
+def _from_truth(
+    scaling: Scaling, session: Session, truth: Truth
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
+    model = scaling.calibration.model
+    motions = [scaling.motions[name] for name in _judged_on(session)]
+    lengths = [abs(gap) for gap in length_errors(model, truth.model).values()]
+    centres = centre_errors(model, motions, truth.model, truth.motions)
+    metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
+    return metres, angle_errors(motions, truth.model, truth.motions)

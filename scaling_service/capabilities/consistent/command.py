@@ -1,0 +1,70 @@
+"""The command that finds the motion, geometry and inertia which markers and ground forces agree on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from scaling_service.capabilities.consistent.document import ConsistentDocument
+from scaling_service.capabilities.consistent.run import consistent as compute
+from scaling_service.capabilities.consistent.saving import FILE_NAME, save_consistent
+from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.scaling.reporting import REPORT
+from scaling_service.capabilities.scaling.saving import check_folder
+from scaling_service.cli import options
+from scaling_service.cli.screen import console_of_results, introduce, progress_bar, say
+
+
+def consistent(
+    subject: options.SubjectFile,
+    out: options.Out,
+    start: options.Start = None,
+    inertia: options.Inertia = None,
+    cutoff_hz: options.CutoffHz = CUTOFF_HZ,
+    up: options.Up = None,
+    forward: options.Forward = None,
+    report: options.Report = True,
+) -> None:
+    """Find the motion, geometry and inertia that markers and ground forces agree on.
+
+    Calibration trials with both feet on plates are fitted, evaluation trials with forces are held out. Writes
+    under --out TRIAL_ik.mot, model.json and model.osim, consistent.json and report.html.
+
+    [bold]Example[/bold]: scaling-service consistent S01.yaml --out consistent
+    """
+    check_folder(out)
+    chosen = DynamicsSettings(start, inertia, cutoff_hz)
+    settings = replace(UNSMOOTHED, up=up, forward=forward)
+    with progress_bar() as progress:
+        results = compute(subject, chosen, settings, progress=progress)
+        document = save_consistent(results, out, report=report)
+    show(document, out)
+
+
+def show(document: ConsistentDocument, out: Path) -> None:
+    """The errors in three ways, the warnings, and what was written."""
+    console = console_of_results()
+    introduce(
+        console,
+        document,
+        f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
+        f"{document.outer_iterations} loops",
+    )
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in ("RMS error", "fx, N", "fy, N", "mz, N m", "markers, mm"):
+        table.add_column(column, justify="left" if column.startswith("RMS") else "right")
+    for name, trial in document.trials.items():
+        table.add_row(f"[bold]{escape(name)} ({'held out' if trial.held_out else 'used to fit'})[/bold]")
+        for way in ("classical", "consistent", "predicted"):
+            wrench = getattr(trial.ground_wrench_rmse, way)
+            numbers = [f"{getattr(wrench, n):.1f}" for n in ("fx_N", "fy_N", "mz_Nm")]
+            table.add_row(f"  {way}", *numbers, f"{getattr(trial.marker_rms_mm, way):.1f}")
+    console.print(table)
+    say(console, "Note", "yellow", document.warnings)
+    written = [*document.files, *(n for n in (FILE_NAME, REPORT) if (out / n).is_file())]
+    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
+    console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)

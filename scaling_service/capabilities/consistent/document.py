@@ -1,0 +1,88 @@
+"""``consistent.json``: motion, geometry and inertia that markers and ground forces agree on."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from scaling_service.documents.results import Provenance, _Result
+
+
+class GroundWrench(_Result):
+    """RMS error of the wrench about the feet; a planar model has the sagittal three alone."""
+
+    fx_N: float = Field(description="Forward.")
+    fy_N: float = Field(description="Up.")
+    mz_Nm: float = Field(description="About the axis to the right.")
+    fz_N: float | None = None
+    mx_Nm: float | None = None
+    my_Nm: float | None = None
+
+
+class WrenchErrors(_Result):
+    """The same recording explained in three ways."""
+
+    classical: GroundWrench = Field(description="Inverse kinematics, filter, derivatives; the start's model.")
+    consistent: GroundWrench = Field(description="Markers and forces followed together; the model found.")
+    predicted: GroundWrench = Field(description="As classical, with the model found: from markers alone.")
+
+
+class MarkerErrors(_Result):
+    """RMS distance of measured and model markers, mm."""
+
+    classical: float
+    consistent: float
+    predicted: float
+
+
+class ConsistentTrial(_Result):
+    """One recording."""
+
+    held_out: bool = Field(description="Not used to find geometry and inertia.")
+    forces_from: str = Field(description="File that the forces came from.")
+    frames: int = Field(description="Frames whose forces are all known.")
+    ground_wrench_rmse: WrenchErrors
+    marker_rms_mm: MarkerErrors
+    weight: float = Field(
+        description="Of the wrench against the markers where both goals are attained alike."
+    )
+
+
+class InertialEntry(_Result):
+    """One inertial parameter before and after."""
+
+    segment: str
+    quantity: str
+    before: float
+    after: float
+    sd: float
+    moved: float = Field(description="Change in standard deviations of the prior.")
+    identifiable: bool
+
+
+class LoopEntry(_Result):
+    """Errors over the fitted recordings after one loop."""
+
+    marker_rms_mm: float
+    ground_wrench_rmse: GroundWrench
+
+
+class ConsistentDocument(Provenance):
+    """``consistent.json``."""
+
+    kind: Literal["consistent"] = "consistent"
+    start: str = Field(description="Method that scaled the model; none: as given.")
+    inertia: str = Field(description="Table of the prior; model: the model's own.")
+    mass_kg: float = Field(description="That the plates bear.")
+    trials: dict[str, ConsistentTrial]
+    inertial: list[InertialEntry] = Field(description="SI units; tensors about the centre of mass.")
+    lengths_mm: dict[str, float] = Field(description="Of the model found.")
+    lengths_before_mm: dict[str, float]
+    length_factors: dict[str, float] = Field(description="Segment to its length over that of the start.")
+    outer_iterations: int
+    converged: bool
+    history: list[LoopEntry]
+    warnings: list[str]
+    files: list[str]
+    wall_s: float

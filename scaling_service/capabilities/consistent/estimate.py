@@ -1,0 +1,288 @@
+"""Motion, geometry and inertia that markers and ground forces agree on (Futamure et al., fig. 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.capabilities.consistent.artefact import artefact_m
+from scaling_service.capabilities.consistent.geometric import (
+    GeometricIdentification,
+    KnownMotion,
+    identify_geometry,
+)
+from scaling_service.capabilities.consistent.motion import ConsistentMotion, consistent_motion
+from scaling_service.capabilities.consistent.problem import InertialFreedom, Objectives, State
+from scaling_service.capabilities.consistent.recording import (
+    SPATIAL,
+    ConsistentRecording,
+    classical_motion,
+    inertial_freedom,
+    limits,
+    problem_of,
+    repeats,
+)
+from scaling_service.capabilities.consistent.settings import PLAIN, ConsistentSettings
+from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
+from scaling_service.capabilities.dynamics.inertia.identification import (
+    IdentificationSettings,
+    identify_inertia,
+)
+from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.model.body import BodyModel
+from scaling_service.numerics.multibody.laws import Array
+
+Progress = Callable[[str], None]
+
+FREE_MASS = IdentificationSettings(mass_known=False)
+"""The plates tell the mass."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """One recording followed by one model.
+
+    Parameters
+    ----------
+    rated : RatedMotion
+    marker_rms_m : float
+        Root mean square distance of measured and model markers.
+    wrench_rmse : ndarray, shape (6,), N and N m
+        Of measured minus model, over frames with known forces.
+    gaps : Objectives
+    weight : float
+        Of the wrench in the balance; NaN where markers alone were followed.
+    """
+
+    rated: RatedMotion
+    marker_rms_m: float
+    wrench_rmse: Array
+    gaps: Objectives
+    weight: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConsistentResult:
+    """What the loop found.
+
+    Parameters
+    ----------
+    start, model : BodyModel
+        Before and after.
+    classical, consistent : tuple of Followed
+        Every recording, in the order given: fitted ones, then held-out ones. ``classical``: inverse
+        kinematics, filter and derivatives with the start's model.
+    predicted : tuple of Followed
+        The classical two steps with the model found: forces played no part in these motions.
+    inertial : InertialIdentification or None
+        The last one.
+    factors : mapping
+        Segment to its length over that of the start.
+    outer_iterations : int
+    converged : bool
+    history : tuple of (float, ndarray)
+        Marker RMS (m) and wrench RMSE (6,) over the fitted recordings after every loop.
+    """
+
+    start: BodyModel
+    model: BodyModel
+    classical: tuple[Followed, ...]
+    consistent: tuple[Followed, ...]
+    predicted: tuple[Followed, ...]
+    inertial: InertialIdentification | None
+    factors: Mapping[str, float]
+    outer_iterations: int
+    converged: bool
+    history: tuple[tuple[float, Array], ...]
+
+
+def consistent(
+    model: BodyModel,
+    fitted: Sequence[ConsistentRecording],
+    held_out: Sequence[ConsistentRecording] = (),
+    settings: ConsistentSettings = PLAIN,
+    identification: IdentificationSettings = FREE_MASS,
+    *,
+    progress: Progress | None = None,
+) -> ConsistentResult:
+    """Find motion, geometry and inertia in turn, until errors change by less than instruments resolve.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Scaled, with a table's inertia.
+    fitted, held_out : sequences of ConsistentRecording
+        With the motions that inverse kinematics with this model finds.
+    settings : ConsistentSettings
+    identification : IdentificationSettings
+    progress : callable, optional
+        Called with what is being done.
+
+    Raises
+    ------
+    InputError
+        Recordings that cannot be used; see :func:`problem_of` and :func:`identify_inertia`.
+
+    Notes
+    -----
+    Beyond the paper, the motion is found together with what is uncertain about the inertia and with the
+    artefact that follows the joints. Found for the table's inertia, as in the paper, the motion bends until
+    it explains the forces, and hides what is wrong with that inertia.
+    """
+    say = progress or (lambda _what: None)
+    recordings = (*fitted, *held_out)
+    rated = [classical_motion(model, r, settings) for r in recordings]
+    classical = tuple(_followed(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))
+    now, inertial, factors = model, None, dict[str, float]()
+    history: list[tuple[float, Array]] = []
+    moved: list[ConsistentMotion] = []
+    converged, loop = False, 0
+    while not converged and loop < settings.most_loops:
+        loop += 1
+        table = _inertia_of(model, now)
+        freedom = None
+        if settings.inertia:
+            freedom = inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
+        say(f"loop {loop}: motion")
+        earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
+        moved = [
+            _moved(table, r, m, settings, freedom, b) for r, m, b in zip(fitted, rated, earlier, strict=False)
+        ]
+        rated[: len(fitted)] = [m.rated for m in moved]
+        if settings.geometry:
+            say(f"loop {loop}: geometry")
+            found = _with_geometry(model, fitted, moved, settings)
+            now, factors = found.model, dict(found.factors)
+        if settings.inertia:
+            say(f"loop {loop}: inertia")
+            now, inertial = _with_inertia(_inertia_of(model, now), fitted, rated, identification)
+        history.append(_errors(fitted, moved))
+        converged = len(history) > 1 and _settled(history[-2], history[-1], settings)
+    say("following the recordings with the model found")
+    known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
+    final = [_moved(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
+    tracked = tuple(
+        _result(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)
+    )
+    predicted = tuple(_predicted(now, r, settings) for r in recordings)
+    return ConsistentResult(
+        model, now, classical, tracked, predicted, inertial, factors, loop, converged, tuple(history)
+    )
+
+
+def _moved(
+    model: BodyModel,
+    recording: ConsistentRecording,
+    rated: RatedMotion,
+    settings: ConsistentSettings,
+    freedom: InertialFreedom | None,
+    before: ConsistentMotion | None,
+) -> ConsistentMotion:
+    """The motion balanced anew; the artefact found before is where its search begins."""
+    problem = problem_of(model, recording, rated, settings, freedom)
+    shared, count = np.zeros(problem.n_shared), problem.shifts.count
+    if before is not None:
+        shared[:count] = before.state.shared[:count]
+    start = State(problem.basis.fit(rated.q[:, problem.free]), shared)
+    return consistent_motion(problem, start, limits(model, problem), 1.0 if before is None else before.weight)
+
+
+def _inertia_of(table: BodyModel, model: BodyModel) -> BodyModel:
+    """The model's geometry with the table's inertia: the prior of every loop."""
+    known = {s.name: s for s in table.segments}
+    return replace(
+        model,
+        segments=tuple(
+            replace(s, mass=known[s.name].mass, com=known[s.name].com, inertia=known[s.name].inertia)
+            for s in model.segments
+        ),
+    )
+
+
+def _with_inertia(
+    prior: BodyModel,
+    fitted: Sequence[ConsistentRecording],
+    rated: Sequence[RatedMotion],
+    identification: IdentificationSettings,
+) -> tuple[BodyModel, InertialIdentification]:
+    found = identify_inertia(
+        prior,
+        [
+            ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
+            for r, m in zip(fitted, rated, strict=False)
+        ],
+        supported=fitted[0].components,
+        settings=identification,
+    )
+    return found.model, found
+
+
+def _with_geometry(
+    start: BodyModel,
+    fitted: Sequence[ConsistentRecording],
+    moved: Sequence[ConsistentMotion],
+    settings: ConsistentSettings,
+) -> GeometricIdentification:
+    """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
+    names = fitted[0].motion.markers
+    known = [
+        KnownMotion(r.name, r.trial.selected(names).markers - m.glide, m.rated.q)
+        for r, m in zip(fitted, moved, strict=True)
+    ]
+    return identify_geometry(
+        start,
+        names,
+        known,
+        artefact_m(start),
+        bound=settings.geometry_bound,
+        axes="xyz" if fitted[0].components == SPATIAL else "xy",
+        prior=settings.geometry_prior,
+        independent=sum(len(r.trial.times) / repeats(r, settings) for r in fitted),
+    )
+
+
+def _followed(
+    model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
+) -> Followed:
+    """How far a motion is from what was measured, without changing it."""
+    problem = problem_of(model, recording, rated, settings)
+    return _result(recording, rated, problem.objectives_of(rated.rates))
+
+
+def _predicted(model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings) -> Followed:
+    motion = inverse_kinematics(model, recording.trial)
+    known = replace(recording, motion=motion)
+    return _followed(model, known, classical_motion(model, known, settings), settings)
+
+
+def _result(
+    recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
+) -> Followed:
+    marker, wrench = _rms(recording, gaps)
+    return Followed(rated, marker, wrench, gaps, weight)
+
+
+def _rms(recording: ConsistentRecording, gaps: Objectives) -> tuple[float, Array]:
+    seen = np.isfinite(recording.trial.selected(recording.motion.markers).markers).all(axis=2)
+    known = np.isfinite(recording.wrench).all(axis=1)
+    marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
+    return marker, np.sqrt((gaps.wrench_gaps[known] ** 2).mean(axis=0))
+
+
+def _errors(
+    fitted: Sequence[ConsistentRecording], motions: Sequence[ConsistentMotion]
+) -> tuple[float, Array]:
+    """RMS over all fitted recordings, each counting alike."""
+    found = [_rms(r, m.objectives) for r, m in zip(fitted, motions, strict=True)]
+    markers, wrenches = zip(*found, strict=True)
+    return float(np.sqrt(np.mean(np.square(markers)))), np.sqrt(np.mean(np.square(wrenches), axis=0))
+
+
+def _settled(before: tuple[float, Array], after: tuple[float, Array], settings: ConsistentSettings) -> bool:
+    resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
+    markers = abs(after[0] - before[0]) < settings.marker_resolution_m
+    return bool(markers and (np.abs(after[1] - before[1]) < resolution).all())

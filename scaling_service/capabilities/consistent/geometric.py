@@ -1,0 +1,221 @@
+"""Segment lengths and marker coordinates from a known motion (Futamure et al., eq. 7).
+
+With the joint angles known, markers are linear in lengths and local coordinates: the kinematic regressor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.parameters import fold, free_marker, free_scale
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import forward, jacobian, positions
+
+FRAMES = 200
+"""Frames used of each recording, evenly spaced (chosen: neighbours say the same)."""
+
+_EVEN = 1e-9
+"""Share of the mean curvature that keeps what no marker shows at its start (chosen: far below what is
+shown)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownMotion:
+    """A recording whose motion is known.
+
+    Parameters
+    ----------
+    name : str
+    measured : ndarray, shape (n, n_markers, 3), m
+        NaN where not seen.
+    q : ndarray, shape (n, n_coordinates), rad or m
+        In the model's order.
+    """
+
+    name: str
+    measured: Array
+    q: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GeometricIdentification:
+    """A model with other lengths and marker coordinates.
+
+    Parameters
+    ----------
+    model : BodyModel
+    factors : mapping
+        Segment to its length over that of the start.
+    shifts : mapping
+        Marker to how far its local coordinates moved, (3,), m.
+    at_bound : tuple of str
+        Parameters that ended on a bound.
+    """
+
+    model: BodyModel
+    factors: Mapping[str, float]
+    shifts: Mapping[str, Array]
+    at_bound: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GeometryPrior:
+    """What is known before: the start, with these standard deviations.
+
+    Parameters
+    ----------
+    length_sd : float
+        Relative.
+    marker_sd_m : float
+        Of each coordinate.
+    """
+
+    length_sd: float
+    marker_sd_m: float
+
+    def weights(self, freed: BodyModel) -> Array:
+        """Inverse variances of all parameters, (k,)."""
+        return np.array(
+            [
+                1.0 / (self.length_sd if p.group == "length" else self.marker_sd_m) ** 2
+                for p in freed.parameters
+            ]
+        )
+
+
+def identify_geometry(
+    model: BodyModel,
+    markers: tuple[str, ...],
+    fitted: Sequence[KnownMotion],
+    expected_m: Mapping[str, float],
+    *,
+    bound: float,
+    axes: str = "xyz",
+    prior: GeometryPrior | None = None,
+    independent: float = 1.0,
+) -> GeometricIdentification:
+    """Identify lengths and marker coordinates.
+
+    Parameters
+    ----------
+    model : BodyModel
+    markers : tuple of str
+        In the order of the recordings' columns.
+    fitted : sequence of KnownMotion
+    expected_m : mapping
+        Marker to the size of its error, m: its weight.
+    bound : float
+        Lengths, and marker coordinates by their distance from the segment's origin, stay within this share
+        of their start.
+    axes : str
+        Local axes along which markers may move: ``xy`` in a planar model.
+    prior : GeometryPrior, optional
+        None: as in the paper, bounds alone.
+    independent : float
+        How many frames' worth of independent errors the recordings hold: what they weigh against the prior.
+
+    Raises
+    ------
+    TrialUnusable
+        No marker is seen in any frame.
+    """
+    freed = _freed(model, markers, bound, axes)
+    start = parameter_values(freed)
+    lower = np.array([p.lower for p in freed.parameters])
+    upper = np.array([p.upper for p in freed.parameters])
+    normal, slope = _normal(freed, markers, fitted, expected_m, start)
+    if not normal.any():
+        raise TrialUnusable(
+            "no marker is seen in any frame", file=fitted[0].name, field="markers", remedy="Record them again"
+        )
+    if prior is not None:
+        normal = normal * independent
+        slope = slope * independent
+        normal[np.diag_indices_from(normal)] += prior.weights(freed)
+    normal[np.diag_indices_from(normal)] += _EVEN * np.trace(normal) / len(normal)
+    values, vectors = np.linalg.eigh(normal)
+    root = np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    step = lsq_linear(
+        root[:, None] * vectors.T, (vectors.T @ slope) / root, (lower - start, upper - start), method="bvls"
+    ).x
+    return _result(model, freed, start + step, lower, upper)
+
+
+def _freed(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) -> BodyModel:
+    """Every length that moves a marker, and the coordinates of the markers, as parameters."""
+    free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
+    for segment in _long(model, markers):
+        free = free_scale(free, segment, bound)
+    for name in markers:
+        reach = bound * float(np.linalg.norm(model.marker(name).nominal))
+        if reach > 0.0:
+            free = free_marker(free, name, axes, reach)
+    return free
+
+
+def _long(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
+    """Segments whose size carries other segments with markers."""
+    carrying = {model.marker(name).segment for name in markers}
+    for segment in reversed(model.segments):
+        if segment.name in carrying:
+            carrying.add(segment.parent)
+    sized = {
+        joint.scales_with
+        for segment, joint in model.joints()
+        if segment.name in carrying and joint.scales_with is not None and joint.law.terms
+    }
+    return [s.name for s in model.segments if s.name in sized]
+
+
+def _normal(
+    freed: BodyModel,
+    markers: tuple[str, ...],
+    fitted: Sequence[KnownMotion],
+    expected_m: Mapping[str, float],
+    p: Array,
+) -> tuple[Array, Array]:
+    """Mean over frames of the regressor's normal equations, weighted by the markers' expected errors."""
+    tree = compile_model(freed, markers)
+    columns = len(freed.coordinates) + np.arange(len(p))
+    weights = np.array([1.0 / expected_m[name] ** 2 for name in markers])
+    normal, slope, frames = np.zeros((len(p), len(p))), np.zeros(len(p)), 0
+    for known in fitted:
+        rows = np.unique(np.linspace(0, len(known.q) - 1, FRAMES).astype(int))
+        poses = forward(tree, np.ascontiguousarray(known.q[rows].T), p)
+        placed = positions(tree, poses)
+        gap = np.moveaxis(known.measured[rows], 0, -1) - placed
+        seen = np.isfinite(gap)
+        heavy = np.where(seen, weights[:, None, None], 0.0).ravel()
+        regressor = jacobian(tree, poses, placed, columns).reshape(len(p), -1)
+        normal += (regressor * heavy) @ regressor.T
+        slope += regressor @ (heavy * np.where(seen, gap, 0.0).ravel())
+        frames += len(rows)
+    return normal / frames, slope / frames
+
+
+def _result(
+    model: BodyModel, freed: BodyModel, values: Array, lower: Array, upper: Array
+) -> GeometricIdentification:
+    found = dict(zip((p.name for p in freed.parameters), values.tolist(), strict=True))
+    folded = fold(freed, found)
+    sizes = {m.name: m.follows_size for m in model.markers}
+    changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
+    shifts = {
+        m.name: np.subtract(m.nominal, model.marker(m.name).nominal)
+        for m in changed.markers
+        if m.nominal != model.marker(m.name).nominal
+    }
+    on_bound = (values <= lower + 1e-9) | (values >= upper - 1e-9)
+    return GeometricIdentification(
+        changed,
+        {p.target: found[p.name] for p in freed.parameters if p.group == "length"},
+        shifts,
+        tuple(p.name for p, at in zip(freed.parameters, on_bound.tolist(), strict=True) if at),
+    )

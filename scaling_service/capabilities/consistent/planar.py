@@ -1,0 +1,209 @@
+"""A squat in the sagittal plane: recordings projected, the planar model scaled by trigonometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.anatomy.markers import PLANAR_SOURCES
+from scaling_service.model.body import BodyModel, Marker, Vector
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.scaling import scaled
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+
+STANDING_S = 0.5
+"""Of the standing at the beginning whose mean sizes the model (Futamure et al. take the first instant;
+chosen: half
+a second averages noise and sway)."""
+
+NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
+"""Markers without which lengths cannot be told."""
+
+
+@dataclass(frozen=True, slots=True)
+class SagittalPlane:
+    """Where the plane lies in the session's axes.
+
+    Parameters
+    ----------
+    origin : (3,) m
+        The middle of the ankle markers.
+    heading : float, rad
+        Turn about the vertical from X to where the person faces.
+    """
+
+    origin: Vector
+    heading: float
+
+    @property
+    def rotation(self) -> Array:
+        """Maps the session's axes to the plane's: x forward, y up, z to the right, (3, 3)."""
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+
+def sides_joined(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
+    """The planar model's markers as means of left and right.
+
+    Parameters
+    ----------
+    trial : Trial
+        Of a body in space, or of the planar markers themselves.
+    names : mapping
+        Planar marker to the labels that it is the mean of.
+
+    Returns
+    -------
+    Trial
+        NaN where a source is not seen. Markers without any source are left out.
+    """
+    found: dict[str, Array] = {}
+    for name, sources in names.items():
+        shown = [s for s in ((name,) if name in trial.labels else sources) if s in trial.labels]
+        if len(shown) == len(sources) or name in trial.labels:
+            found[name] = np.mean([trial.position(s) for s in shown], axis=0)
+    missing = [name for name in NEEDED if name not in found]
+    if missing:
+        raise TrialUnusable(
+            f"the planar squat needs marker '{missing[0]}', the mean of {' and '.join(names[missing[0]])}",
+            file=trial.name,
+            field=missing[0],
+            remedy="Map the labels under `markers:` in the subject file",
+        )
+    return replace(trial, labels=tuple(found), markers=np.stack(list(found.values()), axis=1))
+
+
+def plane_of(trial: Trial) -> SagittalPlane:
+    """The plane of a squat from its standing at the beginning.
+
+    Parameters
+    ----------
+    trial : Trial
+        With the planar markers.
+    """
+    ankle = _standing(trial, "ANK")
+    facing = _standing(trial, "ASI") - _standing(trial, "PSI")
+    return SagittalPlane(
+        (float(ankle[0]), float(ankle[1]), float(ankle[2])), float(np.arctan2(-facing[2], facing[0]))
+    )
+
+
+def in_plane(trial: Trial, plane: SagittalPlane) -> Trial:
+    """Markers in the plane, ankle at the origin; what leaves the plane is dropped."""
+    turned = (trial.markers - np.array(plane.origin)) @ plane.rotation.T
+    turned[..., 2] = np.where(np.isfinite(turned[..., 2]), 0.0, np.nan)
+    return trial.with_markers(turned)
+
+
+def loads_in_plane(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot") -> SegmentLoads:
+    """The wrench of both feet together on the planar model's foot: force forward and up, moment about z."""
+    total = loads.total
+    force = total[:, :3] @ plane.rotation.T
+    moment = (total[:, 3:] - np.cross(np.array(plane.origin), total[:, :3])) @ plane.rotation.T
+    force[:, 2] = 0.0
+    moment[:, :2] = 0.0
+    return SegmentLoads(loads.times, (foot,), force[:, None], moment[:, None])
+
+
+def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
+    """The planar squat at a person's size, from the standing at the beginning of a squat.
+
+    Parameters
+    ----------
+    generic : BodyModel
+        ``squat_4dof``.
+    trial : Trial
+        In the plane.
+
+    Returns
+    -------
+    BodyModel
+        Shank, trunk and arm by the ratio of marker distances, thigh between the knee and where the trunk's
+        markers show the hip. Markers are where the standing person shows them, those not seen at their
+        scaled places.
+
+    Raises
+    ------
+    TrialUnusable
+        A marker that is needed is not seen standing.
+    """
+    seen = {name: _standing(trial, name)[:2] for name in trial.labels if name in generic.marker_names}
+    own = {m.name: np.array(m.nominal)[:2] for m in generic.markers}
+    size = {
+        "shank": _length(seen["KNE"] - seen["ANK"]) / _length(own["KNE"] - own["ANK"]),
+        "torso": _length(seen["SHO"] - _middle(seen)) / _length(own["SHO"] - _middle(own)),
+    }
+    trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
+    turn, hip = _rigid(size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk]))
+    reach = {s.name: _joint(generic, s.name) for s in generic.segments}
+    size["thigh"] = _length(hip - seen["KNE"]) / _length(reach["torso"])
+    shoulder = hip + size["torso"] * turn @ reach["arm"]
+    frames = {
+        "foot": (np.eye(2), np.zeros(2)),
+        "shank": (_upwards(seen["KNE"]), np.zeros(2)),
+        "thigh": (_upwards(hip - seen["KNE"]), seen["KNE"]),
+        "torso": (turn, hip),
+    }
+    if "ELB" in seen:
+        size["arm"] = _length(seen["ELB"] - shoulder) / _length(own["ELB"])
+        frames["arm"] = (_upwards(shoulder - seen["ELB"]), shoulder)
+    model = scaled(generic, {name: (k, k, k) for name, k in size.items()})
+    return model.with_markers(
+        tuple(
+            _placed(m, seen, frames) if m.name in seen and m.segment in frames else m for m in model.markers
+        )
+    )
+
+
+def _standing(trial: Trial, name: str) -> Array:
+    rows = trial.times <= trial.times[0] + STANDING_S
+    values = trial.position(name)[rows]
+    values = values[np.isfinite(values).all(axis=1)]
+    if not len(values):
+        raise TrialUnusable(
+            f"marker '{name}' is not seen in the first {STANDING_S:g} s, where the person stands",
+            file=trial.name,
+            field=name,
+            remedy="Begin the recording with quiet standing",
+        )
+    return np.asarray(values.mean(axis=0))
+
+
+def _middle(points: Mapping[str, Array]) -> Array:
+    return 0.5 * (points["ASI"] + points["PSI"])
+
+
+def _length(vector: Array) -> float:
+    return float(np.hypot(vector[0], vector[1]))
+
+
+def _joint(model: BodyModel, segment: str) -> Array:
+    """Where a segment's joint sits in its parent, (2,), m."""
+    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
+    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
+    return total[:2]
+
+
+def _upwards(axis: Array) -> Array:
+    """The turn that brings y onto an axis, (2, 2)."""
+    x, y = axis / _length(axis)
+    return np.array([[y, x], [-x, y]])
+
+
+def _rigid(local: Array, seen: Array) -> tuple[Array, Array]:
+    """Turn and shift that bring points onto others best, in the plane."""
+    a, b = local - local.mean(axis=0), seen - seen.mean(axis=0)
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn, seen.mean(axis=0) - turn @ local.mean(axis=0)
+
+
+def _placed(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]) -> Marker:
+    turn, origin = frames[marker.segment]
+    x, y = turn.T @ (seen[marker.name] - origin)
+    placed = Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
+    return replace(placed, anatomical=marker.anatomical)

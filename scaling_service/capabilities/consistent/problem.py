@@ -1,0 +1,295 @@
+"""The two objectives of dynamically consistent inverse kinematics, and their normal equations.
+
+Joint angles are splines; what is estimated are their coefficients (Futamure et al., eq. 6), together with
+numbers shared by all frames: how far markers glide with the movement, and how the inertia differs from the
+table's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.marker_rates import (
+    MarkerTargets,
+    marker_misfit,
+    marker_motion,
+    marker_normal,
+    rows_of_twists,
+)
+from scaling_service.numerics.multibody.marker_shifts import MarkerShifts, shift_normal
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias, Mechanism
+from scaling_service.numerics.multibody.screws import Screws, screws_of
+from scaling_service.numerics.multibody.spatial import Moving, moving
+from scaling_service.numerics.multibody.tree import Tree
+from scaling_service.numerics.signals.splines import ORDER, SplineBasis
+from scaling_service.numerics.signals.splines_band import Quadratic, gathered, gathered_rows
+from scaling_service.numerics.wrench.ground_wrench import blocks, link_wrenches, moment_about
+from scaling_service.numerics.wrench.regressor import regressor_blocks
+from scaling_service.numerics.wrench.wrench_rates import wrench_rates
+
+CONSTANT = 0
+"""The signal of constant shifts."""
+
+BLOCK = 128
+"""Frames at a time (chosen: 30 coordinates then take 10 MB for each matrix of a frame's unknowns)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrenchTargets:
+    """The measured ground wrench.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, 6)
+        Force on the body (N), moment about the point (N m); zero where not known.
+    weights : ndarray, shape (n, 6)
+        Of the squares; zero where not known.
+    about : ndarray, shape (n, 3), m
+        The point that moments are taken about.
+    """
+
+    values: Array
+    weights: Array
+    about: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InertialFreedom:
+    """How the inertia may differ: directions (10 n_links, k), each of one standard deviation of the prior."""
+
+    directions: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Coefficients (n_coefficients, m), and shared numbers (k,) in standard deviations."""
+
+    coefficients: Array
+    shared: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Objectives:
+    """What a motion leaves unexplained.
+
+    Parameters
+    ----------
+    markers, wrench : float
+        The two objectives; see :class:`ConsistentProblem`.
+    marker_gaps : ndarray, shape (n, n_markers, 3), m
+        Measured minus model without gliding, zero where not seen.
+    wrench_gaps : ndarray, shape (n, 6), N and N m
+        Measured minus model, also where nothing is weighed.
+    """
+
+    markers: float
+    wrench: float
+    marker_gaps: Array
+    wrench_gaps: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConsistentProblem:
+    """Markers and ground wrench of one recording, as functions of spline coefficients and shared numbers.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    tree : Tree
+        The mechanism's links, with the markers to follow.
+    p : ndarray, shape (n_parameters,)
+    basis : SplineBasis
+    free : ndarray of int, shape (m,)
+        Coordinates that are estimated.
+    constant : ndarray, shape (n_coordinates,)
+        Values of the others.
+    markers : MarkerTargets
+        Weights such that the mean of errors as large as expected is one.
+    wrench : WrenchTargets
+        Likewise.
+    shifts : MarkerShifts
+    inertia : InertialFreedom
+    prior : float
+        Weight of the square of each shared number in the markers' objective: what was known before forces.
+    """
+
+    mechanism: Mechanism
+    tree: Tree
+    p: Array
+    basis: SplineBasis
+    free: NDArray[np.intp]
+    constant: Array
+    markers: MarkerTargets
+    wrench: WrenchTargets
+    shifts: MarkerShifts
+    inertia: InertialFreedom
+    prior: float
+
+    @property
+    def n_shared(self) -> int:
+        """Shifts first, then inertia."""
+        return self.shifts.count + int(self.inertia.directions.shape[1])
+
+    def motion(self, coefficients: Array) -> Rates:
+        """The motion of all coordinates.
+
+        Parameters
+        ----------
+        coefficients : ndarray, shape (n_coefficients, m)
+        """
+        n = len(self.basis.times)
+        parts = []
+        for order, moved in enumerate(self.basis.evaluate(coefficients)):
+            whole = np.tile(self.constant if order == 0 else np.zeros_like(self.constant), (n, 1))
+            whole[:, self.free] = moved
+            parts.append(whole)
+        return Rates.of_frames(*parts)
+
+    def moved_mechanism(self, shared: Array) -> Mechanism:
+        """The mechanism with the inertia that shared numbers say."""
+        change = self.inertia.directions @ shared[self.shifts.count :]
+        parameters = self.mechanism.inertias.parameters() + change.reshape(-1, N_PARAMETERS)
+        return replace(self.mechanism, inertias=Inertias.of_parameters(parameters))
+
+    def objectives(self, state: State) -> Objectives:
+        """Both objectives."""
+        return self.objectives_of(self.motion(state.coefficients), state.shared)
+
+    def objectives_of(self, motion: Rates, shared: Array | None = None) -> Objectives:
+        """Both objectives of any motion at the basis' times."""
+        n, x = len(self.basis.times), np.zeros(self.n_shared) if shared is None else shared
+        mechanism = self.moved_mechanism(x)
+        gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
+        for rows in blocks(n, BLOCK):
+            state = moving(mechanism, motion.block(rows), self.p)
+            _, moved, _, targets = self._marker_block(state, x, rows)
+            _, squares = marker_misfit(moved, targets)
+            rigid = marker_motion(self.tree, self.p, state)
+            gaps[rows] = np.where(targets.weights[0, ..., None] > 0, targets.values[0] - rigid[0], 0.0)
+            total += float(squares.sum())
+            wrench = link_wrenches(mechanism, state).sum(axis=0)
+            wrench_gaps[rows] = self.wrench.values[rows] - self._about(wrench, rows).T
+        known = total + self.prior * float(x @ x)
+        return Objectives(known, float((self.wrench.weights * wrench_gaps**2).sum()), gaps, wrench_gaps)
+
+    def glide(self, state: State) -> Array:
+        """Displacement of markers that follows the joints, without constant shifts, (n, n_markers, 3), m."""
+        motion, n = self.motion(state.coefficients), len(self.basis.times)
+        x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
+        result = np.empty((n, self.tree.n_markers, 3))
+        for rows in blocks(n, BLOCK):
+            moved = moving(self.mechanism, motion.block(rows), self.p)
+            shifts = self.shifts.rows(rows)
+            result[rows] = shifts.moved(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
+        return result
+
+    def normal(self, at: State) -> tuple[Quadratic, Quadratic]:
+        """Gauss-Newton models of both objectives."""
+        motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
+        mechanism, glide = self.moved_mechanism(at.shared), slice(0, self.shifts.count)
+        markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
+        for rows in blocks(len(self.basis.times), BLOCK):
+            screws = screws_of(mechanism, motion.block(rows), self.p, self.free)
+            shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
+            gap, squares = marker_misfit(moved, targets)
+            by = rows_of_twists(moved)
+            markers.add(
+                rows,
+                float(squares.sum()),
+                *marker_normal(mechanism, self.tree, screws, by, gap, targets.weights, m),
+            )
+            if shifts.count:
+                found = shift_normal(
+                    shifts, mechanism, self.tree, screws, by, columns, gap, targets.weights, m
+                )
+                markers.add_shared(rows, glide, found.gradient, found.corner, found.cross)
+            self._add_wrench(wrenches, mechanism, screws, motion.block(rows), rows, m)
+        markers.value += self.prior * float(at.shared @ at.shared)
+        markers.shared_gradient += self.prior * at.shared
+        markers.corner[np.diag_indices(k)] += self.prior
+        return markers.quadratic(), wrenches.quadratic()
+
+    def _marker_block(
+        self, state: Moving, shared: Array, rows: slice
+    ) -> tuple[MarkerShifts, Array, Array, MarkerTargets]:
+        shifts = self.shifts.rows(rows)
+        columns = shifts.columns(self.tree, state)
+        rigid = marker_motion(self.tree, self.p, state)
+        moved = rigid + shifts.moved(columns, shared[: shifts.count], self.tree.n_markers)
+        return shifts, moved, columns, self.markers.rows(rows)
+
+    def _add_wrench(
+        self, total: _Sum, mechanism: Mechanism, screws: Screws, motion: Rates, rows: slice, m: int
+    ) -> None:
+        rates = wrench_rates(mechanism, screws, m)
+        by = self._moments_about(rates.by.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
+        gap = self.wrench.values[rows] - self._about(rates.wrench, rows).T
+        heavy = self.wrench.weights[rows]
+        weighed = np.swapaxes(by * heavy[..., None], 1, 2)
+        curvature = (weighed @ by).reshape(-1, 3, m, 3, m).transpose(0, 1, 3, 2, 4)
+        gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
+        total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
+        if self.inertia.directions.shape[1]:
+            (block,) = regressor_blocks(mechanism, motion, self.p, size=BLOCK)
+            root = screws.state.poses.origins[0]
+            columns = self._moments_about(block.ground @ self.inertia.directions, rows, root)
+            total.add_shared(
+                rows,
+                slice(self.shifts.count, self.n_shared),
+                -np.einsum("nck,nc,nc->k", columns, heavy, gap),
+                np.einsum("nck,nc,ncl->kl", columns, heavy, columns, optimize=True),
+                (weighed @ columns).reshape(-1, 3, m, columns.shape[2]),
+            )
+
+    def _moments_about(self, columns: Array, rows: slice, point: Array) -> Array:
+        """Wrenches (n, 6, k) about points (3, n), with their moments about the targets' points."""
+        arm = point.T - self.wrench.about[rows]
+        result = columns.copy()
+        result[:, 3:] += np.cross(arm[:, None], columns[:, :3], axisa=2, axisb=1, axisc=1)
+        return result
+
+    def _about(self, wrench: Array, rows: slice) -> Array:
+        return moment_about(wrench, self.wrench.about[rows].T)
+
+
+@dataclass(slots=True, eq=False)
+class _Sum:
+    """A quadratic while frames are added."""
+
+    basis: SplineBasis
+    value: float
+    gradient: Array
+    blocks: Array
+    shared_gradient: Array
+    border: Array
+    corner: Array
+
+    @classmethod
+    def empty(cls, basis: SplineBasis, m: int, k: int) -> _Sum:
+        """Nothing said yet."""
+        count = basis.n_coefficients
+        zeros = (np.zeros((count, m)), np.zeros((ORDER, count, m, m)), np.zeros(k), np.zeros((count, m, k)))
+        return cls(basis, 0.0, *zeros, np.zeros((k, k)))
+
+    def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
+        """Add what some frames say of the coefficients."""
+        self.value += value
+        gathered_rows(self.basis, rows, self.gradient, gradient)
+        gathered(self.basis, rows, self.blocks, curvature)
+
+    def add_shared(self, rows: slice, which: slice, gradient: Array, corner: Array, cross: Array) -> None:
+        """Add what some frames say of some shared numbers."""
+        self.shared_gradient[which] += gradient
+        self.corner[which, which] += corner
+        gathered_rows(self.basis, rows, self.border[:, :, which], cross)
+
+    def quadratic(self) -> Quadratic:
+        """The sum."""
+        return Quadratic(
+            self.value, self.gradient, self.blocks, self.shared_gradient, self.border, self.corner
+        )

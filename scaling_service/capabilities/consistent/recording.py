@@ -1,0 +1,276 @@
+"""From a recording with forces to the problem that dynamically consistent inverse kinematics solves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.consistent.artefact import artefact_m
+from scaling_service.capabilities.consistent.artefact_signals import artefact_shifts
+from scaling_service.capabilities.consistent.problem import ConsistentProblem, InertialFreedom, WrenchTargets
+from scaling_service.capabilities.consistent.settings import ConsistentSettings
+from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
+from scaling_service.capabilities.dynamics.inertia.prior import inertial_prior
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import (
+    compile_model,
+    coordinate_bounds,
+    default_coordinates,
+    free_coordinates,
+    parameter_values,
+)
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import inertias_of, mechanism_of, total_mass
+from scaling_service.model.results import Motion
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.marker_rates import MarkerTargets
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
+from scaling_service.numerics.multibody.tree import Tree
+from scaling_service.numerics.signals.splines import ORDER, SplineBasis
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench.regressor import regressor_blocks
+
+SPATIAL = (True,) * 6
+SAGITTAL = (True, True, False, False, False, True)
+"""Components of the ground wrench that a model in space, and a planar one, can follow."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConsistentRecording:
+    """Markers and forces of one movement.
+
+    Parameters
+    ----------
+    trial : Trial
+        Labels are the model's marker names; not smoothed.
+    motion : Motion
+        What inverse kinematics made of the markers.
+    loads : SegmentLoads
+        On the feet, at the trial's times, filtered.
+    supported : ndarray of bool, shape (n,)
+        Frames whose forces are all known.
+    about : ndarray, shape (n, 3), m
+        The point that moments are taken about.
+    components : six bool
+        Of the wrench that count: ``SPATIAL`` or ``SAGITTAL``.
+    """
+
+    trial: Trial
+    motion: Motion
+    loads: SegmentLoads
+    supported: NDArray[np.bool_]
+    about: Array
+    components: tuple[bool, ...] = SPATIAL
+
+    @property
+    def wrench(self) -> Array:
+        """Force on the body (N) and moment about ``about`` (N m), (n, 6); NaN where not known."""
+        total = self.loads.total.copy()
+        total[:, 3:] -= np.cross(self.about, total[:, :3])
+        total[~self.supported] = np.nan
+        return total
+
+    @property
+    def name(self) -> str:
+        """The trial's."""
+        return self.trial.name
+
+    def part(self, rows: slice, name: str) -> ConsistentRecording:
+        """Only these frames, under another name."""
+        motion, loads = self.motion, self.loads
+        return ConsistentRecording(
+            replace(self.trial.frames(rows), name=name),
+            replace(
+                motion,
+                trial=name,
+                times=motion.times[rows],
+                q=motion.q[rows],
+                residuals=motion.residuals[rows],
+            ),
+            SegmentLoads(loads.times[rows], loads.segments, loads.force[rows], loads.moment[rows]),
+            self.supported[rows],
+            self.about[rows],
+            self.components,
+        )
+
+
+def classical_motion(
+    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+) -> RatedMotion:
+    """The motion of the classical two steps: inverse kinematics, then filter and derivatives.
+
+    Gaps of a coordinate are bridged by straight lines, one that is never known stands at its default.
+    """
+    motion = recording.motion
+    q = default_coordinates(model, len(motion.times))
+    for column, name in enumerate(model.coordinate_names):
+        values = motion.q[:, motion.coordinates.index(name)]
+        known = np.isfinite(values)
+        if known.any():
+            q[:, column] = np.interp(motion.times, motion.times[known], values[known])
+    return rated_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
+
+
+def problem_of(
+    model: BodyModel,
+    recording: ConsistentRecording,
+    rated: RatedMotion,
+    settings: ConsistentSettings,
+    freedom: InertialFreedom | None = None,
+) -> ConsistentProblem:
+    """Pose the two objectives for a recording.
+
+    Parameters
+    ----------
+    model : BodyModel
+        With mass.
+    recording : ConsistentRecording
+    rated : RatedMotion
+        A motion of the model: coordinates that no marker shows stay as it has them, and it drives the skin.
+    settings : ConsistentSettings
+    freedom : InertialFreedom, optional
+        How the inertia may differ from the model's. None: not at all.
+
+    Raises
+    ------
+    TrialUnusable
+        No frame has known forces, or the trial is too short.
+    """
+    if len(rated.times) < ORDER * 2:
+        raise TrialUnusable(
+            f"{len(rated.times)} frames are too few for splines of joint angles",
+            file=recording.name,
+            remedy="Use a longer recording",
+        )
+    basis = SplineBasis(rated.times, settings.spacing_s)
+    names = recording.motion.markers
+    tree, p = _whole_with_markers(model, names), parameter_values(model)
+    shown = set(recording.motion.estimated)
+    open_ = free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
+    axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
+    targets, count = _marker_targets(recording, basis, settings)
+    return ConsistentProblem(
+        Mechanism(tree, inertias_of(model)),
+        _only(tree, len(names)),
+        p,
+        basis,
+        np.flatnonzero(open_),
+        rated.q[0],
+        targets,
+        _wrench_targets(model, recording, settings),
+        artefact_shifts(
+            model, names, rated.q, basis, artefact_m(model), axes=axes, placed_m=settings.placed_m
+        ),
+        freedom or InertialFreedom(np.zeros((N_PARAMETERS * len(model.segments), 0))),
+        1.0 / count,
+    )
+
+
+def inertial_freedom(
+    model: BodyModel,
+    recordings: Sequence[ConsistentRecording],
+    rated: Sequence[RatedMotion],
+    settings: ConsistentSettings,
+    identification: IdentificationSettings,
+) -> InertialFreedom:
+    """The combinations of inertial parameters that the forces say more about than the tables do.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Its inertia is the prior's mean.
+    """
+    prior = inertial_prior(
+        model, identification.spread, mass_known=identification.mass_known, symmetric=identification.symmetric
+    )
+    free = prior.scale @ prior.basis
+    information = np.zeros((free.shape[1],) * 2)
+    for recording, motion in zip(recordings, rated, strict=True):
+        targets = _wrench_targets(model, recording, settings)
+        counted = (targets.weights > 0).sum() / repeats(recording, settings)
+        for block in regressor_blocks(mechanism_of(model), motion.rates, parameter_values(model)):
+            rows = block.ground @ free
+            heavy = counted * targets.weights[block.rows]
+            information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
+    gains, vectors = np.linalg.eigh(information)
+    return InertialFreedom(free @ vectors[:, gains > DECIDES])
+
+
+def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
+    """Joint limits of the free coordinates, each (m,).
+
+    A spline lies between its smallest and largest coefficient, so limits on coefficients are limits on
+    angles.
+    """
+    lower, upper = coordinate_bounds(model)
+    return lower[problem.free], upper[problem.free]
+
+
+def _whole_with_markers(model: BodyModel, names: tuple[str, ...]) -> Tree:
+    """A tree of all segments whose first markers are those named."""
+    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in model.segments)
+    return compile_model(model.with_markers((*(model.marker(name) for name in names), *centres)))
+
+
+def _only(tree: Tree, count: int) -> Tree:
+    """The same links with the first markers alone."""
+    return replace(
+        tree,
+        marker_link=tree.marker_link[:count],
+        marker_local=tree.marker_local[:count],
+        marker_terms=tuple(t for t in tree.marker_terms if t.marker < count),
+    )
+
+
+def _marker_targets(
+    recording: ConsistentRecording, basis: SplineBasis, settings: ConsistentSettings
+) -> tuple[MarkerTargets, float]:
+    """Positions as measured, rates of splines through them, and how many errors are new.
+
+    Velocities and accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
+    """
+    names = recording.motion.markers
+    measured = recording.trial.selected(names).markers
+    seen = np.asarray(np.isfinite(measured).all(axis=2))
+    n = len(measured)
+    splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
+    values = np.stack([part.reshape(measured.shape) for part in splines])
+    values[0] = measured
+    values = np.where(seen[None, :, :, None], values, 0.0)
+    scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
+    dimensions = 3 if recording.components == SPATIAL else 2
+    total = dimensions * max(float(seen.sum()), 1.0)
+    weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
+    return MarkerTargets(values, weights), total / repeats(recording, settings)
+
+
+def repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> float:
+    """How many frames say the same thing."""
+    step = float(np.median(np.diff(recording.trial.times)))
+    return max(1.0, settings.independent_s / step)
+
+
+def _wrench_targets(
+    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+) -> WrenchTargets:
+    measured = recording.wrench
+    known = np.asarray(np.isfinite(measured).all(axis=1))
+    if not known.any():
+        raise TrialUnusable(
+            "no frame has all its forces known",
+            file=recording.name,
+            field="forces",
+            remedy="Check that every foot on the floor stands on a plate",
+        )
+    force = settings.force_share * total_mass(model) * -GRAVITY[1]
+    scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
+    counted = known[:, None] * np.array(recording.components, dtype=float)
+    return WrenchTargets(
+        np.where(known[:, None], measured, 0.0), counted / (scale**2 * counted.sum()), recording.about
+    )

@@ -1,0 +1,206 @@
+"""The report of dynamically consistent motion: what it gained, then wrench, markers, lengths and inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+
+from scaling_service.capabilities.consistent.document import ConsistentDocument, GroundWrench
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend, Row, Table, Text, Tone
+from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.page import Page, Section
+from scaling_service.report.palette import INK
+from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
+
+CLASSICAL, CONSISTENT, PREDICTED = (
+    ("classical", "#0072B2", "dash"),
+    ("consistent", "#D55E00", "solid"),
+    ("predicted", "#009E73", "dot"),
+)
+"""Name, colour and dash; colours of Okabe & Ito 2008."""
+
+NAMES = (
+    "force forward, N",
+    "force up, N",
+    "force right, N",
+    "moment x, N m",
+    "moment y, N m",
+    "moment z, N m",
+)
+SHOWN = ("fx_N", "fy_N", "mz_Nm")
+MOVED = 12
+"""Inertial parameters listed: those that moved most (chosen); all are in consistent.json."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialCurves:
+    """One recording over time.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,), s
+    measured, classical, consistent, predicted : ndarray, shape (n, 6), N and N m
+        The ground wrench about the feet; NaN where forces are not known.
+    markers : tuple of str
+    classical_markers, consistent_markers : ndarray, shape (n_markers,), m
+        RMS distance of each.
+    components : six bool
+    """
+
+    times: Array
+    measured: Array
+    classical: Array
+    consistent: Array
+    predicted: Array
+    markers: tuple[str, ...]
+    classical_markers: Array
+    consistent_markers: Array
+    components: tuple[bool, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConsistentData:
+    """``consistent.json``, and curves by trial."""
+
+    document: ConsistentDocument
+    curves: Mapping[str, TrialCurves]
+
+
+def consistent_page(data: ConsistentData) -> Page:
+    """The page of one person's dynamically consistent motion."""
+    document = data.document
+    return Page(
+        f"Dynamically consistent motion of {document.subject}",
+        [
+            Section("What it gained", list(_gain(document))),
+            Section("Ground wrench", list(_wrenches(data)), new_page=True),
+            Section("Markers", list(_markers(data)), new_page=True),
+            Section("Lengths and inertia", list(_body(document)), new_page=True),
+            Section("Where this comes from", list(_provenance(document)), new_page=True),
+        ],
+        subtitle=f"Start: {document.start}, inertia: {document.inertia}, "
+        f"{document.mass_kg:.1f} kg on the plates",
+        footer=f"scaling-service {document.code_version}. The numbers are in consistent.json, too.",
+    )
+
+
+def _gain(document: ConsistentDocument) -> Iterator[Block]:
+    fitted = [t for t in document.trials.values() if not t.held_out]
+    ratio = max(
+        getattr(t.ground_wrench_rmse.consistent, n) / max(getattr(t.ground_wrench_rmse.classical, n), 1e-9)
+        for t in fitted
+        for n in SHOWN
+    )
+    tone: Tone = "good" if ratio <= 0.5 else "fair" if ratio < 1.0 else "poor"
+    yield Callout(
+        f"The ground wrench is missed by at most {100 * ratio:.0f} % "
+        "of what the classical two steps miss it by",
+        [
+            Text(
+                f"{document.outer_iterations} loops of motion, geometry and inertia"
+                + ("." if document.converged else ", and they had not settled.")
+            )
+        ],
+        tone,
+    )
+    rows = []
+    for name, trial in document.trials.items():
+        role = "held out" if trial.held_out else "used to fit"
+        for way, _, _ in (CLASSICAL, CONSISTENT, PREDICTED):
+            wrench: GroundWrench = getattr(trial.ground_wrench_rmse, way)
+            numbers = [f"{getattr(wrench, n):.1f}" for n in SHOWN]
+            rows.append(
+                Row(f"{name} ({role}), {way}", [*numbers, f"{getattr(trial.marker_rms_mm, way):.1f}"])
+            )
+    yield Table(
+        "RMS error",
+        ["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
+        rows,
+        "Classical: inverse kinematics, filter and derivatives with the model it started from. "
+        "Consistent: markers "
+        "and forces followed together by the model found. Predicted: the classical two steps with the "
+        "model found, "
+        "so that forces of this recording played no part in its motion. Moments are about the middle of "
+        "the feet.",
+    )
+
+
+def _wrenches(data: ConsistentData) -> Iterator[Block]:
+    yield Legend([("measured", INK, "solid"), CLASSICAL, CONSISTENT, PREDICTED])
+    for name, curves in data.curves.items():
+        yield Heading(name)
+        yield Grid([_wrench(name, curves, k) for k in range(6) if curves.components[k]])
+
+
+def _wrench(name: str, curves: TrialCurves, k: int) -> Figure:
+    ways = [("measured", INK, "solid", curves.measured)]
+    ways += [
+        (way, colour, dash, getattr(curves, way)) for way, colour, dash in (CLASSICAL, CONSISTENT, PREDICTED)
+    ]
+    traces = [
+        go.Scatter(
+            x=np.round(curves.times, 4),
+            y=np.round(values[:, k], 2).astype(np.float32),
+            name=way,
+            mode="lines",
+            line={"color": colour, "dash": dash, "width": 2.5 if way == "measured" else 1.5},
+        )
+        for way, colour, dash, values in ways
+    ]
+    drawn = chart(traces, x_title="time, s", y_title=NAMES[k])
+    return Figure(
+        drawn, f"{name}: {NAMES[k]}", f"{NAMES[k]} of {name} over time, measured and in three ways.", 230
+    )
+
+
+def _markers(data: ConsistentData) -> Iterator[Block]:
+    yield Text(
+        "RMS distance of each marker from the model's. What follows forces follows markers less closely."
+    )
+    yield Legend([(n, c, "solid") for n, c, _ in (CLASSICAL, CONSISTENT)])
+    for name, curves in data.curves.items():
+        traces = [
+            go.Bar(
+                x=[plain(m) for m in curves.markers],
+                y=np.round(1e3 * values, 2),
+                name=way,
+                marker={"color": colour},
+            )
+            for (way, colour, _), values in (
+                (CLASSICAL, curves.classical_markers),
+                (CONSISTENT, curves.consistent_markers),
+            )
+        ]
+        drawn = chart(traces, y_title="mm", barmode="group")
+        yield Figure(drawn, f"{name}: markers", f"RMS distance of every marker of {name}, mm.", 280)
+
+
+def _body(document: ConsistentDocument) -> Iterator[Block]:
+    rows = [
+        Row(name, [f"{document.lengths_before_mm[name]:.1f}", f"{after:.1f}"])
+        for name, after in document.lengths_mm.items()
+    ]
+    yield Table("Segment lengths, mm", ["", "start", "found"], rows)
+    moved = sorted(document.inertial, key=lambda p: -abs(p.moved))[:MOVED]
+    yield Table(
+        "Inertial parameters that moved most",
+        ["", "table", "found", "SD", "moved, SD of the prior"],
+        [
+            Row(
+                f"{p.segment}, {p.quantity}",
+                [f"{p.before:.4g}", f"{p.after:.4g}", f"{p.sd:.2g}", f"{p.moved:+.1f}"],
+            )
+            for p in moved
+        ],
+        "kg, m, kg m2; tensors about the centre of mass.",
+    )
+
+
+def _provenance(document: ConsistentDocument) -> Iterator[Block]:
+    yield from warning_blocks(document.warnings)
+    yield from repair_blocks(document)
+    yield from input_blocks(document)

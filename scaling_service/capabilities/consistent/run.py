@@ -1,0 +1,219 @@
+"""Dynamically consistent motion of a subject's recordings, from the subject file to results in memory."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.capabilities.consistent.estimate import ConsistentResult
+from scaling_service.capabilities.consistent.estimate import consistent as identify
+from scaling_service.capabilities.consistent.planar_run import prepare_squat
+from scaling_service.capabilities.consistent.recording import ConsistentRecording
+from scaling_service.capabilities.consistent.settings import ConsistentSettings
+from scaling_service.capabilities.dynamics.frames import judged_frames
+from scaling_service.capabilities.dynamics.inverse_dynamics import check_weight, inverse_dynamics
+from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.subject.loading import blamed_on, recordings
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.anatomy.inertia_planar import SQUAT
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.massive import total_mass, whole_tree
+from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Subject
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+
+_PREPARING, _FINDING = 0.3, 0.6
+"""Chosen: about the shares of reading and scaling, and of the loop."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConsistentResults:
+    """What the loop made of a subject.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        Its model has the mass that the plates bear.
+    chosen : DynamicsSettings
+    settings : Settings
+    recordings : tuple of ConsistentRecording
+        Fitted ones, then held-out ones, in the order of ``result``.
+    fitted : int
+        How many were fitted.
+    result : ConsistentResult
+    warnings : tuple of str
+    wall_s : float
+    subject_file : Path, optional
+    """
+
+    prepared: Prepared
+    chosen: DynamicsSettings
+    settings: Settings
+    recordings: tuple[ConsistentRecording, ...]
+    fitted: int
+    result: ConsistentResult
+    warnings: tuple[str, ...]
+    wall_s: float = 0.0
+    subject_file: Path | None = None
+
+
+def consistent(
+    subject: Subject | str | Path,
+    chosen: DynamicsSettings = PLAIN,
+    settings: Settings = UNSMOOTHED,
+    *,
+    progress: Progress | None = None,
+) -> ConsistentResults:
+    """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
+
+    Parameters
+    ----------
+    subject : Subject or path of a subject file
+        Calibration trials with forces are fitted, evaluation trials with forces are held out.
+    chosen : DynamicsSettings
+        Its start, inertia and cutoff.
+    settings : Settings
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject file, the model, the recordings or their forces cannot be used.
+    """
+    clock = time.perf_counter()
+    report = progress or _silent
+    file = None if isinstance(subject, Subject) else Path(subject)
+    known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
+    with blamed_on(file), blamed_on(None, recordings(known)):
+        ready = read(known, chosen, settings, progress=lambda what, share: report(what, _PREPARING * share))
+        result = identify(
+            ready.prepared.model,
+            ready.fitted,
+            ready.held_out,
+            ready.settings,
+            progress=lambda what: report(what, _FINDING),
+        )
+    report("done", 1.0)
+    found = result.inertial.warnings if result.inertial is not None else ()
+    told = (*ready.prepared.warnings, *ready.notes, *found)
+    return ConsistentResults(
+        ready.prepared,
+        chosen,
+        settings,
+        (*ready.fitted, *ready.held_out),
+        len(ready.fitted),
+        result,
+        tuple(dict.fromkeys(told)),
+        time.perf_counter() - clock,
+        file,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """Recordings to fit and to hold out, the model to start from, and what was decided on the way."""
+
+    prepared: Prepared
+    fitted: tuple[ConsistentRecording, ...]
+    held_out: tuple[ConsistentRecording, ...]
+    settings: ConsistentSettings
+    notes: tuple[str, ...]
+
+
+def read(subject: Subject, chosen: DynamicsSettings, settings: Settings, *, progress: Progress) -> Ready:
+    """Read recordings with forces, scale the model, follow the markers, weigh the person; errors as above."""
+    if subject.model == SQUAT:
+        prepared, found = prepare_squat(subject, chosen, settings, progress=progress)
+    else:
+        prepared = prepare(subject, chosen, settings, progress=progress)
+        found = {name: _recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
+    names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
+    fitted = tuple(found[name] for name in names)
+    held_out = tuple(recording for name, recording in found.items() if name not in names)
+    prepared, notes = _weighed(prepared, fitted)
+    own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=_placed(prepared))
+    return Ready(prepared, fitted, held_out, own, notes)
+
+
+PLACED_M = 0.007
+"""SD of what is wrong with a landmark's marker, each axis, m, where markers were not fitted to movements
+(Della
+Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
+
+
+def _placed(prepared: Prepared) -> float:
+    """Zero where markers were fitted to movements, or where a given model says where they are."""
+    return PLACED_M if prepared.start in ("MB", "EB", "standing") else 0.0
+
+
+def _recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
+    motion, forces = prepared.motions[name], prepared.forces[name]
+    dynamics = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
+    check_weight(dynamics, frames=forces.contacts.supported)
+    trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
+    return ConsistentRecording(
+        trial,
+        motion,
+        forces.loads,
+        judged_frames(dynamics, forces.contacts, cutoff_hz),
+        _feet(prepared.model, dynamics.motion.q, forces.loads.segments),
+    )
+
+
+def _feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
+    """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
+    rows = [model.segment_names.index(name) for name in segments]
+    known = np.isfinite(q).all(axis=1)
+    tree = whole_tree(model)
+    poses = forward(tree, np.ascontiguousarray(q[known].T), parameter_values(model))
+    middle = poses.origins[rows].mean(axis=0).T
+    result = np.tile(middle.mean(axis=0), (len(q), 1))
+    result[known] = middle
+    return result
+
+
+def _weighed(prepared: Prepared, fitted: tuple[ConsistentRecording, ...]) -> tuple[Prepared, tuple[str, ...]]:
+    """The model with the mass that the plates bear, and a note where that is another."""
+    if not fitted:
+        raise TrialUnusable(
+            "no calibration trial has forces, so there is nothing to fit",
+            field="trials.calibration",
+            remedy="Name a movement with both feet on force plates under `calibration:`",
+        )
+    borne = np.concatenate([r.wrench[np.isfinite(r.wrench).all(axis=1), 1] for r in fitted])
+    if not len(borne):
+        raise TrialUnusable(
+            "no frame has all its forces known",
+            file=fitted[0].name,
+            field="forces",
+            remedy="Check that every foot on the floor stands on a plate",
+        )
+    mass, before = float(borne.mean() / -GRAVITY[1]), total_mass(prepared.model)
+    notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
+    changed = replace(prepared, model=scaled(prepared.model, {}, mass_kg=mass))
+    return changed, notes if abs(mass / before - 1.0) > 0.01 else ()
+
+
+def factors_of(results: ConsistentResults) -> Mapping[str, tuple[float, float, float]]:
+    """Each segment's factors against the generic model: of the scaling, times those of the loop."""
+    calibration = results.prepared.calibration
+    start = {} if calibration is None else dict(calibration.scale_factors)
+    for name, factor in results.result.factors.items():
+        x, y, z = start.get(name, (1.0, 1.0, 1.0))
+        start[name] = (factor * x, factor * y, factor * z)
+    return start
+
+
+def _silent(what: str, share: float) -> None:
+    """No progress is shown."""

@@ -1,0 +1,133 @@
+"""The commands that list and download public recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
+from scaling_service.capabilities.datasets.document import SOURCE_FILE, Dataset
+from scaling_service.capabilities.datasets.downloads import BASE_URL, default_cache
+from scaling_service.capabilities.datasets.files import terms
+from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands
+from scaling_service.cli import options
+from scaling_service.cli.screen import progress_bar
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
+
+_WIDTH = 120  # columns where the output is no terminal (chosen: as the tables of results)
+_MB = 1e6
+
+_DatasetName = Annotated[str, typer.Argument(metavar="NAME", help="As in the list.", show_default=False)]
+_Folder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="DIR",
+        help="Where to write; ./NAME unless given.",
+        show_default=False,
+        parser=options.folder("--out"),
+    ),
+]
+_Cache = Annotated[
+    Path | None,
+    typer.Option(
+        "--cache",
+        metavar="DIR",
+        envvar="SCALING_SERVICE_CACHE",
+        help="Keeps downloads between runs; a folder of the system unless given.",
+        show_default=False,
+        parser=options.folder("--cache"),
+    ),
+]
+_BaseUrl = Annotated[
+    str,
+    typer.Option(
+        metavar="URL",
+        envvar="SCALING_SERVICE_DATASETS_URL",
+        help="Server of the raw files, or a mirror of it with the same paths. HTTPS_PROXY names a proxy.",
+    ),
+]
+
+
+@app.callback()
+def datasets() -> None:
+    """Public recordings to try everything on: list them, download one, and run the command that is printed.
+
+    Nothing of them comes with the program. Each file is taken from its public repository at one fixed
+    commit and checked against its SHA-256; the licence stands in SOURCE.md beside it.
+    """
+
+
+@app.command("list")
+def list_datasets() -> None:
+    """Show what can be downloaded, how large it is, on what terms, and what it can be used for.
+
+    Size is that of the download. A licence marked NON-COMMERCIAL excludes commercial use.
+
+    [bold]Next[/bold]: scaling-service datasets get jia_mri
+    """
+    console = _console()
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("name", no_wrap=True)
+    table.add_column("what")
+    table.add_column("MB", justify="right", no_wrap=True)
+    table.add_column("licence")
+    table.add_column("used for")
+    for name, dataset in read_catalogue().items():
+        size = f"{dataset.total_bytes / _MB:.1f}"
+        table.add_row(name, *(escape(text) for text in (dataset.title, size, terms(dataset), dataset.use)))
+    console.print(table)
+    console.print("Download one: [cyan]scaling-service datasets get NAME[/cyan]", highlight=False)
+
+
+@app.command("get")
+def get(
+    name: _DatasetName,
+    out: _Folder = None,
+    cache: _Cache = None,
+    base_url: _BaseUrl = BASE_URL,
+) -> None:
+    """Download a dataset, check it, and write it with a subject file and a note of source and licence.
+
+    What is there already with the right content is not fetched again, so a download that broke off goes on
+    where it stopped. A file in the folder that differs is never replaced. All is written, or nothing.
+
+    [bold]Example[/bold]: scaling-service datasets get jia_mri --out data/jia_mri
+    """
+    dataset = find_dataset(name, read_catalogue())
+    folder = Path(name) if out is None else out
+    with progress_bar() as progress:
+        obtained = get_dataset(
+            name,
+            dataset,
+            folder,
+            cache=default_cache() if cache is None else cache,
+            base_url=base_url,
+            progress=progress,
+        )
+    _show(obtained, dataset)
+
+
+def _show(obtained: Obtained, dataset: Dataset) -> None:
+    """What was written and what was there, the terms, and what to run now."""
+    console = _console()
+    for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
+        if files:
+            console.print(f"{what} [bold]{escape(str(obtained.folder))}[/bold]:", highlight=False)
+            console.print(f"  {escape(', '.join(files))}", highlight=False, soft_wrap=True)
+    console.print(f"Licence: {escape(terms(dataset))}; read {SOURCE_FILE}", highlight=False, soft_wrap=True)
+    console.print("Now run:", highlight=False)
+    for command in next_commands(dataset, obtained.folder):
+        console.print(f"  {escape(command)}", highlight=False, soft_wrap=True, style="cyan")
+
+
+def _console() -> Console:
+    console = Console()
+    return console if console.is_terminal else Console(width=_WIDTH)

@@ -1,0 +1,216 @@
+"""Files from a public repository, each checked against its SHA-256."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote, urlsplit
+
+import pooch
+import requests
+
+from scaling_service.capabilities.datasets.document import RemoteFile
+from scaling_service.core.errors import FileUnreadable, InputError
+
+BASE_URL = "https://raw.githubusercontent.com"
+"""Files of public GitHub repositories: <base>/<owner>/<name>/<commit>/<path>."""
+
+TIMEOUT_S = (10.0, 30.0)
+"""To connect, and without any data; chosen: a slow link still answers, a dead one is told within a minute."""
+
+_CHUNK_BYTES = 1 << 16  # chosen: the progress moves several times a second on a slow link
+
+Received = Callable[[int], None]
+
+
+class DownloadFailed(InputError):
+    """A file cannot be had from where it should be, or is not the one that was asked for."""
+
+
+def default_cache() -> Path:
+    """Where downloads are kept between runs: the system's folder for such files."""
+    return Path(pooch.os_cache("scaling-service"))
+
+
+def check_base_url(base_url: str) -> str:
+    """The address without a trailing slash.
+
+    Raises
+    ------
+    InputError
+        It is no http or https address.
+    """
+    try:
+        parts = urlsplit(base_url.strip())
+        usable = parts.scheme in ("http", "https") and bool(parts.hostname)
+    except ValueError:
+        usable = False
+    if not usable:
+        raise InputError(
+            f"'{base_url}' is not a web address",
+            field="--base-url",
+            remedy=f"Give one that starts with https://, such as {BASE_URL}",
+        )
+    return base_url.strip().rstrip("/")
+
+
+def remote_url(base_url: str, repository: str, commit: str, path: str) -> str:
+    """The address of one file at one commit.
+
+    Examples
+    --------
+    >>> remote_url("https://host", "owner/name", "c0ffee", "a folder/a.trc")
+    'https://host/owner/name/c0ffee/a%20folder/a.trc'
+    """
+    return f"{base_url}/{repository}/{commit}/{quote(path)}"
+
+
+def has_hash(path: Path, sha256: str) -> bool:
+    """Whether the file is there with this content.
+
+    Raises
+    ------
+    FileUnreadable
+        It is there and cannot be read.
+    """
+    try:
+        return path.is_file() and pooch.file_hash(str(path), alg="sha256") == sha256
+    except OSError as error:
+        raise FileUnreadable(
+            f"it is there but cannot be read: {error.strerror}", file=path, remedy="Move it away"
+        ) from None
+
+
+def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
+    """The cached file, downloaded unless it is there with the right content.
+
+    Nothing that is incomplete or wrong stays: a file appears in the cache once its SHA-256 was checked.
+
+    Parameters
+    ----------
+    url : str
+    file : RemoteFile
+        ``saved_as`` names it in the cache.
+    cache : Path
+        Folder; made if it does not exist.
+    received : callable
+        Called with the number of bytes of this file that have come so far.
+
+    Raises
+    ------
+    DownloadFailed
+        No network, no such file, a connection that broke, or another content.
+    InputError
+        The cache cannot be written to.
+    """
+    try:
+        with _quiet():
+            pooch.retrieve(
+                url,
+                known_hash=f"sha256:{file.sha256}",
+                fname=file.saved_as,
+                path=cache,
+                downloader=_Checked(file, received),
+            )
+    except requests.RequestException as error:
+        raise _explained(error, url, file) from None
+    except OSError as error:
+        raise InputError(
+            f"downloads cannot be kept there: {error.strerror or error}",
+            file=cache,
+            field="--cache",
+            remedy="Free some space, or name a folder that can be written to",
+        ) from None
+    return cache / file.saved_as
+
+
+class _Checked:
+    """Downloads to a scratch file, which pooch deletes if this raises.
+
+    Pooch's own downloader leaves connections open on errors, and does not stop at the size that is known.
+    """
+
+    def __init__(self, file: RemoteFile, received: Received) -> None:
+        self._file, self._received = file, received
+
+    def __call__(self, url: str, output_file: str, _pooch: object) -> None:
+        file, size = self._file, 0
+        with (
+            requests.get(url, stream=True, timeout=TIMEOUT_S) as response,
+            Path(output_file).open("wb") as scratch,
+        ):
+            response.raise_for_status()
+            for chunk in response.iter_content(_CHUNK_BYTES):
+                size += len(chunk)
+                if size > file.bytes:
+                    raise _another(url, file, f"more than {file.bytes} bytes")
+                scratch.write(chunk)
+                self._received(size)
+        found = pooch.file_hash(output_file, alg="sha256")
+        if found != file.sha256:
+            raise _another(url, file, f"SHA-256 {found}, {size} bytes")
+
+
+def _another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
+    return DownloadFailed(
+        f"what {url} gave is not the published file and was deleted: "
+        f"expected SHA-256 {file.sha256}, {file.bytes} bytes; found {found}",
+        file=file.saved_as,
+        field="sha256",
+        remedy="Try again later, or name another address by --base-url; "
+        "a network's sign-in page can be the cause, too",
+    )
+
+
+_AGAIN = "Try again: files that came are kept"
+_ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
+    (
+        requests.exceptions.ProxyError,
+        "the proxy on the way to {host} does not answer",
+        "Check HTTPS_PROXY and HTTP_PROXY",
+    ),
+    (
+        requests.exceptions.SSLError,
+        "the certificate of {host} cannot be verified",
+        "Name your organisation's certificates in REQUESTS_CA_BUNDLE, or another address by --base-url",
+    ),
+    (requests.Timeout, "{host} does not answer in time", f"{_AGAIN}; or name another address by --base-url"),
+    (
+        requests.ConnectionError,
+        "{host} cannot be reached",
+        "Check the network (HTTPS_PROXY names a proxy), or name another address by --base-url",
+    ),
+    (requests.RequestException, "the download from {host} broke off", _AGAIN),
+)
+"""Kind of failure, problem and remedy, the particular before the general."""
+
+
+def _explained(error: requests.RequestException, url: str, file: RemoteFile) -> DownloadFailed:
+    """What went wrong on the way, in plain words."""
+    host = urlsplit(url).netloc
+    if isinstance(error, requests.HTTPError) and error.response is not None:
+        problem, remedy = _refusal(error.response.status_code, url)
+    else:
+        problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
+    return DownloadFailed(problem.format(host=host), file=file.saved_as, field="--base-url", remedy=remedy)
+
+
+def _refusal(status: int, url: str) -> tuple[str, str]:
+    if status in (404, 410):
+        layout = "<address>/<owner>/<name>/<commit>/<path>"
+        return f"{url} is not there (HTTP {status})", f"Check the address: files are looked for at {layout}"
+    return f"{url} was refused (HTTP {status})", "Try again later, or name another address by --base-url"
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep pooch's own lines off the terminal; what happens is told by whoever asked."""
+    logger = pooch.get_logger()
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)

@@ -1,0 +1,70 @@
+"""The command that looks for what a model does not have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from scaling_service.capabilities.discovery.demo import run_hidden_demo
+from scaling_service.capabilities.discovery.run import discover as compute
+from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.screen import show
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
+from scaling_service.capabilities.scaling.saving import check_folder
+from scaling_service.cli import options
+from scaling_service.cli.screen import progress_bar
+
+
+def discover(
+    subject: options.SubjectFile,
+    out: options.Out,
+    start: options.Start = None,
+    inertia: options.Inertia = None,
+    cutoff_hz: options.CutoffHz = PLAIN.cutoff_hz,
+    seed: options.Seed = 0,
+    up: options.Up = None,
+    forward: options.Forward = None,
+    report: options.Report = True,
+) -> None:
+    """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
+
+    Recordings are taken as they were measured, neither smoothed nor filled. The calibration trials of the
+    subject file fit; the evaluation trials are held out and judge. Without one, blocks of time do. Forces are
+    compared, too, where recordings have them and the model has feet.
+
+    Looked for, at every place where it could sit: markers that sit elsewhere or were exchanged, skin that
+    slides or swings, wrong sizes, joint centres and axes, joints that glide, turn or are locked, a scaled
+    volume; late forces, plates that are shifted, turned or wrong, wrong masses, carried loads, contacts that
+    no plate measured, a vertical that leans.
+
+    A model that is scaled first has explained by lengths, axes and marker places what these can; only what is
+    left is named. With --start none these are questioned, too.
+
+    The verdict is [bold]found[/bold] (at least one effect has a name), [bold]nothing[/bold] (nothing stands
+    above the noise) or [bold]unexplained[/bold] (something does, and nothing known explains it). An effect
+    that these recordings do not tell from others is listed with them, and which movement would separate them.
+
+    Writes under --out discovery.json, report.html, model.json and model.osim with what was found, and
+    corrected/ with the recordings where the fault was theirs.
+
+    [bold]Examples[/bold]: scaling-service discover S01.yaml --out found
+
+    scaling-service discover scaled_model.yaml --start none --out found
+
+    scaling-service demo --discover --out hidden
+    """
+    check_folder(out)
+    settings = replace(AS_MEASURED, up=up, forward=forward, seed=seed)
+    with progress_bar() as progress:
+        results = compute(subject, DiscoverSettings(start, inertia, cutoff_hz), settings, progress=progress)
+        document = save_discovery(results, out, report=report, progress=progress)
+    show(document, out)
+
+
+def find_hidden(out: Path, seed: int, *, report: bool) -> None:
+    """Search for what is hidden in a virtual person; the answer comes after the verdict."""
+    with progress_bar() as progress:
+        document = save_discovery(
+            run_hidden_demo(seed, progress=progress), out, report=report, progress=progress
+        )
+    show(document, out)

@@ -1,0 +1,188 @@
+"""Where on a segment something touches, by the moment that is left about the point.
+
+The force may take any course; about the point where it acts there is no moment. A foot's contact wanders over
+its sole, any other contact a little; so much the moment may differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from scaling_service.capabilities.discovery.evidence.weighed import Weighed
+from scaling_service.capabilities.discovery.search.candidates import Contact
+from scaling_service.numerics.multibody.laws import Array
+
+WANDER_M = {"foot": 0.06, "other": 0.02}
+"""m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
+a hand's grip stays within some 2 cm (both chosen)."""
+
+FEET = ("calcn", "toes", "foot", "talus")
+"""What names of segments of a foot begin with."""
+
+_UNIT = np.eye(3)
+_ROUNDS = 3  # chosen: weights change little from one to the next
+_SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spell:
+    """The frames of one trial in which something may touch; ``all_along`` if no frame is quieter."""
+
+    item: Weighed
+    rows: NDArray[np.intp]
+    all_along: bool = False
+
+
+def wrench_of(item: Weighed, contact: Contact) -> Array:
+    """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
+    inside = (item.times >= contact.start_s - 1e-9) & (item.times <= contact.end_s + 1e-9) & item.usable
+    rows = np.flatnonzero(inside)
+    found = np.zeros((len(item.times), 6))
+    if len(rows):
+        force, moment, _ = solved(item, contact.segment, rows, np.array(contact.point))
+        found[rows] = np.concatenate([force, moment], axis=1)
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitting:
+    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood.
+
+    Parameters
+    ----------
+    segment : str
+    point : ndarray, shape (3,), m
+        In the segment's frame.
+    left : float
+        Whitened square of the moment.
+    misfit : float
+    """
+
+    segment: str
+    point: Array
+    left: float
+    misfit: float
+
+
+def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
+    """The point within reach of the segment about which the disagreement has least moment.
+
+    Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
+    products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
+    force that keeps its direction only noise would place the point: it stays in the middle.
+    """
+    low, high = _extent(spells[0].item, segment)
+    middle = point = 0.5 * (low + high)
+    for _round in range(_ROUNDS):
+        point = _stepped(spells, segment, point, middle, (low, high))
+    parts = [_cost(spell, segment, point) for spell in spells]
+    left, spread = np.sum(parts, axis=0).tolist()
+    count = 3 * sum(len(s.rows) for s in spells)
+    # frames are not independent: the likelihood counts one of them for each period of the filter
+    share = float(np.median(np.diff(spells[0].item.times))) * 2.0 * spells[0].item.cutoff_hz
+    misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
+    return Fitting(segment, point, left, misfit)
+
+
+def _stepped(
+    spells: Sequence[Spell], segment: str, point: Array, middle: Array, within: tuple[Array, Array]
+) -> Array:
+    """The best point with the weights of another one, (3,), m."""
+    normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    for spell in spells:
+        item, rows = spell.item, spell.rows
+        gap, weight = item.gap[rows], _weights(item, segment, rows, point)
+        origin, axes = (places[rows] for places in item.segment_frame(segment))
+        across = _about(origin - item.about[rows])
+        unit = -_crossing(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
+        lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
+        weighted = weight @ lever
+        normal += np.einsum("njk,njl->kl", lever, weighted)
+        target += np.einsum("njk,nji,ni->k", weighted, across, gap)
+        noise = item.covariance
+        heavy = weight @ unit
+        chance += np.einsum("ab,anjk,bnjl->kl", noise[:3, :3], unit, heavy)
+        target -= np.einsum("anjk,nji,ia->k", heavy, across, noise[:, :3])
+    normal -= chance
+    value, vector = np.linalg.eigh(normal)
+    by_chance = np.einsum("ak,ab,bk->k", vector, chance, vector)
+    shown = value > by_chance
+    slope = np.where(shown, vector.T @ (target - normal @ middle), 0.0)
+    size = np.sqrt(np.maximum(np.where(shown, value, by_chance), 1e-300))
+    low, high = (edge - middle for edge in within)
+    return np.asarray(
+        middle + lsq_linear(size[:, None] * vector.T, slope / size, (low, high), method="bvls").x
+    )
+
+
+def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
+    """Twice the negative logarithm of the likelihood of every part, all frames counted, (n_parts,).
+
+    Parameters
+    ----------
+    scale : float
+        Mean whitened square of one number.
+    """
+    every = np.array([_cost(part, fitting.segment, fitting.point) for part in parts])
+    return np.asarray(every[:, 0] / scale + every[:, 1])
+
+
+def _cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
+    """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
+    _, _, square = solved(spell.item, segment, spell.rows, point)
+    weight = _weights(spell.item, segment, spell.rows, point)
+    return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
+
+
+def _extent(item: Weighed, segment: str) -> tuple[Array, Array]:
+    """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
+    own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
+    places = np.array([*own, np.array(item.model.segment(segment).com)])
+    return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
+
+
+def solved(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
+    """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
+    force = -item.gap[rows, :3]
+    place = _place(item, segment, rows, point)
+    left = item.gap[rows, 3:] - np.cross(place - item.about[rows], item.gap[rows, :3])
+    weight = _weights(item, segment, rows, point)
+    square = np.einsum("na,nab,nb->n", left, weight, left)
+    wandering = np.einsum("nab,nbc,nc->na", _wandering(force, segment), weight, left)
+    return force, np.cross(place, force) - wandering, square
+
+
+def _place(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+    """Where a point of a segment is, (n, 3), m."""
+    origin, axes = item.segment_frame(segment)
+    return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
+
+
+def _weights(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+    """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
+    across = _about(_place(item, segment, rows, point) - item.about[rows])
+    noise = across @ item.covariance @ across.transpose(0, 2, 1)
+    return np.asarray(np.linalg.inv(_wandering(item.gap[rows, :3], segment) + noise))
+
+
+def _wandering(force: Array, segment: str) -> Array:
+    """Covariance of the moment of a force whose point wanders, (n, 3, 3)."""
+    inside = _crossing(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
+    return np.asarray(inside @ inside.transpose(0, 2, 1))
+
+
+def _about(arm: Array) -> Array:
+    """What makes of a wrench its moment about a point at the end of an arm (n, 3), (n, 3, 6)."""
+    return np.concatenate([-_crossing(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
+
+
+def _crossing(vectors: Array) -> Array:
+    """The matrices (n, 3, 3) of the cross product with vectors (n, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)

@@ -1,0 +1,86 @@
+"""What an effect must know to say where it could sit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scaling_service.capabilities.discovery.evidence.spots import turning
+from scaling_service.model.body import GROUND, BodyModel, Segment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """The body and what the recordings show of it.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Without parameters.
+    markers : tuple of str
+        Those that a recording shows.
+    moving : tuple of str
+        Coordinates that move enough to drive something.
+    trials : tuple of str
+    plates : tuple of str
+        Those that a recording loads; none where there are no forces.
+    weighed : tuple of str
+        Trials with forces.
+    """
+
+    model: BodyModel
+    markers: tuple[str, ...]
+    moving: tuple[str, ...]
+    trials: tuple[str, ...]
+    plates: tuple[str, ...] = ()
+    weighed: tuple[str, ...] = ()
+
+    def on(self, segment: str) -> tuple[str, ...]:
+        """The markers shown on a segment."""
+        return tuple(m for m in self.markers if self.model.marker(m).segment == segment)
+
+    @property
+    def heavy(self) -> tuple[Segment, ...]:
+        """Segments with mass, where forces are known."""
+        return tuple(s for s in self.model.segments if s.mass > 0.0) if self.plates else ()
+
+    @property
+    def scopes(self) -> tuple[tuple[str, ...], ...]:
+        """Trials in which something that does not change in a trial may be; () for all of them."""
+        return _scopes(self.trials)
+
+    @property
+    def scopes_of_forces(self) -> tuple[tuple[str, ...], ...]:
+        """The same of trials with forces."""
+        return _scopes(self.weighed)
+
+    @property
+    def bearing(self) -> tuple[Segment, ...]:
+        """Segments that carry shown markers, themselves or beyond."""
+        wanted = {self.model.marker(m).segment for m in self.markers}
+        for segment in reversed(self.model.segments):
+            if segment.name in wanted:
+                wanted.add(segment.parent)
+        return tuple(s for s in self.model.segments if s.name in wanted)
+
+    @property
+    def jointed(self) -> tuple[Segment, ...]:
+        """Bearing segments that hang on another segment by a joint that turns."""
+        return tuple(s for s in self.bearing if s.parent != GROUND and turning(s) is not None)
+
+    def coordinates_of(self, segment: Segment) -> tuple[str, ...]:
+        """The moving coordinates of the joint that carries a segment."""
+        used = {t.coordinate for joint in segment.joints for t in joint.law.terms}
+        return tuple(c for c in self.moving if c in used)
+
+    def drivers_of(self, segment: str) -> tuple[str, ...]:
+        """Moving coordinates of the joints at both ends of a segment: what its skin could follow."""
+        own = self.model.segment(segment)
+        near = (() if own.parent == GROUND else (own,)) + tuple(self.model.children(segment))
+        return tuple(dict.fromkeys(c for s in near for c in self.coordinates_of(s)))
+
+
+def _scopes(trials: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """All trials, each by itself, and all since the second, the third and so on."""
+    if len(trials) < 2:
+        return ((),)
+    return ((), *((trial,) for trial in trials), *(trials[k:] for k in range(1, len(trials) - 1)))

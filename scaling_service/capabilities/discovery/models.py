@@ -1,0 +1,208 @@
+"""The model with what was named in it, and as much of it as an OpenSim file can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from scaling_service.capabilities.discovery.effects.joint_axis_tilt import KIND as TILT
+from scaling_service.capabilities.discovery.evidence.fitting import Account
+from scaling_service.capabilities.discovery.evidence.forces import weighty
+from scaling_service.capabilities.discovery.evidence.spots import MarkerSpot, SizeSpot, VolumeSpot
+from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Swing
+from scaling_service.capabilities.discovery.search.candidates import FreeMotion, Part
+from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.scaling.methods.axes import after
+from scaling_service.core.errors import DependencyMissing, ModelRefused
+from scaling_service.files.osim import write_osim
+from scaling_service.files.osim.plans import planned_joints
+from scaling_service.model.body import BodyModel, Law, Vector
+
+_EVERY = ""
+"""A name of no trial: what holds in all of them."""
+
+
+def corrected_model(account: Account) -> BodyModel:
+    """The model with all that holds in every recording: shape, markers, masses."""
+    return _with(account.model, _lasting(account))
+
+
+def own_models(account: Account) -> dict[str, BodyModel]:
+    """The models of those recordings in which something holds that does not in the others."""
+    own = {trial for s in account.effects if _of_model(s) for trial in s.candidate.trials}
+    return {
+        trial: _with(account.model, [s for s in account.everything if s.candidate.holds_in(trial)])
+        for trial in sorted(own)
+    }
+
+
+def _with(model: BodyModel, effects: Sequence[Sized]) -> BodyModel:
+    own = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
+    return weighty(with_effects(model, own, _EVERY), own)
+
+
+def _lasting(account: Account) -> list[Sized]:
+    return [s for s in account.everything if not s.candidate.trials]
+
+
+def _of_model(effect: Sized) -> bool:
+    """Whether an effect changes the model rather than the recording."""
+    parts = _parts(effect)
+    return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Swing) for p in parts)
+
+
+def _parts(effect: Sized) -> list[Part]:
+    return [part for column in effect.candidate.columns for part in column.parts]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OsimPlan:
+    """What of the corrected model goes into an OpenSim file, and how.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Without what OpenSim cannot hold.
+    left_out : tuple of str
+        What that is, in plain words.
+    amended : bool
+        Whether the file that the model came from can be changed: its muscles and meshes then stay.
+    factors, tilts : mapping
+        Sizes of segments and turns of joints against that file.
+    """
+
+    model: BodyModel
+    left_out: tuple[str, ...] = ()
+    amended: bool = False
+    factors: Mapping[str, Vector] = field(default_factory=dict)
+    tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def osim_plan(account: Account, prepared: Prepared) -> OsimPlan:
+    """Leave out what OpenSim cannot hold, effect by effect."""
+    kept: list[Sized] = []
+    left: list[str] = []
+    for effect in _lasting(account):
+        reason = _refusal(account.model, [*kept, effect], effect)
+        if reason:
+            left.append(f"{effect.candidate.name}: {reason}")
+        else:
+            kept.append(effect)
+    model = _still(_with(account.model, kept))
+    if not prepared.subject.model.lower().endswith(".osim") or not all(map(_amendable, kept)):
+        return OsimPlan(model, tuple(left))
+    return OsimPlan(model, tuple(left), True, _factors(prepared, kept), _tilts(prepared, kept))
+
+
+def _refusal(model: BodyModel, kept: Sequence[Sized], effect: Sized) -> str:
+    """Why an OpenSim file cannot hold an effect; empty where it can."""
+    parts, loads = _parts(effect), [column.load for column in effect.candidate.columns]
+    if any(isinstance(load, Tilt) for load in loads):
+        return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
+    if any(isinstance(p.profile, Swing) for p in parts) or any(isinstance(load, Wobbling) for load in loads):
+        return "nothing swings in model files; its numbers are in discovery.json"
+    if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
+        return "OpenSim's markers do not move on their segments; model.json holds it"
+    try:
+        planned_joints(_with(model, kept))
+    except ModelRefused as error:
+        return f"{error.problem}; model.json holds it"
+    return ""
+
+
+def _still(model: BodyModel) -> BodyModel:
+    """The model with markers at the constant part of their places."""
+    return model.with_markers(
+        tuple(
+            replace(
+                m, laws=(Law.constant(m.nominal[0]), Law.constant(m.nominal[1]), Law.constant(m.nominal[2]))
+            )
+            for m in model.markers
+        )
+    )
+
+
+def _amendable(effect: Sized) -> bool:
+    """Whether an effect is a change of sizes, axes, markers or masses, which a file can be given, or none."""
+    if isinstance(effect.candidate.change, FreeMotion):
+        return False
+    if effect.candidate.kind == TILT:
+        return True
+    return all(
+        isinstance(p.spot, MarkerSpot | SizeSpot | VolumeSpot) and isinstance(p.profile, Constant)
+        for p in _parts(effect)
+    )
+
+
+def _factors(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, Vector]:
+    known = dict(prepared.calibration.scale_factors) if prepared.calibration is not None else {}
+    for effect in kept:
+        for column, size in effect.columns:
+            for part in column.parts:
+                if isinstance(part.spot, SizeSpot):
+                    x, y, z = known.get(part.spot.segment, (1.0, 1.0, 1.0))
+                    by = 1.0 + part.gain * size
+                    known[part.spot.segment] = (x * by, y * by, z * by)
+    return known
+
+
+def _tilts(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, tuple[float, float]]:
+    known = dict(prepared.calibration.axis_tilts) if prepared.calibration is not None else {}
+    for effect in kept:
+        if effect.candidate.kind == TILT:
+            turn = {column.name[0]: size for column, size in effect.columns}
+            more = (turn.get("x", 0.0), turn.get("y", 0.0))
+            joint = effect.candidate.where[0]
+            known[joint] = after(known.get(joint, (0.0, 0.0)), more)
+    return known
+
+
+def write_corrected_osim(path: Path, account: Account, prepared: Prepared) -> tuple[str, ...]:
+    """Write ``model.osim`` with all that OpenSim can hold.
+
+    Returns
+    -------
+    tuple of str
+        What it does not hold, and why, in plain sentences.
+    """
+    plan = osim_plan(account, prepared)
+    notes = tuple(f"model.osim is without {said}" for said in plan.left_out)
+    try:
+        return (*notes, *_written(path, plan, prepared))
+    except (DependencyMissing, ModelRefused) as error:
+        return (*notes, f"model.osim was not written: {error}")
+
+
+def _written(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
+    """Change the file that the model came from; make a new one where that cannot hold what was found."""
+    if plan.amended:
+        try:
+            _amend(path, plan, prepared)
+        except ModelRefused:
+            pass
+        else:
+            return ()
+    write_osim(path, plan.model)
+    if not prepared.subject.model.lower().endswith(".osim"):
+        return ()
+    return (
+        "model.osim was made anew, with joints, masses and markers only: the file that the model came from "
+        "cannot be given what was found, so its muscles and meshes are left out",
+    )
+
+
+def _amend(path: Path, plan: OsimPlan, prepared: Prepared) -> None:
+    subject, setup = prepared.subject, prepared.loaded.session.scale_setup
+    write_osim(
+        path,
+        plan.model,
+        source=Path(subject.model),
+        factors=plan.factors,
+        axis_tilts=plan.tilts,
+        marker_set=subject.marker_set,
+        preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
+        inertia_from_model=True,
+    )

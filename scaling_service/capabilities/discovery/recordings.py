@@ -1,0 +1,133 @@
+"""Recordings freed of the faults that are their own: labels back in place, scale, clocks, plates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.evidence.fitting import Account
+from scaling_service.capabilities.discovery.evidence.forces import corrected_forces
+from scaling_service.capabilities.discovery.evidence.spots import VolumeSpot
+from scaling_service.capabilities.discovery.evidence.weighed import COMPONENTS
+from scaling_service.capabilities.discovery.laws.additions import Sized, corrected
+from scaling_service.capabilities.discovery.laws.loads import (
+    Late,
+    PlateBias,
+    PlateGain,
+    PlateShift,
+    PlateTurn,
+)
+from scaling_service.capabilities.discovery.search.candidates import Contact, Exchange
+from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.dynamics.forces import read_trial_forces
+from scaling_service.files.sto import Table, write_sto
+from scaling_service.files.trc import write_trc
+from scaling_service.model.forces import GroundForces
+from scaling_service.recording.plates import orient_forces
+
+FOLDER = "corrected"
+
+_OF_PLATES = (Late, PlateShift, PlateBias, PlateGain, PlateTurn)
+
+SAID = (
+    f"{FOLDER}/ holds all recordings without the faults found in them: mm, N, X forward, Y up, Z right, "
+    "under the model's marker names"
+)
+
+
+def write_corrected(folder: Path, account: Account, prepared: Prepared) -> tuple[str, ...]:
+    """Write all recordings, corrected, where any of them was at fault.
+
+    One set in one system of axes, so that it can be used in place of the given one.
+
+    Parameters
+    ----------
+    folder : Path
+        Where ``corrected/`` goes.
+    account : Account
+        With what was named.
+    prepared : Prepared
+
+    Returns
+    -------
+    tuple of str
+        What a person should know of it; nothing where no recording was at fault.
+    """
+    effects = account.effects
+    markers, forces = any(map(_of_markers, effects)), any(map(_of_forces, effects))
+    if not markers and not forces:
+        return ()
+    place = folder / FOLDER
+    place.mkdir()
+    session = prepared.loaded.session
+    static = () if session.static is None else (session.static,)
+    for trial in (*static, *session.dynamic):
+        write_trc(place / f"{trial.name}.trc", corrected(trial, effects))
+    for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
+        if path.stem in prepared.forces.by_trial:
+            ground = _as_recorded(path, prepared)
+            here = [e for e in effects if e.candidate.holds_in(path.stem)]
+            mended = corrected_forces(ground, ground.times, here)
+            write_sto(place / f"{path.stem}_forces.mot", forces_table(path.stem, mended))
+    return (SAID,)
+
+
+def _of_markers(effect: Sized) -> bool:
+    scaled = any(isinstance(p.spot, VolumeSpot) for c in effect.candidate.columns for p in c.parts)
+    return scaled or isinstance(effect.candidate.change, Exchange)
+
+
+def _of_forces(effect: Sized) -> bool:
+    return any(isinstance(column.load, _OF_PLATES) for column in effect.candidate.columns)
+
+
+def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:
+    """The forces in the session's axes, at their own rate, not filtered."""
+    read = read_trial_forces(path, prepared.subject.forces.get(path.name))
+    axes = prepared.loaded.orientation
+    assert read is not None  # it was read before
+    assert axes is not None
+    return orient_forces(axes, read[1])
+
+
+def forces_table(name: str, ground: GroundForces) -> Table:
+    """Forces as OpenSim names them: for each plate force, point and free moment, (n, 9).
+
+    Where a plate is not loaded the point is one of its surface.
+    """
+    pressed = ground.centre_of_pressure()
+    point = np.where(np.isfinite(pressed), pressed, ground.surfaces)
+    free = ground.moment - np.cross(point, ground.force)
+    names = ["time"]
+    for k in range(1, len(ground.plates) + 1):
+        names += [f"ground_force_{k}_v{a}" for a in "xyz"] + [f"ground_force_{k}_p{a}" for a in "xyz"]
+        names += [f"ground_torque_{k}_{a}" for a in "xyz"]
+    columns = np.concatenate([ground.force, point, free], axis=2).reshape(len(ground.times), -1)
+    return Table(name, tuple(names), np.column_stack([ground.times, columns]), in_degrees=False)
+
+
+def write_contacts(folder: Path, account: Account) -> tuple[str, ...]:
+    """Write what a contact that no plate measured must have been, ``TRIAL_contact.sto``.
+
+    Force on the body (N) and its moment about the origin of the ground (N m), zero outside the contact.
+    Frames in which it cannot be known, such as the first and last tenths of a second, are left out.
+    """
+    written = []
+    for item in account.weighed:
+        if item.touched is not None and _touched(item.name, account.effects):
+            table = Table(
+                f"{item.name}_contact",
+                ("time", *(f"contact_{component}" for component in COMPONENTS)),
+                np.column_stack([item.times, item.touched])[item.usable],
+                in_degrees=False,
+            )
+            write_sto(folder / f"{item.name}_contact.sto", table)
+            written.append(f"{item.name}_contact.sto holds the force that was inferred")
+    return tuple(written)
+
+
+def _touched(trial: str, effects: Sequence[Sized]) -> bool:
+    """Whether something that no plate measures touches the body in this trial."""
+    return any(isinstance(e.candidate.change, Contact) and e.candidate.holds_in(trial) for e in effects)

@@ -1,0 +1,213 @@
+"""What a search found, as frozen values: where, what, how much of the gap closed, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.search.candidates import Candidate
+from scaling_service.capabilities.discovery.search.comparing import Unseen
+from scaling_service.capabilities.discovery.search.judging import Fitted
+from scaling_service.capabilities.discovery.search.option import Option
+from scaling_service.numerics.multibody.laws import Array
+
+Verdict = Literal["found", "nothing", "unexplained"]
+Observable = Literal["marker", "force", "moment"]
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """Where simulation and measurement differ, before anything was added.
+
+    Parameters
+    ----------
+    where : str
+        A marker, or a component of the ground wrench (``fx`` …).
+    observable : 'marker', 'force' or 'moment'
+    rms, floor : float
+        SI (m, N, N m): the difference, and what noise alone would leave.
+    share : float
+        Of all that stands above the floors.
+    p : float
+        Of standing so far above its floor by chance, over all places looked at.
+    trials : mapping
+        Trial to its RMS (SI).
+    when : str
+        When it is largest, in words: a trial and a stretch of time.
+    along : str
+        The coordinate that it follows best, if any, and how.
+    """
+
+    where: str
+    observable: Observable
+    rms: float
+    floor: float
+    share: float
+    p: float
+    trials: Mapping[str, float] = field(default_factory=dict)
+    when: str = ""
+    along: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """An effect that passed.
+
+    Parameters
+    ----------
+    effect : Sized
+        With its size once everything was estimated together.
+    covariance : ndarray, shape (k, k)
+        Of its size (SI), whatever the memory of the noise.
+    details : mapping
+        Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
+    spreads : mapping
+        Standard deviations of those of them that have one.
+    smallest : mapping
+        Column to the size (as in the results) from which it is named nine times in ten.
+    fitted : Fitted
+        As it stood when it was named.
+    p_family : float
+        Over the whole catalogue.
+    unseen : Unseen
+    confusable : tuple of Candidate
+        Those that this recording does not tell from it.
+    would_separate : str
+        The ordinary movement that would.
+    rivals : tuple of Candidate
+        Those that explained most beside it when it was named.
+    """
+
+    effect: Sized
+    covariance: Array
+    details: Mapping[str, float]
+    spreads: Mapping[str, float]
+    smallest: Mapping[str, float]
+    fitted: Fitted
+    p_family: float
+    unseen: Unseen
+    confusable: tuple[Candidate, ...]
+    would_separate: str
+    rivals: tuple[Candidate, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Before and after, between what noise leaves and what is not explained.
+
+    Parameters
+    ----------
+    before, after, floor, ceiling : float
+        RMS, SI; ``ceiling`` is what a black-box correction with as many numbers reaches.
+    low, high : float
+        95 % interval of ``after``, over stretches of time.
+    """
+
+    before: float
+    after: float
+    floor: float
+    ceiling: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The gap of the recordings of one role.
+
+    Parameters
+    ----------
+    levels : mapping
+        ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels.
+    places : mapping
+        Marker or component to its levels.
+    absorbed : float
+        Whitened RMS that is reached where the calibration's own parameters take up what they can instead.
+    """
+
+    levels: Mapping[str, Level]
+    places: Mapping[str, Level]
+    absorbed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What is left above the floor and matches no effect.
+
+    Parameters
+    ----------
+    where : tuple of str
+    observable : 'marker', 'force' or 'moment'
+    law : str
+        The simplest sum of simple functions that describes it, in words and numbers.
+    rms, floor : float
+        SI.
+    """
+
+    where: tuple[str, ...]
+    observable: Observable
+    law: str
+    rms: float
+    floor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """A law that the recordings follow and that no entry of the catalogue has.
+
+    Parameters
+    ----------
+    where : tuple of str
+    law : str
+        In words and numbers.
+    expected : float
+        As :attr:`scaling_service.capabilities.discovery.search.judging.Fitted.expected`.
+    p : float
+        Of as large a statistic by chance, for this law alone.
+    unseen : float
+        Of as consistent a gain by chance on what did not fit it.
+    of_forces : bool
+        Whether it shows in the ground wrench rather than among the markers.
+    """
+
+    where: tuple[str, ...]
+    law: str
+    expected: float
+    p: float
+    unseen: float
+    of_forces: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """The whole story.
+
+    Parameters
+    ----------
+    verdict : 'found', 'nothing' or 'unexplained'
+    disagreements : tuple of Disagreement
+        The largest first.
+    named : tuple of Named
+    fit, held_out : Gap
+        ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is true.
+    tried : tuple of Option
+        The best that were not named.
+    unexplained : tuple of Unexplained
+    reason : str
+        Why the search stopped.
+    notes : tuple of str
+        What could not be tried and why.
+    """
+
+    verdict: Verdict
+    disagreements: tuple[Disagreement, ...]
+    named: tuple[Named, ...]
+    fit: Gap
+    held_out: Gap
+    folds: bool
+    tried: tuple[Option, ...]
+    unexplained: tuple[Unexplained, ...]
+    reason: str
+    notes: tuple[str, ...]

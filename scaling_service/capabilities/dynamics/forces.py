@@ -1,0 +1,183 @@
+"""The ground's forces on each foot of one recording, on the markers' clock and in the session's axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.files.c3d_plates import read_c3d_plates
+from scaling_service.files.forces import read_forces
+from scaling_service.model.forces import GroundForces, SegmentLoads
+from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.recording.orientation import Orientation
+from scaling_service.recording.plates import ground_forces, orient_forces
+from scaling_service.recording.plates_feet import FootContacts, assign_plates, foot_loads
+from scaling_service.recording.synchronise import synchronise
+
+LARGEST_FREE_MOMENT = 100.0
+"""N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
+number in N mm is a thousand times larger)."""
+
+NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
+"""Fields of the errors which mean that a file holds no forces at all."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialForces:
+    """What the ground does to the feet in one recording.
+
+    Parameters
+    ----------
+    source : Path
+        The file that the forces came from.
+    ground : GroundForces
+        At the markers' times, filtered.
+    contacts : FootContacts
+    loads : SegmentLoads
+    """
+
+    source: Path
+    ground: GroundForces
+    contacts: FootContacts
+    loads: SegmentLoads
+
+    @property
+    def repairs(self) -> tuple[Repair, ...]:
+        """Everything that was decided on the way."""
+        return (*self.ground.repairs, *self.contacts.repairs)
+
+
+def read_trial_forces(recording: Path, named: Path | None) -> tuple[Path, GroundForces] | None:
+    """The forces of one recording as they stand: of the file named under ``forces:``, else of its own plates.
+
+    Returns
+    -------
+    (path, GroundForces) or None
+        None where the recording has no plates and no file is named.
+
+    Raises
+    ------
+    InputError
+        What is there cannot be used; with file, field and remedy.
+    """
+    if named is not None:
+        with _blamed_on(named):
+            return named, _plausible(read_forces(named))
+    if recording.suffix.lower() != ".c3d":
+        return None
+    try:
+        with _blamed_on(recording):
+            return recording, ground_forces(read_c3d_plates(recording))
+    except TrialUnusable as error:
+        if error.field in NO_PLATES:
+            return None
+        raise
+
+
+def trial_forces(
+    source: Path,
+    forces: GroundForces,
+    trial: Trial,
+    feet: Mapping[str, Array],
+    axes: Orientation,
+    *,
+    cutoff_hz: float,
+) -> TrialForces:
+    """Turn, filter and resample forces, and give each contact to a foot.
+
+    Parameters
+    ----------
+    source : Path
+    forces : GroundForces
+        As read.
+    trial : Trial
+        Of the session, in its axes.
+    feet : mapping
+        Foot to the markers on it, (n_frames, n_markers, 3).
+    axes : Orientation
+        The session's.
+    cutoff_hz : float
+        That of the motion.
+
+    Raises
+    ------
+    InputError
+        Forces and markers do not belong together; with file, field and remedy.
+    """
+    with _blamed_on(source):
+        _check_axes(source, forces, axes)
+        _check_units(source, trial)
+        turned = orient_forces(axes, forces)
+        ground = synchronise(turned, trial.times, cutoff_hz=cutoff_hz)
+        _check_loaded(ground)
+        contacts = assign_plates(ground, feet)
+        loads = foot_loads(ground, contacts, {foot: foot for foot in feet})
+    return TrialForces(source, ground, contacts, loads)
+
+
+@contextmanager
+def _blamed_on(file: Path) -> Iterator[None]:
+    """Let errors name the whole path of the file, also where they name it by its bare name."""
+    try:
+        yield
+    except InputError as error:
+        if error.file in (None, file.name, file.stem):
+            error.file = str(file)
+        raise
+
+
+def _check_loaded(ground: GroundForces) -> None:
+    if not ground.in_contact().any():
+        raise TrialUnusable(
+            f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while markers "
+            "are recorded",
+            file=ground.name,
+            field="forces",
+            remedy="Give forces in N, of a person who stands on the plates",
+        )
+
+
+def _plausible(forces: GroundForces) -> GroundForces:
+    """Refuse moments that are not in N m."""
+    centre = forces.centre_of_pressure()
+    loaded = np.isfinite(centre).all(axis=2) & forces.known
+    about = forces.moment - np.cross(centre, forces.force)
+    free = np.abs(np.einsum("nka,ka->nk", np.where(loaded[..., None], about, 0.0), forces.normals))
+    for k, plate in enumerate(forces.plates):
+        if loaded[:, k].any() and np.median(free[loaded[:, k], k]) > LARGEST_FREE_MOMENT:
+            raise TrialUnusable(
+                f"{plate} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, as no foot can",
+                file=forces.name,
+                field=f"{plate}, moment",
+                remedy="Give points in m and moments in N m",
+            )
+    return forces
+
+
+def _check_units(source: Path, trial: Trial) -> None:
+    """A C3D file that states a wrong unit of length for its markers states it for its plates, too."""
+    corrected = [r for r in trial.repairs if r.what == "unit" and r.where == trial.name]
+    if source.suffix.lower() == ".c3d" and corrected:
+        raise TrialUnusable(
+            f"the places of its plates are not sure: {corrected[0].detail}",
+            file=source,
+            field="POINT:UNITS",
+            remedy="State the right unit of length in the recording and export it again",
+        )
+
+
+def _check_axes(source: Path, forces: GroundForces, axes: Orientation) -> None:
+    """Forces of MOT and STO files stand Y up; they must be in the axes of the markers."""
+    if source.suffix.lower() == ".c3d" or axes.up == "+y":
+        return
+    raise InputError(
+        f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
+        file=forces.name,
+        field="forces",
+        remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
+    )

@@ -1,0 +1,164 @@
+"""What recordings say about inertial parameters, in as many numbers whatever their length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.massive import mechanism_of
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.wrench.ground_wrench import moment_about
+from scaling_service.numerics.wrench.regressor import regressor_blocks
+
+N_COMPONENTS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceRecording:
+    """A motion with its external loads, and which frames to use.
+
+    Parameters
+    ----------
+    dynamics : InverseDynamics
+        Of the model whose inertia is asked for.
+    frames : ndarray of bool, shape (n,), optional
+        Frames whose forces are all known (``FootContacts.supported``). All by default; frames without motion
+        or forces are left out anyhow.
+    """
+
+    dynamics: InverseDynamics
+    frames: NDArray[np.bool_] | None = None
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Shape (n,)."""
+        known = self.dynamics.known
+        return known if self.frames is None else known & self.frames
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Normal equations of the ground wrench about the root's origin, for each component by itself.
+
+    Parameters
+    ----------
+    trial : str
+    frames : int
+    curvature : ndarray, shape (6, p, p)
+        Sum over frames of the products of the regressor's rows.
+    slope : ndarray, shape (6, p)
+        Sum of row times error, where the error is the measured wrench minus the prior model's.
+    squares : ndarray, shape (6,)
+        Sum of squared errors.
+    repeats : ndarray, shape (6,)
+        How many frames say the same thing.
+    """
+
+    trial: str
+    frames: int
+    curvature: Array
+    slope: Array
+    squares: Array
+    repeats: Array
+
+    def rms(self, change: Array) -> Array:
+        """RMS error of each component (6,), N and N m, after a change (p,) of the parameters."""
+        left = self.squares - 2.0 * self.slope @ change + (self.curvature @ change) @ change
+        return np.asarray(np.sqrt(np.clip(left, 0.0, None) / self.frames))
+
+
+def evidence_of(model: BodyModel, recording: ForceRecording) -> Evidence:
+    """Normal equations of one recording.
+
+    Raises
+    ------
+    TrialUnusable
+        No frame has both a motion and all its forces.
+    """
+    dynamics, used = recording.dynamics, recording.used
+    if not used.any():
+        raise TrialUnusable(
+            "no frame has both a motion and all its forces",
+            file=dynamics.trial,
+            field="forces",
+            remedy="Check that every foot on the floor stands on a plate",
+        )
+    mechanism = mechanism_of(model)
+    prior = mechanism.inertias.parameters().ravel()
+    measured = moment_about(dynamics.external.T, dynamics.root.T).T
+    curvature, slope = np.zeros((N_COMPONENTS, prior.size, prior.size)), np.zeros((N_COMPONENTS, prior.size))
+    errors = np.full(measured.shape, np.nan)
+    for block in regressor_blocks(mechanism, dynamics.motion.rates, parameter_values(model)):
+        kept = used[block.rows]
+        rows = block.ground[kept]
+        error = measured[block.rows][kept] - rows @ prior
+        errors[np.flatnonzero(used[block.rows]) + block.rows.start] = error
+        by_component = np.ascontiguousarray(rows.transpose(1, 0, 2))
+        curvature += by_component.transpose(0, 2, 1) @ by_component
+        slope += np.einsum("cnp,nc->cp", by_component, error)
+    repeats = np.array([repeated(errors[:, c]) for c in range(N_COMPONENTS)])
+    squares = np.nansum(errors**2, axis=0)
+    return Evidence(dynamics.trial, int(used.sum()), curvature, slope, squares, repeats)
+
+
+def repeated(errors: Array) -> float:
+    """How many frames in a row say the same thing: the integrated autocorrelation time, in frames.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n,)
+        NaN where not known.
+
+    Notes
+    -----
+    ``1 + 2 sum rho_k`` with pairs of lags summed while they are positive (Geyer C. J. (1992) Practical Markov
+    chain Monte Carlo. Stat Sci 7:473-483), about the mean: a mean is what masses and their centres explain.
+    """
+    known = np.isfinite(errors)
+    if not known.any():
+        return 1.0
+    values = np.where(known, errors - errors[known].mean(), 0.0)
+    n = len(values)
+    spectrum, mask = np.fft.rfft(values, 2 * n), np.fft.rfft(known.astype(float), 2 * n)
+    products = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
+    counts = np.round(np.fft.irfft(np.abs(mask) ** 2)[:n])
+    if products[0] <= 0.0:
+        return 1.0
+    # Sums, not means, of the products: the shrinking overlap then tapers lags that few frames show.
+    rho = products / products[0] * (counts > 0)
+    pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
+    stop = np.flatnonzero(pairs <= 0.0)
+    positive = pairs[: stop[0] if len(stop) else len(pairs)]
+    return float(np.clip(2.0 * positive.sum() - 1.0, 1.0, n))
+
+
+def gathered(
+    evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Information matrix (p, p) and slope (p,) of several recordings together.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (6,), N and N m
+        Standard deviation of each component.
+    components : ndarray of bool, shape (6,)
+        Those that count.
+    """
+    weights = [components / (noise**2 * e.repeats) for e in evidence]
+    information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
+    slope = sum(w @ e.slope for w, e in zip(weights, evidence, strict=True))
+    return np.asarray(information), np.asarray(slope)
+
+
+def weighed(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[float, float]:
+    """Sum of squared errors over their noise, and how many independent errors there are; see ``gathered``."""
+    squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
+    count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
+    return squares, count

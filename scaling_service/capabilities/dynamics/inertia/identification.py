@@ -1,0 +1,242 @@
+"""Inertial parameters of a person's segments from the forces of the ground (Futamure et al., eq. 8).
+
+Tables are the prior; the recordings move only what they say more about than the tables do. Every result is
+the inertia of a possible body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scaling_service.capabilities.dynamics.inertia.box import bodies_of
+from scaling_service.capabilities.dynamics.inertia.cone import possible_minimum
+from scaling_service.capabilities.dynamics.inertia.described import (
+    Solution,
+    described_combinations,
+    described_parameters,
+)
+from scaling_service.capabilities.dynamics.inertia.evidence import (
+    N_COMPONENTS,
+    Evidence,
+    ForceRecording,
+    evidence_of,
+    gathered,
+    weighed,
+)
+from scaling_service.capabilities.dynamics.inertia.noise import most_likely_noise
+from scaling_service.capabilities.dynamics.inertia.prior import (
+    InertialPrior,
+    PriorSpread,
+    inertial_prior,
+)
+from scaling_service.capabilities.dynamics.inertia.result import (
+    InertialIdentification,
+    WrenchFit,
+)
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.inertia import possible_tensor
+from scaling_service.model.body import BodyModel
+from scaling_service.model.massive import inertias_of, with_inertias
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
+
+DECIDES = 1.0
+"""Information of the recordings over that of the prior above which a combination may move (chosen: the
+recordings then say more about it than the tables; the same rule as for a parameter's ``identifiable``)."""
+
+ARM_M = 1.17
+"""Error of a moment over that of a force where neither is told: residuals of 1.3 % of body weight times
+height beside 2 % of body weight, at 1.80 m (Muller et al. 2017, sec. 3)."""
+
+SURPRISING = 3.0
+"""Prior standard deviations beyond which a change is told as a surprise (chosen: one in 400 by chance)."""
+
+WORSE = 1.01
+"""Growth of the held-out error that is told (chosen: less is beyond what such figures can tell)."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentificationSettings:
+    """How inertia is identified.
+
+    Parameters
+    ----------
+    spread : PriorSpread
+    mass_known : bool
+        Whether the total mass stays; else the plates tell it.
+    symmetric : bool
+        Whether left and right change alike.
+    despite_verdict : bool
+        Identify even where no component of the wrench supports it; it is told as a warning.
+    """
+
+    spread: PriorSpread = field(default_factory=PriorSpread)
+    mass_known: bool = True
+    symmetric: bool = True
+    despite_verdict: bool = False
+
+
+def identify_inertia(
+    model: BodyModel,
+    fitted: Sequence[ForceRecording],
+    *,
+    held_out: Sequence[ForceRecording] = (),
+    supported: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+    settings: IdentificationSettings = IdentificationSettings(),
+) -> InertialIdentification:
+    """Identify the inertia of a model's segments.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Its inertia is the prior: a table's, or the model's own.
+    fitted : sequence of ForceRecording
+        Motions of this model with all external loads.
+    held_out : sequence of ForceRecording
+        Never fitted; they say whether it helped.
+    supported : (6,) bool, optional
+        Components of the ground wrench (fx, fy, fz, mx, my, mz) whose residual exceeds the uncertainty of
+        the measurement, so that it may be blamed on the inertia. Only these are used. A planar model has
+        fx, fy, mz. All by default.
+    noise : (6,), N and N m, optional
+        Standard deviation of the error of each component that inertia is not to blame for. Unless given, the
+        most likely size, with ``ARM_M`` between forces and moments.
+    settings : IdentificationSettings
+
+    Returns
+    -------
+    InertialIdentification
+
+    Raises
+    ------
+    TrialUnusable
+        No component is supported (unless ``despite_verdict``), or no frame has motion and forces.
+    InputError
+        No recording is given to fit.
+
+    Notes
+    -----
+    Minimises ``sum |(Y phi - w) / noise|^2 / repeats + |z|^2``, where ``phi = phi_0 + S z`` with the prior's
+    spread S, over the eigenvectors of the whitened information that exceed ``DECIDES``, so that
+    pseudo-inertias stay positive definite and centres of mass in their boxes. ``repeats`` is how many frames
+    say the same thing. Y enters by its normal equations only.
+    """
+    components, warnings = _components(supported, settings)
+    model, repaired = _possible(model)
+    warnings += repaired
+    if not fitted:
+        raise InputError(
+            "there is no recording to identify inertia from",
+            field="trials.calibration",
+            remedy="Name recordings with forces",
+        )
+    prior = inertial_prior(
+        model, settings.spread, mass_known=settings.mass_known, symmetric=settings.symmetric
+    )
+    evidence = [evidence_of(model, recording) for recording in fitted]
+    checks = [evidence_of(model, recording) for recording in held_out]
+    solution = _solve(model, prior, evidence, components, None if noise is None else np.asarray(noise, float))
+    changed = with_inertias(
+        model, Inertias.of_parameters(prior.mean + solution.change.reshape(-1, N_PARAMETERS))
+    )
+    result = InertialIdentification(
+        changed,
+        described_parameters(model, changed, prior, solution),
+        described_combinations(prior, solution),
+        tuple(
+            WrenchFit(e.trial, out, e.frames, e.rms(np.zeros_like(solution.change)), e.rms(solution.change))
+            for e, out in [*((e, False) for e in evidence), *((e, True) for e in checks)]
+        ),
+        tuple(components.tolist()),
+        np.where(components, solution.noise, np.nan),
+        settings=asdict(settings),
+    )
+    return _warned(result, warnings)
+
+
+def _components(
+    supported: ArrayLike | None, settings: IdentificationSettings
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """The components that count, and what is to be said about them."""
+    if supported is None:
+        return np.ones(N_COMPONENTS, dtype=bool), []
+    components = np.asarray(supported, dtype=bool)
+    if components.any():
+        return components, []
+    said = "the residual is within the uncertainty of the measurement: it says nothing about the inertia"
+    if not settings.despite_verdict:
+        raise TrialUnusable(
+            said,
+            field="inertia",
+            remedy="Keep the table's inertia, or record a livelier movement with smaller marker errors",
+        )
+    return np.ones(N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
+
+
+def _possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
+    """The model with every tensor that no body can have replaced by the nearest possible one."""
+    inertias = inertias_of(model)
+    nearest = [possible_tensor(tensor) for tensor in inertias.tensor]
+    wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
+    if not wrong:
+        return model, []
+    tensors = np.array([tensor for tensor, _ in nearest])
+    said = f"no body can have the inertia of {few(wrong)}: the nearest possible one was taken"
+    return with_inertias(model, replace(inertias, tensor=tensors)), [said]
+
+
+def _solve(
+    model: BodyModel,
+    prior: InertialPrior,
+    evidence: Sequence[Evidence],
+    components: NDArray[np.bool_],
+    told: Array | None,
+) -> Solution:
+    """The parameters, with the noise that was told or is most likely."""
+    assumed = told if told is not None else np.repeat([1.0, ARM_M], 3)
+    information, slope = gathered(evidence, assumed, components)
+    free = prior.scale @ prior.basis
+    gains, vectors = np.linalg.eigh(free.T @ information @ free)
+    slopes = vectors.T @ (free.T @ slope)
+    size = (
+        1.0 if told is not None else most_likely_noise(gains, slopes, *weighed(evidence, assumed, components))
+    )
+    gains, slopes = gains / size**2, slopes / size**2
+    kept = np.flatnonzero(gains > DECIDES)[::-1]
+    directions = prior.basis @ vectors[:, kept]
+    bodies = bodies_of(model)
+    moves = possible_minimum(1.0 + gains[kept], slopes[kept], prior.mean, prior.scale @ directions, bodies)
+    if moves is None:
+        raise TrialUnusable(
+            "no possible inertia was found that fits the forces",
+            file=evidence[0].trial,
+            field="forces",
+            remedy="Check the units of the forces and that markers and forces are of one recording",
+        )
+    return Solution(prior.scale @ directions @ moves, directions, gains[kept], moves, size * assumed)
+
+
+def _warned(result: InertialIdentification, warnings: list[str]) -> InertialIdentification:
+    said = list(warnings)
+    if not result.combinations:
+        hint = "; the total mass was held, too" if result.settings["mass_known"] else ""
+        said.append(f"the recordings say less than the prior about every combination: nothing moved{hint}")
+    surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
+    if surprises:
+        said.append(
+            f"{few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: doubt "
+            "the motion or the forces first"
+        )
+    ratio = result.relative_error(held_out=True)
+    if ratio > WORSE:
+        said.append(
+            f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
+            "keep the inertia that it started from"
+        )
+    return replace(result, warnings=tuple(said))

@@ -1,0 +1,286 @@
+"""Joint forces and the residual wrench of a recorded motion.
+
+The motion is filtered once; velocities and accelerations are exact derivatives of one quintic spline per
+coordinate. External loads must have been filtered by the same filter
+(:func:`scaling_service.recording.synchronise.synchronise`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.results import Motion
+from scaling_service.numerics.multibody.derivatives import spline_rates
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.signals.filters import butterworth, runs
+from scaling_service.numerics.wrench import ground_wrench as wrench
+
+CUTOFF_HZ = 5.0
+"""Muller et al. 2017, sec. 2.1."""
+
+ORDER = 4
+"""Effective order, zero phase; Muller et al. 2017, sec. 2.1."""
+
+FAR_OFF = 1.5
+"""Ratio of the mass that the plates bear to the model's beyond which one of them must be wrong (chosen: even
+mean forces over part of a stride stay within 1.2)."""
+
+NOTICED = 1.05
+"""Ratio that is told (chosen: shoes and clothes are 1 to 3 %)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RatedMotion:
+    """A filtered motion with its exact rates.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,), s
+    q, qdot, qddot : ndarray, shape (n, n_coordinates), rad or m, per s, per s2
+        In the model's order. NaN where not known, or known too briefly to differentiate.
+    """
+
+    times: Array
+    q: Array
+    qdot: Array
+    qddot: Array
+
+    @property
+    def rates(self) -> Rates:
+        """For the kernels: frames last."""
+        return Rates.of_frames(self.q, self.qdot, self.qddot)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InverseDynamics:
+    """What a motion needs beside the external loads.
+
+    Parameters
+    ----------
+    trial : str
+    coordinates : tuple of str
+    motion : RatedMotion
+    forces : ndarray, shape (n, n_coordinates), N m or N
+        Generalised force of every coordinate; those of the root's are the residual in its own axes.
+    residual : ndarray, shape (n, 6)
+        Force (N) and moment about the root segment's origin (N m), ground axes: what the motion needs
+        and nothing provides (lambda_1 of Muller et al. 2017, eq. 6).
+    root : ndarray, shape (n, 3), m
+        The root segment's origin.
+    centre_of_mass : ndarray, shape (n, 3), m
+    external : ndarray, shape (n, 6)
+        All external loads together: force (N), moment about the ground origin (N m).
+    mass : float, kg
+        The model's.
+    """
+
+    trial: str
+    coordinates: tuple[str, ...]
+    motion: RatedMotion
+    forces: Array
+    residual: Array
+    root: Array
+    centre_of_mass: Array
+    external: Array
+    mass: float
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Frames whose residual is known, shape (n,)."""
+        return np.asarray(np.isfinite(self.residual).all(axis=1))
+
+
+def rated_motion(
+    model: BodyModel,
+    times: ArrayLike,
+    q: ArrayLike,
+    *,
+    cutoff_hz: float | None = CUTOFF_HZ,
+    order: int = ORDER,
+) -> RatedMotion:
+    """Filter coordinates and differentiate them.
+
+    Parameters
+    ----------
+    model : BodyModel
+    times : (n,), s
+        Strictly increasing, of constant rate where a cutoff is given.
+    q : (n, n_coordinates), rad or m
+        In the model's order; NaN where not known.
+    cutoff_hz : float, optional
+        None: not filtered.
+    order : int
+        Effective order of both passes.
+
+    Raises
+    ------
+    InputError
+        The cutoff is not below half the frame rate.
+    """
+    clock, values = np.asarray(times, dtype=float), _unwrapped(model, np.array(q, dtype=float))
+    if cutoff_hz is not None:
+        rate = 1.0 / float(np.median(np.diff(clock)))
+        if not 0 < cutoff_hz < 0.5 * rate:
+            raise InputError(
+                f"a cutoff of {cutoff_hz:g} Hz does not suit {rate:g} frames per second",
+                field="cutoff_hz",
+                remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
+            )
+        values = butterworth(values, rate_hz=rate, cutoff_hz=cutoff_hz, order=order).values
+    qdot, qddot = spline_rates(clock, values)
+    return RatedMotion(clock, values, qdot, qddot)
+
+
+def inverse_dynamics(
+    model: BodyModel,
+    motion: Motion,
+    loads: SegmentLoads | None = None,
+    *,
+    cutoff_hz: float | None = CUTOFF_HZ,
+    order: int = ORDER,
+) -> InverseDynamics:
+    """Joint forces and residual wrench of a motion that inverse kinematics found.
+
+    Parameters
+    ----------
+    model : BodyModel
+        With mass; its parameters at their values.
+    motion : Motion
+        Coordinates of this model.
+    loads : SegmentLoads, optional
+        At the motion's times. None: nothing touches the body.
+    cutoff_hz, order : optional
+        See :func:`rated_motion`.
+
+    Raises
+    ------
+    ModelRefused
+        No segment has mass.
+    TrialUnusable
+        A coordinate of the model is not in the motion, or loads are on another clock.
+    InputError
+        A load is on a segment that the model does not have, or the cutoff does not suit.
+    """
+    rated = rated_motion(model, motion.times, _in_order(model, motion), cutoff_hz=cutoff_hz, order=order)
+    return dynamics_of(model, rated, loads, trial=motion.trial)
+
+
+def dynamics_of(
+    model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None = None, *, trial: str = ""
+) -> InverseDynamics:
+    """Joint forces and residual wrench of a motion whose rates are known; errors as above."""
+    mechanism, p = mechanism_of(model), parameter_values(model)
+    rates = rated.rates
+    found = wrench.inverse_dynamics(mechanism, rates, p, _kernel_loads(model, rated, loads, trial))
+    centres = positions(mechanism.tree, forward(mechanism.tree, rates.q, p))
+    masses = mechanism.inertias.mass
+    centre = np.einsum("k,kan->na", masses / masses.sum(), centres)
+    external = loads.total if loads is not None else np.zeros((len(rated.times), 6))
+    return InverseDynamics(
+        trial,
+        model.coordinate_names,
+        rated,
+        np.ascontiguousarray(found.forces.T),
+        np.ascontiguousarray(found.residual.T),
+        np.ascontiguousarray(found.root.T),
+        centre,
+        external,
+        total_mass(model),
+    )
+
+
+def check_weight(dynamics: InverseDynamics, *, frames: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
+    """Compare what the plates bear with what the model weighs.
+
+    Parameters
+    ----------
+    dynamics : InverseDynamics
+    frames : ndarray of bool, shape (n,), optional
+        Frames in which every foot on the floor stands on a plate. All known ones by default.
+
+    Returns
+    -------
+    tuple of str
+        A note where they differ by more than ``NOTICED``.
+
+    Raises
+    ------
+    TrialUnusable
+        They differ by more than ``FAR_OFF``: the residual would mean nothing.
+    """
+    used = dynamics.known if frames is None else dynamics.known & frames
+    pressing = dynamics.external[used, 1]
+    if not len(pressing):
+        raise TrialUnusable(
+            "no frame has both a motion and all its forces",
+            file=dynamics.trial,
+            field="forces",
+            remedy="Check that every foot on the floor stands on a plate",
+        )
+    borne = float(pressing.mean() / -wrench.GRAVITY[1])
+    ratio = borne / dynamics.mass
+    said = f"the plates bear {borne:.1f} kg on average, the model weighs {dynamics.mass:.1f} kg"
+    if not 1 / FAR_OFF <= ratio <= FAR_OFF:
+        raise TrialUnusable(
+            said,
+            file=dynamics.trial,
+            field="subject.mass_kg",
+            remedy="Declare the right mass, use a model of the whole body, and give forces in N",
+        )
+    return (said,) if not 1 / NOTICED <= ratio <= NOTICED else ()
+
+
+def _in_order(model: BodyModel, motion: Motion) -> Array:
+    missing = [name for name in model.coordinate_names if name not in motion.coordinates]
+    if missing:
+        raise TrialUnusable(
+            f"the motion has no coordinate '{missing[0]}'",
+            file=motion.trial,
+            field=missing[0],
+            remedy=f"Give a motion of the model '{model.name}'",
+        )
+    return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
+
+
+def _unwrapped(model: BodyModel, q: Array) -> Array:
+    """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
+    for column, coordinate in enumerate(model.coordinates):
+        if coordinate.kind == "rotation":
+            for start, stop in runs(np.isfinite(q[:, column])).tolist():
+                q[start:stop, column] = np.unwrap(q[start:stop, column])
+    return q
+
+
+def _kernel_loads(
+    model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None, trial: str
+) -> wrench.Loads | None:
+    if loads is None:
+        return None
+    if len(loads.times) != len(rated.times) or np.abs(loads.times - rated.times).max() > 1e-6:
+        raise TrialUnusable(
+            "loads and motion are not on one clock",
+            file=trial,
+            field="time",
+            remedy="Bring the forces to the times of the markers first",
+        )
+    unknown = [name for name in loads.segments if name not in model.segment_names]
+    if unknown:
+        raise InputError(
+            f"a load acts on '{unknown[0]}', which is no segment of the model",
+            file=trial,
+            field=unknown[0],
+            remedy=f"Segments are {', '.join(model.segment_names)}",
+        )
+    rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
+    both = np.concatenate([loads.force, loads.moment], axis=2)
+    return wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))

@@ -1,0 +1,145 @@
+"""The command that looks at a folder's files before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
+from scaling_service.capabilities.scaling.saving import check_folder
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.cli import options
+from scaling_service.cli.screen import progress_bar
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.markers import strip_prefix
+
+_COLOURS = {"error": "red", "warning": "yellow"}
+
+
+def proof(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With recordings.", show_default=False)],
+    out: options.Out,
+    up: Annotated[str | None, typer.Option(help="Laboratory axis that points up, such as +z.")] = None,
+    forward: Annotated[str | None, typer.Option(help="Laboratory axis that points forward.")] = None,
+) -> None:
+    """Look at the files of a folder: what they are for, axes, labels, gaps, and what scaling would refuse.
+
+    Nothing is scaled. Writes proof.json, its tables, and subject.yaml, a proposal to correct and to scale by.
+
+    [bold]Example[/bold]: scaling-service proof recordings --out looked
+    """
+    check_folder(out)
+    with progress_bar() as progress:
+        found = prove_folder(folder, out, Settings(up=up, forward=forward), progress=progress)
+    _show(found)
+    if found.proposal is not None:
+        Console().print(f"Proposed: {escape(str(out / SUBJECT))}", soft_wrap=True)
+
+
+def _show(found: ProofDocument) -> None:
+    """Files, person, marker set, markers and plates, then axes and problems."""
+    console = Console()
+    files = Table("file", "is", "used as", "why", title="Files")
+    for file in found.files:
+        why = file.problem.problem if file.problem is not None else file.why
+        files.add_row(*(escape(text) for text in (file.name, file.kind, file.role or "–", why)))
+    console.print(files)
+    for line in (*_person(found), *_marker_set(found)):
+        console.print(escape(line))
+    markers = Table("marker", "label", "confidence", "why", title=f"Markers of {escape(found.model)}")
+    for marker in (m for m in found.markers if m.label is not None):
+        shown = (marker.marker, marker.label or "", f"{marker.confidence:.2f}", marker.why)
+        markers.add_row(*(escape(text) for text in shown))
+    console.print(markers)
+    for line in _labels(found):
+        console.print(escape(line))
+    if any(recording.plates for recording in found.recordings):
+        console.print(_plates(found))
+    for text in () if found.axes is None else found.axes.why:
+        console.print(escape(text))
+    of_files = [file.problem for file in found.files if file.problem is not None]
+    of_recordings = [p for recording in found.recordings for p in recording.problems]
+    for problem in (*of_files, *of_recordings, *found.problems):
+        where = ", ".join(part for part in (problem.file, problem.field) if part)
+        said = f"{where}: {problem.problem}" if where else problem.problem
+        colour = _COLOURS[problem.severity]
+        console.print(
+            f"[{colour}]{problem.severity}[/{colour}] {escape(said)}. {escape(problem.remedy or '')}"
+        )
+
+
+def _person(found: ProofDocument) -> Iterator[str]:
+    """Model and sizes."""
+    yield f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"
+    if found.sizes is not None:
+        whole = (("height", found.sizes.height_m, "m"), ("mass", found.sizes.mass_kg, "kg"))
+        told = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
+        told += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
+        if told:
+            yield f"Sizes: {', '.join(told)} (from {few(found.sizes.source)})"
+
+
+def _marker_set(found: ProofDocument) -> Iterator[str]:
+    """The marker set, what it lacks, and what that means."""
+    known = found.marker_set
+    if known is None:
+        yield "Marker set: none that is known; labels count by their names alone"
+    else:
+        yield (
+            f"Marker set: {' with '.join([known.title, *known.additions])}; "
+            f"{known.share:.0%} of its labels are there"
+            f"{f', not {few(known.lacks)}' if known.lacks else ''}"
+        )
+    yield from (f"  {text}" for text in found.consequences)
+
+
+def _labels(found: ProofDocument) -> Iterator[str]:
+    """Markers without a label, tracking markers that are used, and labels that are not."""
+    missing = [m.marker for m in found.markers if m.label is None]
+    if missing and found.proposal is None:  # else scaling's own warning names them
+        yield f"Markers of the model without a label: {', '.join(missing)}"
+    proposed = (found.proposal or {}).get("extra_markers", {})
+    on: dict[str, list[str]] = {}
+    for label, segment in proposed.items():
+        on.setdefault(str(segment), []).append(label)
+    if proposed:
+        yield "Tracking markers: " + "; ".join(f"{segment}: {', '.join(on[segment])}" for segment in on)
+    computed = {entry.label for r in found.recordings for entry in r.labels if entry.computed}
+    unused = [n for n in found.unused_labels if n not in computed and strip_prefix(n) not in proposed]
+    if unused:
+        yield f"Labels that are not used: {', '.join(unused)}"
+    if computed:
+        yield f"Points that software computed, not used: {few(sorted(computed))}"
+
+
+def _plates(found: ProofDocument) -> Table:
+    table = Table(
+        "recording",
+        "plate",
+        "type",
+        "centre x, z (m)",
+        "peak (N)",
+        "loaded by",
+        "at rest (N)",
+        title="Plates",
+    )
+    for recording in found.recordings:
+        for plate in recording.plates:
+            row = (
+                recording.file,
+                plate.name,
+                "–" if plate.kind is None else str(plate.kind),
+                "–" if plate.centre_m is None else f"{plate.centre_m[0]:.2f}, {plate.centre_m[2]:.2f}",
+                "–" if plate.peak_N is None else f"{plate.peak_N:.0f}",
+                few(plate.loaded_by) or "nobody",
+                "–" if plate.offset_N is None else f"{plate.offset_N:.1f}",
+            )
+            table.add_row(*map(escape, row))
+    return table

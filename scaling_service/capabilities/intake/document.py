@@ -1,0 +1,163 @@
+"""What a look at a subject's files says before anything is computed."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from scaling_service.documents.arrays import ArrayEntry, PlateEntry
+
+SCHEMA_VERSION = 1
+
+
+class _Travels(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ProblemEntry(_Travels):
+    """Something to correct, and how."""
+
+    severity: Literal["error", "warning"] = Field(description="An error stops scaling.")
+    file: str | None = None
+    field: str | None = None
+    problem: str
+    remedy: str | None = None
+
+
+class AxesEntry(_Travels):
+    """Which laboratory axes were taken for up and forward."""
+
+    up: str
+    forward: str
+    sure: bool = Field(description="Whether markers or walking decided; false where it is a guess.")
+    given: bool = Field(description="Whether the request or the settings gave both.")
+    why: list[str]
+    R_new_old: list[list[float]] = Field(
+        description="Turns laboratory vectors into X forward, Y up, Z right."
+    )
+
+
+class FileRole(_Travels):
+    """An uploaded file, and what it is for."""
+
+    name: str
+    kind: Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
+    role: str | None = Field(description="Its place in the subject's document, such as `trials.static`.")
+    named: bool = Field(description="Whether the document has it there; else it is a proposal.")
+    why: str
+    problem: ProblemEntry | None = None
+
+
+class LabelEntry(_Travels):
+    """A label of one recording."""
+
+    label: str
+    seen: float = Field(description="Share of the frames that show it.")
+    gaps: list[tuple[int, int]] = Field(description="First and last frame of each gap, counted from 0.")
+    longest_gap_s: float
+    computed: bool = Field(description="Whether it reads like a point that software computed.")
+
+
+class RepairEntry(_Travels):
+    """Something that was decided or repaired while reading."""
+
+    what: str
+    where: str
+    detail: str
+    frames: int
+
+
+class RecordingProof(_Travels):
+    """One recording as it was understood. Positions are m, X forward, Y up, Z right."""
+
+    name: str
+    file: str
+    format: str
+    unit: str = Field(description="As the file states it.")
+    rate_hz: float
+    frames: int
+    start_s: float
+    axes: AxesEntry = Field(description="What this recording alone says.")
+    walked_m: float = Field(description="From first to last frame, over the floor.")
+    direction: tuple[float, float, float] | None = Field(description="Of walking; null where nobody walks.")
+    labels: list[LabelEntry]
+    markers: ArrayEntry
+    plates: list[PlateEntry]
+    forces_from: str | None
+    force: ArrayEntry | None
+    centre_of_pressure: ArrayEntry | None
+    repairs: list[RepairEntry]
+    problems: list[ProblemEntry]
+
+
+class Candidate(_Travels):
+    """A label that may be a marker."""
+
+    label: str
+    confidence: float = Field(ge=0.0, le=1.0)
+    why: str
+
+
+class MarkerProof(_Travels):
+    """A marker of the model, and the label that is proposed for it."""
+
+    marker: str
+    segment: str
+    anatomical: bool
+    label: str | None
+    confidence: float = Field(ge=0.0, le=1.0)
+    why: str
+    source: Literal["document", "laboratory", "name", "place"] | None
+    recordings: list[str] = Field(description="Those in which the label is.")
+    others: list[Candidate]
+
+
+class ExtraMarker(_Travels):
+    """A label that no marker of the model took, and the segment that it moves with."""
+
+    label: str
+    segment: str | None
+    spread_mm: float | None = Field(description="How much its distances to that segment's markers change.")
+
+
+class MarkerSetProof(_Travels):
+    """The marker set that the recordings were made with, and what follows from it."""
+
+    name: str
+    title: str
+    share: float = Field(ge=0.0, le=1.0, description="Of the labels that the set asks for.")
+    lacks: list[str] = Field(description="Labels that the set asks for and that no recording has.")
+    additions: list[str] = Field(description="Sets that come with others and are there, too.")
+
+
+class SizesProof(_Travels):
+    """What is known of the person's size."""
+
+    height_m: float | None
+    mass_kg: float | None
+    sex: Literal["F", "M"] | None
+    sizes_mm: dict[str, float] = Field(description="Measured by hand, such as knee_width_r.")
+    source: list[str] = Field(description="Files that state them.")
+
+
+class ProofDocument(_Travels):
+    """A subject's files before anything is computed: what they are, and what to correct."""
+
+    schema_version: int = SCHEMA_VERSION
+    subject: str
+    model: str
+    model_why: str | None = Field(default=None, description="Of a built-in model that is proposed.")
+    axes: AxesEntry | None = Field(description="For all recordings; null where none can be read.")
+    files: list[FileRole]
+    recordings: list[RecordingProof]
+    marker_set: MarkerSetProof | None = Field(default=None, description="Null where no set is known.")
+    consequences: list[str] = Field(
+        default=[], description="What the markers that are there mean for each method, in words."
+    )
+    sizes: SizesProof | None = None
+    markers: list[MarkerProof]
+    unused_labels: list[str]
+    extra_markers: list[ExtraMarker]
+    proposal: dict[str, Any] | None = Field(description="A subject document to correct and to give.")
+    problems: list[ProblemEntry] = Field(description="Of the whole, also what scaling would refuse.")

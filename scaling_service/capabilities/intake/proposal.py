@@ -1,0 +1,121 @@
+"""A subject document made of what its files seem to be, around what the user wrote already."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from scaling_service.capabilities.intake.files import Found
+from scaling_service.capabilities.intake.roles import Roles, of_bones, of_forces, of_others, of_recordings
+from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
+
+_TRIALS = ("static", "calibration", "evaluation")
+_LISTS = ("trials.calibration", "trials.evaluation")
+
+
+def named_in(document: Mapping[str, Any]) -> dict[str, str]:
+    """Place to the file that stands there, in a document that need not be whole.
+
+    Examples
+    --------
+    >>> named_in({"trials": {"static": "a.trc", "calibration": ["b.trc"]}, "forces": {"b.trc": "b.mot"}})
+    {'trials.static': 'a.trc', 'trials.calibration.0': 'b.trc', 'forces.b.trc': 'b.mot'}
+    """
+    return dict(_named(document))
+
+
+def _named(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    model = document.get("model")
+    if isinstance(model, str) and model.lower().endswith(MODEL_SUFFIXES):
+        yield "model", model
+    for place in ("marker_set", "scale_setup", "image_markers"):
+        if document.get(place):
+            yield place, str(document[place])
+    for part in ("trials", "forces", "bones"):
+        for key, value in dict(document.get(part) or {}).items():
+            if isinstance(value, list):
+                yield from ((f"{part}.{key}.{k}", str(name)) for k, name in enumerate(value))
+            elif value is not None and (part, key) != ("bones", "units"):
+                yield f"{part}.{key}", str(value)
+
+
+def roles_of(found: Sequence[Found], document: Mapping[str, Any]) -> Roles:
+    """Places of files: as the document has them, else as proposed; parts that it has are left as they are."""
+    roles: Roles = {}
+    for place, file in named_in(document).items():
+        part = place.rpartition(".")[0] if place.startswith(_LISTS) else place
+        roles.setdefault(file, (part, "the document names it"))
+    if not document.get("trials"):
+        roles = of_recordings(found) | roles
+    if not document.get("forces"):
+        roles = of_forces(found, roles) | roles
+    if not document.get("bones"):
+        roles = of_bones(found) | roles
+    imaged = any(role.startswith("bones.") for role, _ in roles.values())
+    builtin = bool(document.get("model"))
+    taken = {role for role, _ in roles.values()}
+    for file, (role, why) in of_others(found, imaged or builtin):
+        if role not in taken:
+            roles.setdefault(file, (role, why))
+    return roles
+
+
+def proposal(
+    document: Mapping[str, Any],
+    found: Sequence[Found],
+    roles: Roles,
+    model: str,
+    markers: Mapping[str, str],
+) -> dict[str, Any] | None:
+    """The document with what was proposed; None where there is no recording to use.
+
+    Parameters
+    ----------
+    document : mapping
+        What the user wrote.
+    found : sequence of Found
+    roles : mapping
+        File to its place.
+    model : str
+        Built-in model, where neither the document nor a file gives one.
+    markers : mapping
+        Model marker to label, what names do not tell.
+    """
+    content = dict(document)
+    usable = {f.name for f in found if f.usable}
+    places: dict[str, list[str]] = {}
+    for file, (role, _) in roles.items():
+        if file in usable or file in named_in(document).values():
+            places.setdefault(role, []).append(file)
+    if not content.get("trials"):
+        trials = {
+            role.rpartition(".")[2]: files for role, files in places.items() if role.startswith("trials.")
+        }
+        if not trials:
+            return None
+        content["trials"] = {
+            k: trials[k][0] if k == "static" else sorted(trials[k]) for k in _TRIALS if k in trials
+        }
+    content["model"] = content.get("model") or next(iter(places.get("model", [])), model)
+    for place in ("marker_set", "scale_setup", "image_markers"):
+        if place in places:
+            content.setdefault(place, places[place][0])
+    for part in ("forces", "bones"):
+        given = {
+            role.partition(".")[2]: files[0] for role, files in places.items() if role.startswith(f"{part}.")
+        }
+        if given and not content.get(part):
+            content[part] = given | ({"units": _unit(found, given.values())} if part == "bones" else {})
+    if markers:
+        content["markers"] = dict(markers)
+    return content
+
+
+def ordered(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A subject document with its parts in the order in which they are described."""
+    return {key: document[key] for key in SubjectDocument.model_fields if key in document}
+
+
+def _unit(found: Sequence[Found], files: Any) -> str:
+    units = [str(f.content) for f in found if f.name in set(files)]
+    return max(units, key=units.count, default="mm")

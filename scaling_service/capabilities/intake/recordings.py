@@ -1,0 +1,170 @@
+"""A look at recordings: each one read by itself, so that a bad one hides nothing of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.capabilities.dynamics.forces import NO_PLATES
+from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry
+from scaling_service.capabilities.subject.loading import agreed_axes
+from scaling_service.core.errors import InputError
+from scaling_service.files.c3d import c3d_trial, read_c3d_file
+from scaling_service.files.c3d_plates import read_c3d_plates
+from scaling_service.files.recording import read_recording
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.trial import Array, Trial
+from scaling_service.recording.nameless import Nameless, nameless
+from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording.plates import ground_forces
+from scaling_service.recording.strays import without_strays
+
+GUESSED = "not known"
+"""How the reason begins where an axis was not decided by markers or walking."""
+
+_HEADER_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A recording as it was read.
+
+    Parameters
+    ----------
+    file : str
+    trial : Trial
+        In the laboratory's axes, m as stated.
+    unit : str
+        As the file states it.
+    axes : Orientation
+        What this recording alone says.
+    forces : GroundForces, optional
+        Of its own plates, in the laboratory's axes.
+    corners : ndarray, shape (n_plates, 4, 3), m, optional
+        Of its own plates, in the laboratory's axes.
+    kinds : tuple of int
+        Types of its own plates by the C3D standard.
+    unlabelled : tuple of Nameless
+        Trajectories without a label.
+    problems : tuple of ProblemEntry
+    """
+
+    file: str
+    trial: Trial
+    unit: str
+    axes: Orientation
+    forces: GroundForces | None = None
+    corners: Array | None = None
+    kinds: tuple[int, ...] = ()
+    unlabelled: tuple[Nameless, ...] = ()
+    problems: tuple[ProblemEntry, ...] = ()
+
+
+def problem_of(error: InputError, severity: str = "error", file: str | None = None) -> ProblemEntry:
+    """An error as it travels, its file without the folder that it lay in."""
+    named = file if error.file is None else Path(error.file).name
+    return ProblemEntry.model_validate(
+        {
+            "severity": severity,
+            "file": named,
+            "field": error.field,
+            "problem": error.problem,
+            "remedy": error.remedy,
+        }
+    )
+
+
+def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
+    """Read one recording.
+
+    Parameters
+    ----------
+    file : Path
+    up, forward : str, optional
+        The laboratory's axes, where they are known.
+
+    Raises
+    ------
+    InputError
+        Its markers cannot be used at all. What is wrong with its plates is told in the result.
+    """
+    if file.suffix.lower() != ".c3d":
+        trial = without_strays(read_recording(file))
+        nobodys = tuple(nameless(trial))
+        return Seen(file.name, trial, _stated_unit(file), _axes(trial, up, forward), unlabelled=nobodys)
+    content = read_c3d_file(file)
+    trial = without_strays(c3d_trial(content, file))
+    unit = content.point_unit or "mm (not stated)"
+    nobodys = tuple(nameless(c3d_trial(content, file, unlabelled=True)))
+    seen = Seen(file.name, trial, unit, _axes(trial, up, forward), unlabelled=nobodys)
+    try:
+        plates = read_c3d_plates(content)
+        corners = np.stack([plate.corners for plate in plates.plates]) if plates.plates else None
+        kinds = tuple(plate.kind for plate in plates.plates)
+        return replace(seen, forces=ground_forces(plates), corners=corners, kinds=kinds)
+    except InputError as error:
+        if error.field in NO_PLATES:
+            return seen
+        return replace(seen, problems=(problem_of(error, "warning", file.name),))
+
+
+def session_axes(
+    seen: Sequence[Seen], static: str | None, up: str | None, forward: str | None
+) -> Orientation:
+    """One decision for all recordings, as scaling takes it.
+
+    Parameters
+    ----------
+    seen : sequence of Seen
+        At least one.
+    static : str, optional
+        The file of standing.
+    up, forward : str, optional
+        As given.
+    """
+    first = next((item for item in seen if item.file == static), seen[0])
+    decided = {Path(first.file): first.axes}
+    for item in seen:
+        if item is not first:
+            decided[Path(item.file)] = _axes(item.trial, up or first.axes.up, forward)
+    return agreed_axes(decided, None if static is None else Path(static))
+
+
+def axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEntry:
+    """A decision as it travels."""
+    why = [r.detail for r in axes.repairs if r.what in ("up_axis", "forward_axis", "unit")]
+    return AxesEntry(
+        up=axes.up,
+        forward=axes.forward,
+        sure=not any(f"({GUESSED}" in text for text in why),
+        given=up is not None and forward is not None,
+        why=why,
+        R_new_old=[[float(v) for v in row] for row in axes.R_new_old],
+    )
+
+
+def _axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+    roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+    return decide(trial, roles=_once(roles), up=up, forward=forward)
+
+
+def _once(roles: Mapping[str, str]) -> dict[str, str]:
+    """Labels whose role no other label has: of two persons nobody knows whose it is."""
+    every = list(roles.values())
+    return {label: role for label, role in roles.items() if every.count(role) == 1}
+
+
+def _stated_unit(file: Path) -> str:
+    """The word under ``Units`` in the header of a TRC file."""
+    with file.open("rb") as stream:
+        lines = [line.split() for line in stream.read(_HEADER_BYTES).decode(errors="replace").splitlines()]
+    for keys, values in pairwise(lines):
+        named = dict(zip([key.lower() for key in keys], values, strict=False))
+        if "datarate" in named and "units" in named:
+            return named["units"][:20]
+    return "mm (not stated)"

@@ -1,0 +1,210 @@
+"""Which recording shows the person standing still: told by the markers, a name only breaks ties."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.intake.extra import said_of
+from scaling_service.capabilities.intake.recordings import Seen
+from scaling_service.core.errors import InputError
+from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.recording.cluster_shape import shape_of
+from scaling_service.recording.units import unit_factor
+
+STILL_M = 0.02
+"""Chosen: markers of pelvis and legs of somebody who stands sway less than this (standard deviation; 1 to 10
+mm in real recordings, 50 mm and more of a leg that moves)."""
+
+FIDGETS_M = 0.05
+"""Chosen: a recording that its name calls standing is taken up to this, where none is stiller."""
+
+STANDING = re.compile(r"stat|stand|steh|neutral|anat|pose$|tpose|apose")
+"""How a word of a standing recording's name begins."""
+
+ANOTHER_PELVIS = 0.08
+"""Chosen: relative difference of the pelvis' width and depth between standing and moving beyond which
+markers were put on anew; skin moves those of real recordings by less than 5 %."""
+
+_LEG = ("ASIS", "LFE", "LM")
+_BELOW = ("pelvis", "femur", "tibia", "calcn")
+_MOST = 0.9  # chosen: of somebody who moves one foot, more markers of the legs move
+_FREE = 0.4  # chosen: arms and head of somebody who stands move 2.5 times as far as legs
+_STRAIGHT = 0.9  # chosen: hip to ankle over thigh and shank; 0.7 of somebody who sits
+_STEP_M = 0.002  # chosen: sway that differs by less is equal
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a recording would do as the static trial.
+
+    Parameters
+    ----------
+    file : str
+    sway_m : float
+    landmarks : int
+        That are seen in it.
+    frames : int
+    pelvis : float
+        The pelvis' size over that in the movements; 1 where that is not known.
+    upright : bool
+        Whether the legs are straight, as far as that is known.
+    named : bool
+        Whether its name says standing.
+    """
+
+    file: str
+    sway_m: float
+    landmarks: int
+    frames: int
+    pelvis: float
+    upright: bool
+    named: bool
+
+    @property
+    def still(self) -> bool:
+        """Whether somebody stands in it."""
+        return self.sway_m < (FIDGETS_M if self.named else STILL_M)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the pelvis is that of the movements."""
+        return abs(self.pelvis - 1.0) <= ANOTHER_PELVIS
+
+    @property
+    def merit(self) -> tuple[bool, bool, bool, int, int]:
+        """The largest is the best: straight legs, the movements' pelvis, still, most landmarks, stillest."""
+        stillness = -int(self.sway_m / _STEP_M)
+        return (self.upright, self.agrees, self.sway_m < STILL_M, self.landmarks, stillness)
+
+    @property
+    def why(self) -> str:
+        """In words."""
+        still = f"pelvis and legs move by less than {max(1e3 * self.sway_m, 1.0):.0f} mm"
+        return f"{still}, {self.landmarks} landmarks are seen"
+
+
+def words(name: str) -> list[str]:
+    """The words of a file's name, in small letters: cut at signs, digits and capitals.
+
+    Examples
+    --------
+    >>> words("S01_staticTrial2.c3d")
+    ['s', 'static', 'trial']
+    """
+    stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.rpartition(".")[0])
+    return re.findall(r"[^\W\d_]+", stem.lower())
+
+
+def in_metres(seen_: Seen) -> Trial:
+    """The recording with its unit corrected; as stated where that cannot be told."""
+    try:
+        factor, _ = unit_factor(seen_.trial)
+    except InputError:
+        return seen_.trial
+    return seen_.trial if factor == 1.0 else seen_.trial.with_markers(seen_.trial.markers * factor)
+
+
+def clusters_of(labels: Sequence[str]) -> dict[str, list[str]]:
+    """Segment to the labels that are known to sit on it, by marker sets or words, computed points left out.
+
+    Examples
+    --------
+    >>> clusters_of(["RASI", "LASI", "RTHI", "R_thigh9", "RFEO", "odd"])
+    {'pelvis': ['RASI', 'LASI'], 'femur_r': ['RTHI', 'R_thigh9']}
+    """
+    found: dict[str, list[str]] = {}
+    for label in labels:
+        meant = meaning(label)
+        segment = said_of(label) if meant is None else meant.segment
+        if segment is None or looks_computed(label):
+            continue
+        if meant is not None and meant.side and segment not in ("pelvis", "torso", "head"):
+            segment = f"{segment}_{meant.side}"
+        found.setdefault(segment, []).append(label)
+    return found
+
+
+def standings(recordings: Sequence[Seen]) -> list[Standing]:
+    """How each recording would do as the static trial, the best first."""
+    trials = {item.file: in_metres(item) for item in recordings}
+    sways = {file: sway(trial) for file, trial in trials.items()}
+    moving = [trial for file, trial in trials.items() if sways[file] >= FIDGETS_M]
+    found = [
+        Standing(
+            file,
+            sways[file],
+            landmarks_in(trial),
+            trial.n_frames,
+            pelvis_ratio(trial, moving),
+            stands_upright(trial),
+            any(STANDING.match(word) for word in words(file)),
+        )
+        for file, trial in trials.items()
+    ]
+    return sorted((s for s in found if s.still), key=lambda s: (s.merit, s.named, s.frames), reverse=True)
+
+
+def sway(trial: Trial) -> float:
+    """Standard deviation of a marker's place, m, that nine of ten markers of pelvis and legs stay below.
+
+    Trunk and arms may move farther; where no label is known to sit on the legs, all markers count.
+    """
+    clusters = clusters_of(trial.labels)
+    legs = {label for segment, on in clusters.items() if segment.startswith(_BELOW) for label in on}
+    shown = ever(seen(trial.markers))
+    if trial.n_frames < 2 or not shown.any():
+        return 0.0
+    spread = np.full(len(trial.labels), np.nan)
+    spread[shown] = np.linalg.norm(np.nanstd(trial.markers[:, shown], axis=0), axis=-1)
+    on_legs = spread[shown & [label in legs for label in trial.labels]]
+    every = float(np.nanquantile(spread, _MOST))
+    return max(float(np.quantile(on_legs, _MOST)), _FREE * every) if len(on_legs) else every
+
+
+def landmarks_in(trial: Trial) -> int:
+    """How many landmarks are seen in some frame."""
+    shown = ever(seen(trial.markers))
+    return len({canonical(trial.labels[k]) for k in np.flatnonzero(shown)} - {None})
+
+
+def stands_upright(trial: Trial) -> bool:
+    """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
+    shape = shape_of([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
+    for side in "RL":
+        leg, thigh, shank = (
+            shape.get((f"{side}{first}", f"{side}{second}"))
+            for first, second in (("ASIS", "LM"), ("ASIS", "LFE"), ("LFE", "LM"))
+        )
+        if leg and thigh and shank and leg < _STRAIGHT * (thigh + shank):
+            return False
+    return True
+
+
+def pelvis_ratio(trial: Trial, others: Sequence[Trial]) -> float:
+    """The median of the pelvis' distances in one recording over those in others; 1 where none is known."""
+    own, theirs = _pelvis([trial]), _pelvis(others)
+    ratios = [own[pair] / theirs[pair] for pair in own if theirs.get(pair, 0.0) > 0.0]
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def _pelvis(trials: Sequence[Trial]) -> dict[tuple[str, str], float]:
+    """Usual distances between the pelvis' landmarks, by landmark."""
+    return shape_of(map(_by_landmark, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")})
+
+
+def _by_landmark(trial: Trial) -> Trial:
+    """The labels whose landmark no other label has, renamed to it."""
+    marks = [canonical(label) for label in trial.labels]
+    return trial.relabelled(
+        {
+            label: m
+            for label, m in zip(trial.labels, marks, strict=True)
+            if m is not None and marks.count(m) == 1
+        }
+    )

@@ -1,0 +1,225 @@
+"""Landmarks of bones: load meshes, find, write ``landmarks.json``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
+from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit
+from scaling_service.capabilities.scaling.documents import code_version
+from scaling_service.capabilities.scaling.saving import check_folder
+from scaling_service.core.errors import InputError
+from scaling_service.files.mesh import Mesh, read_mesh
+
+FILE_NAME = "landmarks.json"
+DETECT = "detect"
+"""In place of a unit: the one in which the bones have the size of bones."""
+
+_MM = 1e3
+
+
+def landmark_bones(
+    bones: Mapping[str, Path],
+    *,
+    units: str = DETECT,
+    progress: Callable[[str, float], None] | None = None,
+) -> LandmarksDocument:
+    """Find the landmarks of the bones of one image.
+
+    Parameters
+    ----------
+    bones : mapping
+        ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes.
+    units : str
+        Of all files: ``mm``, ``cm``, ``m`` or ``detect``.
+    progress : callable, optional
+        Called with what is being done and the share that is done.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or a mesh cannot be used; with file, bone and remedy.
+    """
+    began = time.perf_counter()
+    _check(bones, units)
+    meshes = {name: _read(name, path) for name, path in bones.items()}
+    told = units != DETECT
+    unit = units if told else _detected(meshes)
+    shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+    done: list[str] = []
+
+    def starting(name: str) -> None:
+        if progress is not None:
+            progress(name, len(done) / len(shapes))
+        done.append(name)
+
+    try:
+        found = find_landmarks(shapes, progress=starting)
+    except MeshRefused as error:
+        raise MeshRefused(
+            error.problem, file=bones.get(error.field or ""), field=error.field, remedy=error.remedy
+        ) from None
+    described: dict[str, Any] = {name: _bone(landmarks) for name, landmarks in found.items()}
+    return LandmarksDocument(
+        code_version=code_version(),
+        settings={"units": unit, "units_from": "given" if told else "size"},
+        input_hashes={path.name: _digest(path) for path in bones.values()},
+        wall_s=round(time.perf_counter() - began, 3),
+        **described,
+    )
+
+
+def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
+    """Write ``landmarks.json`` into a folder, complete or not at all; returns its path.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+    """
+    check_folder(folder)
+    target = Path(folder) / FILE_NAME
+    content = document.model_dump(mode="json", exclude_none=False)
+    content = {key: value for key, value in content.items() if value is not None or key not in BONES}
+    scratch = target.with_name(f".{FILE_NAME}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        scratch.write_text(
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
+        )
+        scratch.replace(target)
+    except OSError as error:
+        raise InputError(
+            f"results cannot be written there: {error.strerror}",
+            file=folder,
+            field="--out",
+            remedy="Name a folder that can be made and written to",
+        ) from None
+    return target
+
+
+def _check(bones: Mapping[str, Path], units: str) -> None:
+    if not bones:
+        raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
+    unknown = [name for name in bones if name not in BONES]
+    if unknown:
+        raise InputError(
+            f"'{unknown[0]}' is not a bone that has landmarks",
+            field="bones",
+            remedy=f"Known: {', '.join(BONES)}",
+        )
+    if units != DETECT and units not in UNITS:
+        raise InputError(
+            f"'{units}' is not a unit", field="--units", remedy=f"Use {', '.join(UNITS)} or {DETECT}"
+        )
+
+
+def _read(name: str, path: Path) -> Mesh:
+    try:
+        return read_mesh(path)
+    except InputError as error:
+        raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
+
+
+def _detected(meshes: Mapping[str, Mesh]) -> str:
+    return unit_of({name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()})
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _bone(bone: BoneLandmarks) -> dict[str, Any]:
+    """One bone's part of the document; points are named as found, with their unit."""
+    fits = _fits(bone)
+    fields: dict[str, Any] = {f"{name}_mm": _mm(point) for name, point in bone.points.items()}
+    fields |= _ADDED[bone.bone](bone)
+    return fields | {
+        "side": bone.side,
+        "side_from": bone.side_from,
+        "fit_rms_mm": max((fit.rms_mm for fit in fits.values()), default=None),
+        "confidence": min((fit.confidence for fit in fits.values()), default=None),
+        "fits": fits,
+        "definitions": {k: v for k, v in bone.definitions.items() if k in bone.points},
+        "refused": dict(bone.refused),
+        "warnings": list(bone.warnings),
+    }
+
+
+def _fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
+    spheres = {
+        name: ShapeFit(
+            shape="sphere",
+            centre_mm=_mm(ball.centre),
+            radius_mm=round(ball.radius * _MM, 4),
+            rms_mm=round(ball.quality.rms * _MM, 4),
+            covered=round(ball.quality.covered, 4),
+            confidence=ball.quality.confidence,
+        )
+        for name, ball in bone.spheres.items()
+    }
+    cylinders = {
+        name: ShapeFit(
+            shape="cylinder",
+            centre_mm=_mm(tube.point),
+            radius_mm=round(tube.radius * _MM, 4),
+            axis=_unit(tube.axis),
+            rms_mm=round(tube.quality.rms * _MM, 4),
+            covered=round(tube.quality.covered, 4),
+            confidence=tube.quality.confidence,
+        )
+        for name, tube in bone.cylinders.items()
+    }
+    return spheres | cylinders
+
+
+def _femur(bone: BoneLandmarks) -> dict[str, Any]:
+    knee, tube, head = bone.axes.get("knee"), bone.cylinders.get("condyles"), bone.spheres.get("head")
+    apart = None
+    if knee is not None and tube is not None:
+        apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ tube.axis, -1.0, 1.0)))), 3)
+    return {
+        "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
+        "knee_axis": None if knee is None else _unit(knee),
+        "knee_axis_cylinder": None if tube is None else _unit(tube.axis),
+        "knee_axes_apart_deg": apart,
+    }
+
+
+def _tibia(bone: BoneLandmarks) -> dict[str, Any]:
+    talus = "ankle" in bone.axes
+    source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
+    return {
+        "plateau_axis": _unit(bone.axes["plateau"]),
+        "ankle_centre_from": source,
+        "ankle_axis": _unit(bone.axes["ankle"]) if talus else None,
+    }
+
+
+_ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
+    "femur": _femur,
+    "tibia": _tibia,
+    "talus": lambda bone: {"ankle_axis": _unit(bone.axes["ankle"])},
+    "pelvis": lambda bone: {"asis_axis": _unit(bone.axes["asis"])},
+}
+
+
+def _mm(point: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (round(float(value) * _MM, 4) for value in point)
+    return x, y, z
+
+
+def _unit(direction: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 8) for value in direction)
+    return x, y, z

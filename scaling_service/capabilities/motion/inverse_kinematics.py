@@ -1,0 +1,293 @@
+"""Joint coordinates of a whole trial from its markers.
+
+All frames are solved at once (Lu & O'Connor 1999 for the criterion). Long recordings are solved
+coarse to fine: every few frames first, from several starts, then all frames from the interpolated
+coarse motion, so that two or three steps are left for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.motion.observability import determined
+from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.capabilities.motion.traps import freed
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import (
+    compile_model,
+    coordinate_bounds,
+    coordinate_ranges,
+    default_coordinates,
+    free_coordinates,
+    parameter_values,
+)
+from scaling_service.model.results import Motion
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
+from scaling_service.numerics.least_squares.losses import SQUARED, Loss
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.sweep import (
+    DEFAULT,
+    MotionSolution,
+    SweepSettings,
+    is_articulated,
+    solve_motion,
+)
+from scaling_service.numerics.multibody.tree import Tree, forward, positions
+
+_COARSE_S = (
+    0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
+)
+_SHORT = 48  # frames: below this a coarse level costs more than it saves
+_ROUGH = SweepSettings(left=5e-2)
+_QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
+_FINE = SweepSettings(close=True)
+_TURN = 2.0 * np.pi
+_FRAMES = 1024  # placed together; a long recording at once would take gigabytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What inverse kinematics solves: a compiled model, the markers to follow and how."""
+
+    model: BodyModel
+    tree: Tree
+    markers: tuple[str, ...]
+    measured: Array
+    weights: Array
+    free: NDArray[np.bool_]
+    bounds: tuple[Array, Array]
+    p: Array
+    loss: Loss = SQUARED
+
+    @classmethod
+    def of(
+        cls,
+        model: BodyModel,
+        trial: Trial,
+        *,
+        weights: Mapping[str, float] | None = None,
+        loss: Loss = SQUARED,
+        bounded: bool = True,
+    ) -> Task:
+        """Pair the model's markers with the trial's labels.
+
+        Markers of weight zero and markers that the trial never shows are left out.
+
+        Raises
+        ------
+        TrialUnusable
+            No marker of the model is seen in the trial.
+        """
+        chosen = _usable(model, trial, weights or {})
+        if not chosen:
+            raise TrialUnusable(
+                f"none of the markers of model '{model.name}' is seen in trial '{trial.name}'",
+                file=trial.name,
+                field="markers",
+                remedy="Map the labels under `markers:` in the subject file",
+            )
+        names = tuple(chosen)
+        count = len(model.coordinates)
+        open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
+        return cls(
+            model,
+            compile_model(model, names),
+            names,
+            trial.selected(names).markers,
+            np.array([chosen[name] for name in names]),
+            free_coordinates(model),
+            coordinate_bounds(model) if bounded else open_ended,
+            parameter_values(model),
+            loss,
+        )
+
+    def at(self, p: Array) -> Task:
+        """The same task at other parameter values, shape (n_parameters,)."""
+        return replace(self, p=p)
+
+
+def _usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
+    shown = ever(seen(trial.markers))
+    present = {label for label, once in zip(trial.labels, shown, strict=True) if once}
+    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in present}
+    return {name: weight for name, weight in found.items() if weight > 0.0}
+
+
+def inverse_kinematics(
+    model: BodyModel,
+    trial: Trial,
+    *,
+    weights: Mapping[str, float] | None = None,
+    loss: Loss = SQUARED,
+    bounded: bool = True,
+    start: Array | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Motion:
+    """Coordinates that bring the model nearest to the measured markers in every frame.
+
+    Parameters
+    ----------
+    model : BodyModel
+    trial : Trial
+        Labels are the model's marker names; NaN where not seen.
+    weights : mapping, optional
+        Marker weights that replace the model's own.
+    loss : Loss
+        Robust losses lower the influence of outliers.
+    bounded : bool
+        Whether clamped coordinates keep to their range.
+    start : ndarray, shape (n_frames, n_coordinates), optional
+        A first guess; otherwise the root is placed on its markers.
+    progress : callable, optional
+        Called with the number of frames done.
+
+    Raises
+    ------
+    TrialUnusable
+        No marker of the model is seen.
+
+    References
+    ----------
+    Lu & O'Connor 1999, J Biomech 32:129-134.
+    """
+    task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
+    return motion_of(task, trial, solve_task(task, trial.times, start, progress))
+
+
+def solve_task(
+    task: Task, times: Array, start: Array | None = None, progress: Callable[[int], None] | None = None
+) -> MotionSolution:
+    """The coordinates alone; see :func:`inverse_kinematics`.
+
+    The first solution keeps to the ranges that the model declares, whether or not they bind: an
+    elbow bent backwards with a twisted arm can follow its markers nearly as well as a real one.
+    """
+    n = len(times)
+    if start is not None:
+        return _solve(task, slice(None), start, progress)
+    neutral = default_coordinates(task.model, 1)[0]
+    stride = _stride(times)
+    rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
+    guess = first_guess(task.tree, task.measured[rows], neutral, task.p, task.free)
+    within = replace(task, bounds=coordinate_ranges(task.model))
+    if stride == 1:
+        rough = _solve(within, rows, guess, settings=_ROUGH)
+    else:
+        rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
+        kept = _not_alone(rough.converged)
+        rows, rough = rows[kept], rough.frames(kept)
+    natural = freed(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
+    close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
+    return _solve(task, slice(None), close, progress, _FINE)
+
+
+def _stride(times: Array) -> int:
+    if len(times) < _SHORT:
+        return 1
+    step = float(np.median(np.diff(times)))
+    regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
+    return max(1, round(_COARSE_S / step)) if regular else 1
+
+
+def _solve(
+    task: Task,
+    rows: slice | NDArray[np.intp],
+    start: Array,
+    progress: Callable[[int], None] | None = None,
+    settings: SweepSettings = DEFAULT,
+) -> MotionSolution:
+    if is_articulated(task.tree) and task.loss is SQUARED:
+        return solve_motion(
+            task.tree,
+            task.measured[rows],
+            task.weights,
+            start,
+            task.p,
+            free=task.free,
+            bounds=task.bounds,
+            settings=settings,
+            progress=progress,
+        )
+    return _solve_densely(task, rows, start)
+
+
+def _not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All frames but those that did not converge while both of their neighbours did."""
+    kept = np.ones(len(converged), dtype=bool)
+    kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
+    return kept
+
+
+def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> MotionSolution:
+    """By the general estimator: for coordinates that enter several links, and for robust losses."""
+    none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
+    measured = task.measured[rows]
+    problem = Problem(
+        task.tree,
+        measured,
+        task.weights,
+        np.flatnonzero(task.free),
+        nothing,
+        none,
+        none,
+        none,
+        none,
+        task.bounds,
+        loss=task.loss,
+    )
+    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-8))
+    gap = measured - np.moveaxis(
+        positions(task.tree, forward(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
+    )
+    cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
+    steps = np.full(len(measured), found.steps)
+    return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
+
+
+def _interpolated(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
+    """The coarse motion at all times, by cubic pieces through four neighbours; angles without jumps."""
+    turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
+    q = q.copy()
+    q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
+    knots = times[rows]
+    slope = np.gradient(q, knots, axis=0) if len(rows) > 1 else np.zeros_like(q)
+    left = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(rows) - 2)
+    width = (knots[left + 1] - knots[left])[:, None]
+    s = ((times - knots[left])[:, None]) / width
+    result: Array = (
+        q[left] * (1 + 2 * s) * (1 - s) ** 2
+        + slope[left] * width * s * (1 - s) ** 2
+        + q[left + 1] * s**2 * (3 - 2 * s)
+        + slope[left + 1] * width * s**2 * (s - 1)
+    )
+    return result
+
+
+def motion_of(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
+    """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
+    residual = np.empty(task.measured.shape)
+    for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
+        placed = positions(task.tree, forward(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p))
+        np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
+    known = determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
+    sometimes = ever(known)
+    q = np.where(known | ~sometimes, solution.q, np.nan)
+    names = task.model.coordinate_names
+    return Motion(
+        trial.name,
+        trial.times,
+        names,
+        q,
+        task.markers,
+        residual,
+        tuple(n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free),
+        int(solution.steps.max(initial=0)),
+    )

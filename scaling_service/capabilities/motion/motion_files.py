@@ -1,0 +1,86 @@
+"""Motions as OpenSim files, with the coordinates that follow others written out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.files.osim.shapes import values
+from scaling_service.files.sto import motion_table, write_sto
+from scaling_service.model.body import BodyModel, Coupler, Law
+from scaling_service.model.results import Array, Motion
+
+_STEP = 1e-5  # rad or m; chosen: the laws are cubic pieces, so rounding and curvature both stay below 1e-9
+
+
+def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
+    """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
+
+    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file
+    is in degrees.
+
+    Parameters
+    ----------
+    path : Path
+    motion : Motion
+        Coordinates that a frame does not determine are NaN, and are written so.
+    model : BodyModel
+        Says which coordinates turn, and which follow others.
+    """
+    followed = [law_values(coupler.law, _leading(coupler, motion)) for coupler in model.couplers]
+    _write(path, motion, motion.q, followed, model)
+
+
+def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
+    """Write standard deviations under the columns that :func:`write_motion` writes, in the same units.
+
+    Parameters
+    ----------
+    path : Path
+    motion : Motion
+    sd : ndarray, shape (n_frames, n_coordinates), rad or m
+        A dependent coordinate's is that of the leading one times the slope of its law.
+    model : BodyModel
+    """
+    followed = []
+    for coupler in model.couplers:
+        x, k = _leading(coupler, motion), motion.coordinates.index(coupler.independent)
+        rise = law_values(coupler.law, x + _STEP) - law_values(coupler.law, x - _STEP)
+        followed.append(np.abs(rise / (2.0 * _STEP)) * sd[:, k])
+    _write(path, motion, sd, followed, model)
+
+
+def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
+    names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
+    kinds = [model.coordinate(name).kind for name in motion.coordinates]
+    kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
+    write_sto(
+        path, motion_table(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+    )
+
+
+def _leading(coupler: Coupler, motion: Motion) -> Array:
+    """The coordinate that a dependent one follows, (n_frames,)."""
+    x: Array = motion.q[:, motion.coordinates.index(coupler.independent)]
+    return x
+
+
+def law_values(law: Law, x: Array) -> Array:
+    """A law of one coordinate at all its values, (n_frames,).
+
+    Raises
+    ------
+    ValueError
+        The law holds a parameter or a signal.
+    """
+    total = np.zeros_like(x)
+    for term in law.terms:
+        if term.parameter is not None or term.signal is not None:
+            raise ValueError("a coordinate follows another one only")
+        if term.coordinate is None:
+            total += term.gain
+        else:
+            total += term.gain * (x if term.shape is None else values(term.shape, x))
+    return total

@@ -1,0 +1,149 @@
+"""Models, recordings and errors as they are played back. Positions are m, X forward, Y up, Z right."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from scaling_service.documents.arrays import ArrayEntry, PlateEntry
+
+SCHEMA_VERSION = 1
+
+Point = tuple[float, float, float]
+
+
+class _Travels(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SegmentEntry(_Travels):
+    """A segment of a body."""
+
+    name: str
+    parent: str
+    shape: Literal["image", "simple", "none"] = Field(description="Where the surface of that name is from.")
+
+
+class PlacedEntry(_Travels):
+    """A point that a segment carries."""
+
+    name: str
+    segment: str
+    xyz_m: Point = Field(description="In the segment's frame.")
+
+
+class BodyMarker(PlacedEntry):
+    """A marker of a body."""
+
+    anatomical: bool
+
+
+class AxisEntry(_Travels):
+    """A knee's axis."""
+
+    segment: str
+    ends_m: tuple[Point, Point]
+
+
+class BodyEntry(_Travels):
+    """One model of the person."""
+
+    name: str
+    bones: str = Field(description="Binary glTF among the job's files: a node for each segment, m.")
+    segments: list[SegmentEntry] = Field(description="In the order of the poses.")
+    markers: list[BodyMarker]
+    centres: list[PlacedEntry]
+    axes: list[AxisEntry]
+
+
+class CoordinateEntry(_Travels):
+    """A degree of freedom."""
+
+    name: str
+    unit: Literal["deg", "m"]
+    estimated: bool = Field(description="Whether the recording determines it; else it stands at its default.")
+
+
+class MotionEntry(_Travels):
+    """How one body moves in one recording."""
+
+    poses: ArrayEntry = Field(description="Frames, segments, 7: origin, quaternion x, y, z, w to ground.")
+    errors: ArrayEntry = Field(description="Frames, labels: distance of measured and model marker, mm.")
+    coordinates: list[CoordinateEntry]
+    angles: ArrayEntry = Field(description="Frames, coordinates: degrees or m.")
+    placed: ArrayEntry | None = Field(
+        default=None, description="Frames, labels, 3: model markers, where they glide on their segments."
+    )
+
+
+class SceneTrial(_Travels):
+    """One recording with all bodies in it."""
+
+    name: str
+    role: Literal["calibration", "evaluation"]
+    frames: int
+    rate_hz: float
+    start_s: float
+    labels: list[str]
+    measured: ArrayEntry = Field(description="Frames, labels, 3: measured markers after processing, m.")
+    motions: dict[str, MotionEntry] = Field(description="Body to its motion.")
+    plates: list[PlateEntry]
+    force: ArrayEntry | None
+    centre_of_pressure: ArrayEntry | None
+
+
+class TestEntry(_Travels):
+    """Where curves differ over the cycle."""
+
+    __test__ = False  # not a test of pytest
+
+    p: float | None
+    can_decide: bool = Field(description="Whether so few cycles could show a difference at all.")
+    differ_percent: list[tuple[float, float]] = Field(description="Stretches of the cycle, per cent.")
+
+
+class CycleScene(TestEntry):
+    """One joint angle over the gait cycle, 0 to 100 per cent in equal steps."""
+
+    cycles: int
+    mean_deg: dict[str, list[float]]
+    sd_deg: dict[str, list[float]]
+    pairs: dict[str, TestEntry] = Field(description="Body to its test against the reference.")
+
+
+class GaitScene(_Travels):
+    """Joint angles over the gait cycle."""
+
+    trials: list[str]
+    held_out: bool
+    reason: str = Field(description="Why there is no cycle, where there is none.")
+    reference: str
+    angles: dict[str, CycleScene]
+
+
+class SceneDocument(_Travels):
+    """All that is needed to play a result back."""
+
+    schema_version: int = SCHEMA_VERSION
+    subject: str
+    bodies: list[BodyEntry]
+    trials: list[SceneTrial]
+    gait: GaitScene | None
+
+
+class ResidualTrial(_Travels):
+    """The residual wrench over one recording."""
+
+    start_s: float
+    rate_hz: float
+    residual: ArrayEntry = Field(
+        description="Frames, 6: force in N, moment about the root segment's origin in N m, in ground axes."
+    )
+
+
+class ResidualScene(_Travels):
+    """Residual wrenches over time; frames that do not count are unknown."""
+
+    schema_version: int = SCHEMA_VERSION
+    trials: dict[str, ResidualTrial]

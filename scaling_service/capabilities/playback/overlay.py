@@ -1,0 +1,228 @@
+"""From results in memory to the overlay of a report: where every model's points are in a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.model.anatomy.lengths import joint_centres, segment_of
+from scaling_service.model.body import BodyModel, Marker, Segment, Vector
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.images import ImagePose
+from scaling_service.model.neutral import follow, model_values
+from scaling_service.model.results import Array, Motion
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.report.coarse import coarsened
+from scaling_service.report.methods import words
+from scaling_service.report.palette import styles
+from scaling_service.report.scene import Body, Pair, Scene
+
+MOST_FRAMES = 60
+"""Chosen: a second of walking at 60 per second, or a minute of slow movement at one per second."""
+
+_AXIS_HALF_M = 0.07
+"""Chosen: a knee axis is drawn a little wider than a knee."""
+
+_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
+    """All models in one trial, with the measured markers and bones.
+
+    Parameters
+    ----------
+    results : Results
+    trial : Trial
+        One that was followed.
+    chosen : str
+        The method that is seen at first, beside the first one computed.
+
+    Returns
+    -------
+    Scene or None
+        None where no frame shows anything.
+    """
+    rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, MOST_FRAMES)).astype(np.intp))
+    scalings = {name: s for name, s in results.scalings.items() if trial.name in s.motions}
+    labels = tuple(dict.fromkeys(m for s in scalings.values() for m in s.motions[trial.name].markers))
+    measured = trial.selected(labels).markers[rows]
+    if not np.isfinite(measured).any():
+        return None
+    images = {} if results.session.images is None else results.session.images.bones
+    colours = styles(list(results.scalings))
+    first = next(iter(scalings))
+    bodies = []
+    for name, scaling in scalings.items():
+        body = _body(scaling, scaling.motions[trial.name], rows, labels, colours[name].colour)
+        bodies.append(replace(body, shown=name in (chosen, first)))
+    return centred(
+        Scene(
+            f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
+            f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
+            trial.times[rows],
+            labels,
+            measured,
+            bodies,
+            {segment: coarsened(images[segment]) for segment in _imaged(scalings) if segment in images},
+        )
+    )
+
+
+def _body(
+    scaling: Scaling, motion: Motion, rows: NDArray[np.intp], labels: tuple[str, ...], colour: str
+) -> Body:
+    model, q = scaling.calibration.model, motion.q[rows]
+    drawing = Drawing(model)
+    for name in motion.markers:
+        drawing.add_marker(name)
+    points = drawing.positions(q)
+    return Body(
+        scaling.calibration.method,
+        colour,
+        points,
+        centres=[(k, words(name)) for name, k in drawing.centres.items()],
+        sticks=drawing.sticks,
+        axes=drawing.axes,
+        markers=[(k, name, labels.index(name)) for name, k in drawing.markers.items()],
+        bones={
+            segment: _poses(model, segment, pose, q)
+            for segment, pose in scaling.calibration.image_poses.items()
+        },
+    )
+
+
+class Drawing:
+    """Points of a model that are drawn, and how they hang together."""
+
+    def __init__(self, model: BodyModel) -> None:
+        self._model = model
+        self._points: list[Marker] = []
+        self.markers: dict[str, int] = {}
+        centres = joint_centres(model)
+        self.centres = {name: self._add(segment, at) for name, (segment, at) in centres.items()}
+        origins = {s.name: self._add(s.name, (0.0, 0.0, 0.0)) for s in model.segments}
+        carried = {segment for segment, _ in centres.values()} | {m.segment for m in model.markers}
+        drawn = _drawn(model, carried)
+        self.sticks: list[Pair] = [
+            (origins[s.parent], origins[s.name])
+            for s in model.segments
+            if s.parent in drawn and s.name in drawn
+        ]
+        self.sticks += [
+            (origins[segment], self.centres[name])
+            for name, (segment, _) in centres.items()
+            if not any(child.name in drawn for child in model.children(segment))
+        ]
+        if {"hip_r", "hip_l"} <= set(centres):
+            self.sticks.append((self.centres["hip_r"], self.centres["hip_l"]))
+        self.axes: list[Pair] = [
+            (self._add(segment, ends[0]), self._add(segment, ends[1]))
+            for segment, ends in knee_axes(model).items()
+        ]
+
+    def _add(self, segment: str, at: Vector) -> int:
+        self._points.append(Marker.at(f"point {len(self._points)}", segment, at))
+        return len(self._points) - 1
+
+    def add_marker(self, name: str) -> None:
+        """One of the model's own markers."""
+        self.markers[name] = len(self._points)
+        self._points.append(replace(self._model.marker(name), name=f"point {len(self._points)}"))
+
+    def positions(self, q: Array) -> Array:
+        """(n_frames, n_points, 3), m."""
+        return _placed(self._model, tuple(self._points), q)
+
+
+def _drawn(model: BodyModel, carried: set[str]) -> set[str]:
+    """Segments that carry a marker or a joint centre, or lead to one that does."""
+    found: set[str] = set()
+    for segment in reversed(model.segments):
+        if segment.name in carried or any(child.name in found for child in model.children(segment.name)):
+            found.add(segment.name)
+    return found
+
+
+def knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
+    """Thigh to both ends of its knee's axis in its frame, m, with the knee straight; hinges only."""
+    found = {}
+    for side in ("r", "l", ""):
+        thigh, shank = (segment_of(model, role, side) for role in ("femur", "tibia"))
+        if thigh is not None and shank is not None and model.segment(shank).parent == thigh:
+            axis = _first_axis(model, model.segment(shank))
+            if axis is not None:
+                centre, direction = axis
+                ends = (centre - _AXIS_HALF_M * direction, centre + _AXIS_HALF_M * direction)
+                found[thigh] = (_vector(ends[0]), _vector(ends[1]))
+    return found
+
+
+def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | None:
+    """Where, and along which direction, the first driven turn of a joint acts in the parent's frame."""
+    values = model_values(model)
+    for k, joint in enumerate(segment.joints):
+        if joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms):
+            rotation, origin = follow(segment.joints[:k], values)
+            return origin, rotation @ np.asarray(joint.axis)
+    return None
+
+
+def _imaged(scalings: Mapping[str, Scaling]) -> list[str]:
+    """The segments of which any method knows where they lie in the image."""
+    return list(dict.fromkeys(seg for s in scalings.values() for seg in s.calibration.image_poses))
+
+
+def _poses(model: BodyModel, segment: str, image: ImagePose, q: Array) -> Array:
+    """From the image to the laboratory with a segment: rotation by rows and origin, (n_frames, 12), m."""
+    corners = tuple(Marker.at(f"point {k}", segment, at) for k, at in enumerate(_CORNERS))
+    placed = _placed(model, corners, q)
+    R_ground_segment = np.transpose(placed[:, 1:] - placed[:, :1], (0, 2, 1))
+    R_ground_image = R_ground_segment @ image.rotation.T
+    origin = placed[:, 0] - R_ground_image @ image.origin
+    return np.concatenate([R_ground_image.reshape(len(q), 9), origin], axis=1)
+
+
+def _placed(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
+    carrier = model.with_markers(points)
+    placed: Array = marker_positions(compile_model(carrier), q, parameter_values(carrier))
+    return placed
+
+
+def centred(scene: Scene) -> Scene:
+    """Seen from a point that goes along: the measured markers' centre stays above one place of the floor."""
+    centre = _filled(
+        np.array(
+            [
+                np.nanmean(frame, axis=0) if np.isfinite(frame).any() else [np.nan] * 3
+                for frame in scene.measured
+            ]
+        )
+    )
+    shift = centre * [1.0, 0.0, 1.0]
+
+    def moved(bones: Mapping[str, Array]) -> dict[str, Array]:
+        still = np.zeros((len(shift), 9))
+        return {name: pose - np.concatenate([still, shift], axis=1) for name, pose in bones.items()}
+
+    return replace(
+        scene,
+        measured=scene.measured - shift[:, None],
+        bodies=[replace(b, points=b.points - shift[:, None], bones=moved(b.bones)) for b in scene.bodies],
+    )
+
+
+def _filled(path: Array) -> Array:
+    """Frames that show nothing take the nearest known values, linearly between."""
+    known = np.isfinite(path).all(axis=1)
+    rows = np.arange(len(path))
+    return np.stack([np.interp(rows, rows[known], path[known, k]) for k in range(3)], axis=1)
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)

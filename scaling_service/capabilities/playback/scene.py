@@ -1,0 +1,223 @@
+"""All that is needed to play a result back: a document, tables of numbers, and surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from scaling_service.capabilities.intake.tables import at_frames, plates_of
+from scaling_service.capabilities.playback.document import (
+    AxisEntry,
+    BodyEntry,
+    BodyMarker,
+    CoordinateEntry,
+    GaitScene,
+    MotionEntry,
+    PlacedEntry,
+    Point,
+    SceneDocument,
+    SceneTrial,
+    SegmentEntry,
+)
+from scaling_service.capabilities.playback.overlay import knee_axes
+from scaling_service.capabilities.playback.shapes import glb, surfaces
+from scaling_service.capabilities.scaling.saving import write_json
+from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.documents.table_files import ArrayFiles
+from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.model.body import BodyModel
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.images import Bone
+from scaling_service.model.neutral import marker_position, model_values
+from scaling_service.model.poses import glides, placed_markers, segment_poses
+from scaling_service.model.trial import Array, Trial
+
+FOLDER = "scene"
+FILE_NAME = f"{FOLDER}/scene.json"
+
+_MM = 1e3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """One model of the person.
+
+    Parameters
+    ----------
+    name : str
+    model : BodyModel
+    bones : mapping
+        Segment to its bone in the segment's frame, m, with few faces.
+    """
+
+    name: str
+    model: BodyModel
+    bones: Mapping[str, Bone] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """How a body moves in a recording.
+
+    Parameters
+    ----------
+    body : str
+    model : BodyModel
+        As it was followed in this recording.
+    q : ndarray, shape (n_frames, n_coordinates), rad or m
+    markers : tuple of str
+    distances : ndarray, shape (n_frames, n_markers), m
+        Of measured and model marker; NaN where not seen.
+    estimated : collection of str
+        Coordinates that the recording determines.
+    """
+
+    body: str
+    model: BodyModel
+    q: Array
+    markers: tuple[str, ...]
+    distances: Array
+    estimated: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recorded:
+    """A recording with all bodies in it.
+
+    Parameters
+    ----------
+    trial : Trial
+        Its labels are the models' marker names.
+    role : 'calibration' or 'evaluation'
+    played : tuple of Played
+    forces : GroundForces, optional
+        In our axes, on their own clock.
+    corners : ndarray, shape (n_plates, 4, 3), m, optional
+    """
+
+    trial: Trial
+    role: Literal["calibration", "evaluation"]
+    played: tuple[Played, ...]
+    forces: GroundForces | None = None
+    corners: Array | None = None
+
+
+def write_scene(
+    subject: str,
+    bodies: Sequence[Body],
+    recorded: Sequence[Recorded],
+    gait: GaitScene | None,
+    outputs: Path,
+) -> SceneDocument:
+    """Write ``scene/scene.json`` with its tables and surfaces.
+
+    Parameters
+    ----------
+    subject : str
+    bodies : sequence of Body
+    recorded : sequence of Recorded
+    gait : GaitScene, optional
+    outputs : Path
+        The folder of the job's files.
+    """
+    files = ArrayFiles(outputs, FOLDER)
+    document = SceneDocument(
+        subject=subject,
+        bodies=[_body(body, outputs) for body in bodies],
+        trials=[_trial(item, files) for item in recorded],
+        gait=gait,
+    )
+    write_json(outputs / FILE_NAME, document)
+    return document
+
+
+def _body(body: Body, outputs: Path) -> BodyEntry:
+    model, values = body.model, model_values(body.model)
+    found, shapes = surfaces(model, body.bones)
+    name = f"{FOLDER}/{_plain(body.name)}.glb"
+    (outputs / name).parent.mkdir(parents=True, exist_ok=True)
+    (outputs / name).write_bytes(glb(found))
+    return BodyEntry(
+        name=body.name,
+        bones=name,
+        segments=[SegmentEntry(name=s.name, parent=s.parent, shape=shapes[s.name]) for s in model.segments],
+        markers=[
+            BodyMarker(
+                name=m.name,
+                segment=m.segment,
+                xyz_m=_point(marker_position(m, values)),
+                anatomical=m.anatomical,
+            )
+            for m in model.markers
+            if m.weight > 0.0
+        ],
+        centres=[
+            PlacedEntry(name=centre, segment=segment, xyz_m=_point(np.array(at)))
+            for centre, (segment, at) in joint_centres(model).items()
+        ],
+        axes=[AxisEntry(segment=segment, ends_m=ends) for segment, ends in knee_axes(model).items()],
+    )
+
+
+def _trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
+    trial = item.trial
+    labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
+    return SceneTrial(
+        name=trial.name,
+        role=item.role,
+        frames=trial.n_frames,
+        rate_hz=trial.rate_hz,
+        start_s=float(trial.times[0]),
+        labels=list(labels),
+        measured=files.write(f"{trial.name}.measured", trial.selected(labels).markers, "m"),
+        motions={played.body: _motion(played, labels, trial.name, files) for played in item.played},
+        plates=plates_of(item.forces, item.corners),
+        force=_of_plates(item, files, "N"),
+        centre_of_pressure=_of_plates(item, files, "m"),
+    )
+
+
+def _motion(played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles) -> MotionEntry:
+    model = played.model
+    stem = f"{trial}.{_plain(played.body)}"
+    errors = np.full((len(played.q), len(labels)), np.nan)
+    errors[:, [labels.index(name) for name in played.markers]] = _MM * played.distances
+    turns = np.array([c.kind == "rotation" for c in model.coordinates])
+    return MotionEntry(
+        poses=files.write(f"{stem}.poses", segment_poses(model, played.q), "m, quaternion x y z w"),
+        errors=files.write(f"{stem}.errors", errors, "mm", first_look="largest"),
+        coordinates=[
+            CoordinateEntry(
+                name=c.name,
+                unit="deg" if c.kind == "rotation" else "m",
+                estimated=c.name in played.estimated,
+            )
+            for c in model.coordinates
+        ],
+        angles=files.write(f"{stem}.angles", np.where(turns, np.degrees(played.q), played.q), "deg or m"),
+        placed=files.write(f"{stem}.placed", placed_markers(model, labels, played.q), "m")
+        if glides(model, labels)
+        else None,
+    )
+
+
+def _of_plates(item: Recorded, files: ArrayFiles, unit: str) -> ArrayEntry | None:
+    forces, trial = item.forces, item.trial
+    if forces is None:
+        return None
+    name, values = ("force", forces.force) if unit == "N" else ("pressure", forces.centre_of_pressure())
+    return files.write(f"{trial.name}.{name}", at_frames(forces.times, values, trial.times), unit)
+
+
+def _point(values: Array) -> Point:
+    x, y, z = (round(float(v), 6) for v in values)
+    return (x, y, z)
+
+
+def _plain(name: str) -> str:
+    """A body's name as part of a file's."""
+    return name.replace(" ", "_")

@@ -1,0 +1,127 @@
+"""Surfaces of a body's segments as one binary glTF: the person's bones, else simple shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+import trimesh
+from trimesh.exchange.gltf import export_glb
+
+from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.model.body import BodyModel
+from scaling_service.model.images import Bone
+from scaling_service.model.neutral import marker_position, model_values, neutral_frames
+from scaling_service.model.trial import Array
+
+MOST_FACES = 20_000
+"""Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""
+
+THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
+"""Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
+
+NEAR_AN_END = 0.25
+"""Chosen: share of a segment's length within which a joint belongs to one of its ends."""
+
+Shape = Literal["image", "simple", "none"]
+
+
+def surfaces(
+    model: BodyModel, bones: Mapping[str, Bone]
+) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
+    """A surface of every segment that has a size, in the segment's frame.
+
+    Parameters
+    ----------
+    model : BodyModel
+    bones : mapping
+        Segment to its bone in the segment's frame, m, with few faces.
+
+    Returns
+    -------
+    surfaces : dict
+        Segment to surface, m.
+    shapes : dict
+        Every segment to where its surface is from.
+    """
+    found: dict[str, trimesh.Trimesh] = {}
+    shapes: dict[str, Shape] = {}
+    for name in model.segment_names:
+        if name in bones:
+            found[name], shapes[name] = _smooth(bones[name]), "image"
+        elif (simple := simple_shape(_points(model, name))) is not None:
+            found[name], shapes[name] = simple, "simple"
+        else:
+            shapes[name] = "none"
+    return found, shapes
+
+
+def glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
+    """Surfaces as binary glTF, each a node of its segment's name that stands where its frame stands."""
+    scene = trimesh.Scene()
+    for name, mesh in meshes.items():
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    content: bytes = export_glb(scene, include_normals=True)  # type: ignore[no-untyped-call]
+    return content
+
+
+def _smooth(bone: Bone) -> trimesh.Trimesh:
+    mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
+    mesh.merge_vertices()
+    return mesh
+
+
+def _points(model: BodyModel, segment: str) -> Array:
+    """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
+    joints = np.stack([np.zeros(3), *_joints(model, segment)])
+    ends = long_ends(joints)
+    if ends is not None:
+        return ends
+    values = model_values(model)
+    markers = [marker_position(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0]
+    return np.stack([*joints, *markers])
+
+
+def long_ends(joints: Array) -> Array | None:
+    """Both ends of a segment whose joints all lie near one of two, such as a thigh with its kneecap's.
+
+    Parameters
+    ----------
+    joints : ndarray, shape (n, 3), m
+
+    Returns
+    -------
+    ndarray, shape (2, 3), or None
+        None where joints lie all around, as a pelvis's do, or there is only one place.
+    """
+    apart = np.linalg.norm(joints[:, None] - joints, axis=2)
+    length = float(apart.max())
+    if length < THINNEST_M:
+        return None
+    one, other = np.unravel_index(int(apart.argmax()), apart.shape)
+    nearest = np.minimum(apart[one], apart[other])
+    return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
+
+
+def _joints(model: BodyModel, segment: str) -> Iterator[Array]:
+    frames = neutral_frames(model)
+    R, origin = frames[segment]
+    for child in model.children(segment):
+        yield (frames[child.name][1] - origin) @ R
+    yield from (np.array(at) for where, at in joint_centres(model).values() if where == segment)
+
+
+def simple_shape(points: Array) -> trimesh.Trimesh | None:
+    """A smooth shape around points, (n, 3), m; None where they have no extent.
+
+    Two points give a rod with round ends, more give their hull, as if wrapped around balls.
+    """
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if len(points) < 2 or extent < THINNEST_M:
+        return None
+    radius = min(max(THICKNESS * extent, THINNEST_M), THICKEST_M)
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=radius).vertices
+    cloud = (points[:, None] + ball[None]).reshape(-1, 3)
+    hull: trimesh.Trimesh = trimesh.convex.convex_hull(cloud)
+    return hull

@@ -1,0 +1,96 @@
+"""Kinematic error: how far a model's markers stay from the measured ones (Puchaud 2019, section 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Array, Motion
+
+
+@dataclass(frozen=True, slots=True)
+class KinematicError:
+    """Distances between measured and model markers over one trial, m.
+
+    Parameters
+    ----------
+    mean : float
+        Over all frames and markers in which a marker was seen (Puchaud 2019: "mean distance between
+        experimental and model markers over all the frames of a given trial").
+    sd : float
+        Standard deviation over the frames of each frame's mean distance: how steady the fit is in time.
+        Chosen, for the paper gives only the spread over subjects; population form, so one frame has 0.
+    rms, max : float
+        Over the same distances as ``mean``.
+    per_marker : mapping
+        Marker to its mean distance over the frames that show it.
+    anatomical_mean, tracking_mean : float
+        As ``mean``, over the markers on bony landmarks and over those on soft tissue; NaN where there
+        is none.
+    n_frames : int
+        Frames in which at least one marker was seen.
+    """
+
+    mean: float
+    sd: float
+    rms: float
+    max: float
+    per_marker: Mapping[str, float]
+    anatomical_mean: float
+    tracking_mean: float
+    n_frames: int
+
+
+def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
+    """The kinematic error of a motion.
+
+    Parameters
+    ----------
+    motion : Motion
+        From inverse kinematics; its markers are the ones compared.
+    model : BodyModel
+        The model that was moved.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scaling_service.model.body import Marker, Segment
+    >>> model = BodyModel("one", (Segment("box", "ground", "free", ()),), (),
+    ...                   (Marker.at("A", "box", (0.0, 0.0, 0.0)),))
+    >>> gaps = np.array([[[0.003, 0.004, 0.0]], [[0.0, 0.0, 0.015]]])
+    >>> motion = Motion("walk", np.array([0.0, 0.01]), (), np.zeros((2, 0)), ("A",), gaps, ())
+    >>> error = kinematic_error(motion, model)
+    >>> round(error.mean, 6), round(error.sd, 6), round(error.max, 6)
+    (0.01, 0.005, 0.015)
+    """
+    distances = motion.distances
+    seen = np.isfinite(distances)
+    anatomical = np.array([_on_bone(name, model) for name in motion.markers], dtype=bool)
+    counted = seen.any(axis=1)
+    by_frame = np.nanmean(distances[counted], axis=1)
+    return KinematicError(
+        mean=_mean(distances),
+        sd=float(np.std(by_frame)) if counted.any() else float("nan"),
+        rms=float(np.sqrt(_mean(distances**2))),
+        max=float(np.max(distances[seen], initial=0.0)) if seen.any() else float("nan"),
+        per_marker={
+            name: _mean(distances[:, k]) for k, name in enumerate(motion.markers) if seen[:, k].any()
+        },
+        anatomical_mean=_mean(distances[:, anatomical]),
+        tracking_mean=_mean(distances[:, ~anatomical]),
+        n_frames=int(counted.sum()),
+    )
+
+
+def _on_bone(name: str, model: BodyModel) -> bool:
+    """Whether a marker sits on a bony landmark; few OpenSim models say so, but the name may."""
+    return model.marker(name).anatomical or canonical(name) is not None
+
+
+def _mean(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")

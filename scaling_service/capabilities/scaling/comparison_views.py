@@ -1,0 +1,162 @@
+"""Views of a comparison: errors, lengths or angles of all methods side by side, as a document and a table."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from scaling_service.capabilities.scaling.comparison.angle_differences import difference
+from scaling_service.capabilities.scaling.comparisons import (
+    AngleDifference,
+    AngleEntry,
+    CycleEntry,
+    GaitEntry,
+    JointAngleComparison,
+    KinematicErrorComparison,
+    SegmentLengthComparison,
+)
+from scaling_service.capabilities.scaling.curves import gait_curves
+from scaling_service.capabilities.scaling.judging import joint_angles
+from scaling_service.capabilities.scaling.report.data import CycleCurves
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.saving import write_json
+from scaling_service.documents.results import ComparisonDocument, Provenance
+from scaling_service.model.results import Array
+
+Row = list[str | float | None]
+View = KinematicErrorComparison | SegmentLengthComparison | JointAngleComparison
+
+IMAGED = "EB"
+
+
+def kinematic_error_view(document: ComparisonDocument) -> KinematicErrorComparison:
+    """The errors of all methods."""
+    methods = document.methods
+    return KinematicErrorComparison(
+        **_origin(document),
+        kinematic_error_mm={name: found.kinematic_error_mm for name, found in methods.items()},
+        fitted_mean_mm={name: found.fitted_mean_mm for name, found in methods.items()},
+        held_out_mean_mm={name: found.held_out_mean_mm for name, found in methods.items()},
+    )
+
+
+def segment_length_view(document: ComparisonDocument) -> SegmentLengthComparison:
+    """The lengths of all methods, and how far they are from the reference's."""
+    lengths = {name: found.segment_lengths_mm for name, found in document.methods.items()}
+    reference = IMAGED if IMAGED in lengths else next(iter(lengths))
+    return SegmentLengthComparison(
+        **_origin(document),
+        segment_lengths_mm=lengths,
+        joint_centres_mm={name: found.joint_centres_mm for name, found in document.methods.items()},
+        reference=reference,
+        difference_mm={
+            name: {k: round(v - lengths[reference][k], 4) for k, v in own.items() if k in lengths[reference]}
+            for name, own in lengths.items()
+            if name != reference
+        },
+    )
+
+
+def joint_angle_view(results: Results, document: ComparisonDocument) -> JointAngleComparison:
+    """The joint angles of all methods, in each recording and over the gait cycle."""
+    names = joint_angles(next(iter(results.scalings.values())).calibration.model)
+    trials = {
+        trial.name: {angle: _angle(dict(_curves(results, trial.name, angle))) for angle in names}
+        for trial in results.session.dynamic
+    }
+    return JointAngleComparison(
+        **_origin(document), joint_angles=trials, gait=_gait(results, next(iter(results.scalings)))
+    )
+
+
+def _curves(results: Results, trial: str, angle: str) -> Iterator[tuple[str, Array]]:
+    """Each method's angle over time, degrees."""
+    for name, scaling in results.scalings.items():
+        motion = scaling.motions[trial]
+        yield name, np.degrees(motion.q[:, motion.coordinates.index(angle)])
+
+
+def _angle(curves: Mapping[str, Array]) -> AngleEntry:
+    known = {name: curve[np.isfinite(curve)] for name, curve in curves.items()}
+    return AngleEntry(
+        mean_deg={name: _number(curve.mean()) if curve.size else None for name, curve in known.items()},
+        range_deg={name: _number(np.ptp(curve)) if curve.size else None for name, curve in known.items()},
+        pairs=[_pair(a, b, curves) for a, b in itertools.combinations(curves, 2)],
+    )
+
+
+def _pair(first: str, second: str, curves: Mapping[str, Array]) -> AngleDifference:
+    found = difference(curves[first], curves[second])
+    return AngleDifference(
+        methods=(first, second),
+        frames=found.frames,
+        rms_deg=_number(found.rms),
+        mean_deg=_number(found.mean),
+        largest_deg=_number(found.largest),
+    )
+
+
+def _gait(results: Results, reference: str) -> GaitEntry:
+    gait = gait_curves(results, reference)
+    return GaitEntry(
+        trials=list(gait.trials),
+        held_out=gait.held_out,
+        reason=gait.reason,
+        angles={curve.name: _cycle(curve) for curve in gait.curves},
+    )
+
+
+def _cycle(curve: CycleCurves) -> CycleEntry:
+    test = curve.anova
+    return CycleEntry(
+        cycles=curve.n_cycles,
+        mean_deg={name: [round(float(v), 4) for v in values] for name, values in curve.mean.items()},
+        sd_deg={name: [round(float(v), 4) for v in values] for name, values in curve.sd.items()},
+        p=None if test is None else test.p,
+        can_decide=test is not None and test.can_decide,
+        differ_percent=[] if test is None else [(c.start, c.end) for c in test.clusters],
+    )
+
+
+def write_view(folder: Path, name: str, view: View) -> Any:
+    """Write a view as ``name.json`` and its numbers as ``name.csv``; returns the document, JSON-ready."""
+    write_json(folder / f"{name}.json", view)
+    with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream).writerows(_table(view))
+    return view.model_dump(mode="json")
+
+
+def _table(view: View) -> Iterator[Row]:
+    """The header and the rows of a view's table."""
+    match view:
+        case KinematicErrorComparison():
+            yield ["method", "trial", "role", "mean_mm", "sd_mm", "rms_mm", "max_mm"]
+            for method, trials in view.kinematic_error_mm.items():
+                for trial, e in trials.items():
+                    yield [method, trial, e.role, e.mean, e.sd, e.rms, e.max]
+        case SegmentLengthComparison():
+            yield ["method", "segment", "length_mm", "difference_mm"]
+            for method, lengths in view.segment_lengths_mm.items():
+                for segment, length in lengths.items():
+                    yield [method, segment, length, view.difference_mm.get(method, {}).get(segment)]
+        case JointAngleComparison():
+            yield ["trial", "angle", "first", "second", "frames", "rms_deg", "mean_deg", "largest_deg"]
+            for trial, angles in view.joint_angles.items():
+                for angle, entry in angles.items():
+                    for p in entry.pairs:
+                        yield [trial, angle, *p.methods, p.frames, p.rms_deg, p.mean_deg, p.largest_deg]
+
+
+def _origin(document: ComparisonDocument) -> dict[str, Any]:
+    shared: BaseModel = document
+    return {name: getattr(shared, name) for name in (*Provenance.model_fields, "warnings")}
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

@@ -1,0 +1,131 @@
+"""Fitting freed parameters to calibration frames: together with the motion, or in turn.
+
+Many combinations of axes and marker coordinates change nothing that markers could show: a thigh's
+markers may turn about its long axis while hip rotation turns back. Others change so little that
+skin movement decides them. The paper's loop leaves them near their start because it stops early;
+solved to the end, they drift to their bounds. Here a prior around the first guess holds them: its
+weight against the markers is their noise, taken from the residuals and lengthened by how often the
+same is seen again, over the prior's variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.capabilities.scaling.methods.frames import CalibrationFrames
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.model.body import BodyModel
+from scaling_service.numerics.least_squares.estimator import Outcome, Solution, solve, solve_parameters
+from scaling_service.numerics.least_squares.losses import SQUARED, Huber
+from scaling_service.numerics.least_squares.problem import Problem, total_cost
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.noise import repetition, residual_variance
+
+Progress = Callable[[int, float], None]
+_ROUNDS = 12  # chosen: the weight of the prior settles in three or four
+_SETTLED = 0.1  # chosen: relative change of the noise that no longer matters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The bordered problem of one calibration, and where it starts."""
+
+    task: Task
+    problem: Problem
+    q0: Array
+    p0: Array
+    prior_sd: Array
+    blocks: NDArray[np.intp]
+
+    @classmethod
+    def of(
+        cls, model: BodyModel, freed: BodyModel, frames: CalibrationFrames, settings: CalibrationSettings
+    ) -> Fit:
+        """Pose the problem: ``freed`` is the start's ``model`` with parameters."""
+        q0 = solve_task(Task.of(model, frames.trial), frames.trial.times).q
+        loss = SQUARED if settings.robust_m is None else Huber(settings.robust_m)
+        task = Task.of(freed, frames.trial)
+        lower = np.array([p.lower for p in freed.parameters])
+        upper = np.array([p.upper for p in freed.parameters])
+        wide = [np.inf if p.prior_sd is None or not settings.prior else p.prior_sd for p in freed.parameters]
+        problem = Problem(
+            task.tree,
+            task.measured,
+            task.weights,
+            np.flatnonzero(task.free),
+            np.arange(len(freed.parameters)),
+            0.5 * (upper - lower),
+            lower,
+            upper,
+            np.zeros(len(freed.parameters)),
+            task.bounds,
+            loss=loss,
+        )
+        return cls(task, problem, q0, task.p, np.array(wide), frames.blocks)
+
+    def with_prior(self, variance: float) -> Fit:
+        """The same fit with the prior weighed against this noise (m2)."""
+        return replace(self, problem=replace(self.problem, prior_weight=variance / self.prior_sd**2))
+
+    def noise(self, q: Array, p: Array) -> float:
+        """Variance of a marker coordinate in one frame as if frames were independent (m2)."""
+        variance = residual_variance(self.problem, q, p)
+        return variance * repetition(self.problem, q, p, self.blocks, variance)
+
+    def error(self, solution: Solution) -> float:
+        """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
+        return total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """A solution with the fit that it solves, and the noise of one independent frame (m2)."""
+
+    fit: Fit
+    solution: Solution
+    variance: float
+
+
+def together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
+    """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
+    steps = 0
+    solution = Solution(fit.q0, fit.p0, np.inf, 0, Outcome.MAX_STEPS)
+    variance = fit.noise(fit.q0, fit.p0)
+    for _round in range(_ROUNDS):
+        weighed = fit.with_prior(variance)
+        report = None if progress is None else partial(_later, progress, steps)
+        solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
+        steps += solution.steps
+        before, variance = variance, weighed.noise(solution.q, solution.p)
+        if abs(variance - before) <= _SETTLED * before or not np.isfinite(fit.prior_sd).any():
+            break
+    return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
+
+
+def _later(progress: Progress, steps: int, step: int, cost: float) -> None:
+    progress(steps + step, cost)
+
+
+def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
+    """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
+    q, p = fit.q0, fit.p0
+    cost, outcome, loop = total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
+    while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
+        loop += 1
+        p = solve_parameters(fit.problem, q, fit.p0, p).p
+        q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
+        before, cost = cost, total_cost(fit.problem, q, p, fit.p0)
+        if progress is not None:
+            progress(loop, cost)
+        if abs(before - cost) < settings.loop_tolerance * before:
+            outcome = Outcome.CONVERGED
+    return Fitted(fit, Solution(q, p, cost, loop, outcome), fit.noise(q, p))
+
+
+STRATEGIES = {"joint": together, "alternating": in_turn}

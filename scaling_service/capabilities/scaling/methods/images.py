@@ -1,0 +1,271 @@
+"""Image-based scaling (EB, Puchaud 2019, section 2.2.3): what images show replaces what markers suggest.
+
+Segment frames follow the ISB as the built-in leg model has them: the thigh's y axis runs from knee
+to hip centre and its z lies in the plane of the epicondyles; the shank is carried by the thigh's
+hinge to where the image shows it, so that the hinge reproduces the pose of the image. A leg without
+images, and everything beside the legs, stays as the marker-based model has it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.methods.axes import Tilt, tilt_of, tilt_rotation
+from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
+from scaling_service.capabilities.scaling.methods.placement import moved, place_on
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame
+from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import BodyModel, Marker, Vector
+from scaling_service.model.images import ImageEvidence, ImagePose
+from scaling_service.model.results import Calibration
+from scaling_service.model.scaling import scaled
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import rotation_about
+
+_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
+_STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Leg:
+    """One leg as imaged: frames of thigh and shank, and the knee's axis in the thigh."""
+
+    femur: Frames
+    tibia: Frames
+    knee: Vector
+    ankle: Vector
+    tilt: Tilt
+
+
+def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
+    """Replace joint centres, knee axes and markers of a marker-based model by what images show.
+
+    Parameters
+    ----------
+    start : Calibration
+        The marker-based model (MB): it stays where nothing was imaged.
+    evidence : ImageEvidence
+    standing : Trial, optional
+        Where the image shows no marker, those of imaged segments are placed from this trial.
+
+    Raises
+    ------
+    SubjectInvalid
+        The model is not of the built-in leg's kind, or no leg is imaged whole.
+    """
+    clock = time.perf_counter()
+    model, notes = start.model, [*start.warnings]
+    pelvis = _pelvis(evidence)
+    sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
+    if not sides or pelvis is None or "pelvis" not in model.segment_names:
+        raise SubjectInvalid(
+            "the images do not show a pelvis and one whole leg of the model",
+            field="bones",
+            remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
+        )
+    frames: dict[str, Frames] = {"pelvis": pelvis}
+    tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
+    for side in sides:
+        leg = _leg(evidence, side)
+        frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
+        model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
+        tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
+    for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
+        x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
+        mirrored = (-x, -y)
+        model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
+        tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
+    placed = _image_markers(evidence, frames)
+    model = moved(_with_new(model, evidence, placed), placed)
+    seen = {evidence.markers[name][0] for name in placed}
+    if standing is not None:
+        model = place_on(model, standing, frozenset(model.segment_names) - seen)
+    notes += _notes(model, sides, placed)
+    return Calibration(
+        "EB",
+        model,
+        start.generic,
+        _factors(start, model),
+        tilts,
+        wall_s=time.perf_counter() - clock,
+        warnings=tuple(notes),
+        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
+    )
+
+
+def _pelvis(evidence: ImageEvidence) -> Frames | None:
+    """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
+    skin = {canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
+    for points in (skin, evidence.landmarks):
+        if all(name in points for name in _PELVIS):
+            return pelvis_frame(*(points[name] for name in _PELVIS))
+    return None
+
+
+def _leg(evidence: ImageEvidence, side: str) -> _Leg:
+    hip, knee, ankle = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle"))
+    axis = evidence.axes.get(f"knee_{side}")
+    lateral, medial = _epicondyles(evidence, side, knee)
+    femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
+    femur = _through(femur, hip, knee)
+    direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
+    tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    tibia = _carried(femur, knee, ankle, tilt)
+    local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
+    return _Leg(femur, tibia, _vector(local[0]), _vector(local[1]), tilt)
+
+
+def _epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array, Array]:
+    """The epicondyles, lateral first; where they are not known, points on the flexion axis in their stead."""
+    names = [f"{side.upper()}{name}" for name in ("LFE", "MFE")]
+    if all(name in evidence.landmarks for name in names):
+        lateral, medial = (np.array(evidence.landmarks[name]) for name in names)
+        return lateral, medial
+    axis, pelvis = evidence.axes.get(f"knee_{side}"), _pelvis(evidence)
+    if axis is None or pelvis is None:
+        raise SubjectInvalid(
+            f"neither the epicondyles nor the flexion axis of knee_{side} are known",
+            field=f"bones.femur_{side}",
+            remedy="Give the femur with its condyles",
+        )
+    right = pelvis.rotation[0, :, 2]
+    outward = np.array(axis) * np.sign(np.array(axis) @ (right if side == "r" else -right))
+    return knee + outward, knee - outward
+
+
+def _through(femur: Frames, hip: Array, knee: Array) -> Frames:
+    """The frame turned as little as needed for its y to run from the knee to the hip centre.
+
+    The midpoint of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
+    """
+    y = (hip - knee) / np.linalg.norm(hip - knee)
+    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
+    z /= np.linalg.norm(z)
+    return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
+
+
+def _carried(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames:
+    """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
+    turned = tilt_rotation(tilt)
+    shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
+    straight = turned.T @ np.array([0.0, -1.0, 0.0])
+    angle = float(np.arctan2(shank[1], shank[0]) - np.arctan2(straight[1], straight[0]))
+    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    if abs(angle) > _STRAIGHT:
+        raise SubjectInvalid(
+            f"the knee in the image is bent by {np.degrees(abs(angle)):.0f} deg against the thigh",
+            field="bones",
+            remedy="Check that femur and tibia are of one side and in one image frame",
+        )
+    hinge = turned @ rotation_about((0.0, 0.0, 1.0), angle) @ turned.T
+    return Frames((femur.rotation[0] @ hinge)[None], knee[None])
+
+
+def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
+    """The model with a leg's joint centres and knee axis; without a foot its ankle is a landmark."""
+    model = with_centre(model, f"femur_{side}", _vector(hip))
+    model = with_centre(model, f"tibia_{side}", leg.knee)
+    foot = segment_of(model, "foot", side)
+    if foot is not None:
+        model = with_centre(model, foot, leg.ankle)
+    return moved(_with_axis(model, leg.tilt, side), {f"{side.upper()}AJC": leg.ankle})
+
+
+def _with_axis(model: BodyModel, tilt: Tilt, side: str) -> BodyModel:
+    return with_axis(model, model.segment(f"tibia_{side}").joint_name, tilt)
+
+
+def _with_other_leg(
+    model: BodyModel, evidence: ImageEvidence, pelvis: Frames, side: str, standing: Trial | None
+) -> BodyModel:
+    """The leg that was not imaged, made like the imaged one as far as markers say that they are alike.
+
+    Its hip centre is the pelvis's own or the imaged one mirrored, its knee axis the other mirrored; its
+    lengths are the imaged leg's, times the ratio of the two legs' marker distances, so that what
+    palpation does to both cancels.
+    """
+    imaged = "l" if side == "r" else "r"
+    own = evidence.centres.get(f"hip_{side}")
+    x, y, z = _vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
+    hips = {imaged: (x, y, z), side: _vector(pelvis.to_local(own)[0]) if own is not None else (x, y, -z)}
+    model = with_centre(model, f"femur_{side}", hips[side])
+    lengths = segment_lengths(model)
+    for name, segment in (("femur", "femur"), ("shank", "tibia")):
+        theirs, ours = (_marker_length(name, s, hips[s], standing) for s in (imaged, side))
+        if theirs is not None and ours is not None:
+            factor = lengths[f"{name}_{imaged}"] * ours / theirs / lengths[f"{name}_{side}"]
+            model = scaled(model, {f"{segment}_{side}": (factor, factor, factor)})
+    return model
+
+
+def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) -> float | None:
+    """A thigh or shank as markers show it in the standing trial (m), None if they do not."""
+    if standing is None:
+        return None
+    shown = {canonical(label): standing.position(label) for label in standing.labels}
+    ends = [[f"{side.upper()}{point}" for point in pair] for pair in (("LFE", "MFE"), ("LM", "MM"))]
+    if not all(point in shown for point in (*_PELVIS, *ends[0], *ends[1])):
+        return None
+    knee, ankle = (0.5 * (shown[a] + shown[b]) for a, b in ends)
+    centre = pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
+    distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
+    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
+
+
+def _image_markers(evidence: ImageEvidence, frames: Mapping[str, Frames]) -> dict[str, Vector]:
+    return {
+        name: _vector(frames[segment].to_local(at)[0])
+        for name, (segment, at) in evidence.markers.items()
+        if segment in frames
+    }
+
+
+def _with_new(model: BodyModel, evidence: ImageEvidence, placed: Mapping[str, Vector]) -> BodyModel:
+    """The model with image markers that it does not have yet; they are told from their segment alone."""
+    new = tuple(
+        Marker.at(name, evidence.markers[name][0], at, anatomical=False)
+        for name, at in placed.items()
+        if name not in model.marker_names
+    )
+    return model.with_markers((*model.markers, *new))
+
+
+def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
+    """Size of each segment against the generic model, from the lengths that images changed."""
+    generic, now = segment_lengths(start.generic), segment_lengths(model)
+    factors = dict(start.scale_factors)
+    for side in "rl":
+        for segment, length in ((f"femur_{side}", f"femur_{side}"), (f"tibia_{side}", f"shank_{side}")):
+            if segment in factors and length in now:
+                factors[segment] = (now[length] / generic[length],) * 3
+    return factors
+
+
+def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> list[str]:
+    """What is not from images."""
+    notes = []
+    other = [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]
+    if other:
+        names = " and ".join("right" if s == "r" else "left" for s in other)
+        notes.append(
+            f"EB: the {names} leg was not imaged whole: its lengths are the other leg's times the ratio of "
+            "their marker distances, its knee axis the other one mirrored, its markers are from the "
+            "standing trial"
+        )
+    skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
+    if skin:
+        notes.append(f"EB: {len(skin)} markers are not in the image: {few(skin)}")
+    return notes
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)

@@ -1,0 +1,213 @@
+"""Marker-based linear scaling: one factor per segment from distances (MB, Puchaud 2019, 2.2.2)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.methods.axes import Tilt
+from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
+from scaling_service.capabilities.scaling.methods.functional_model import joints_of, with_functional
+from scaling_service.capabilities.scaling.methods.placement import (
+    add_markers,
+    frames_around,
+    place_markers,
+    place_tracking_markers,
+)
+from scaling_service.capabilities.scaling.sizes.points import person_points
+from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
+from scaling_service.capabilities.scaling.sizes.virtual_markers import with_sacrum, with_virtual_landmarks
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.centres import Centre
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.knees import with_knee
+from scaling_service.model.results import Calibration
+from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Measurement, ScaleSetup, Session
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.tree import marker_positions
+
+_SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
+
+
+def linear(session: Session, settings: CalibrationSettings) -> Calibration:
+    """Scale the session's model from marker distances.
+
+    With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
+    every segment's size is estimated from distances and anthropometry
+    (:func:`scaling_service.capabilities.scaling.sizes.sizing.size_segments`).
+    Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
+    and knee axes come from the functional movements; a side that these do not determine keeps
+    regression and epicondyles, and a warning says why.
+
+    Raises
+    ------
+    TrialUnusable
+        No recording, or none of the measurements can be taken, or no side's movements determine a joint
+        that was asked for.
+    SubjectInvalid
+        A setting that is not for this kind of model.
+    """
+    clock = time.perf_counter()
+    standing = _standing(session)
+    session = _with_knee(session, settings)
+    notes: list[str] = []
+    if session.static is None:
+        notes.append(f"no static trial: lengths were measured on '{standing.name}'")
+    setup = session.scale_setup
+    joints = joints_of(session, settings)
+    sizing: Sizing | None = None
+    if setup is not None:
+        _refuse_own_axes(settings)
+        factors = setup_factors(session.model, standing, setup)
+    else:
+        sizing = size_segments(session, settings, joints)
+        factors = dict(sizing.factors)
+        notes.extend(sizing.notes)
+    keep = setup is None or setup.preserve_mass_distribution
+    model = scaled(session.model, factors, preserve_mass_distribution=keep)
+    tilts: dict[str, Tilt] = {}
+    if joints is not None:
+        model, tilts, more = _functional(model, joints, session, settings)
+        notes.extend(more)
+    centres = {} if sizing is None else sizing.people[0].centres
+    model, more = _with_markers(model, session, standing, centres)
+    notes.extend(more)
+    return Calibration(
+        "MB",
+        model,
+        session.model,
+        factors,
+        tilts,
+        wall_s=time.perf_counter() - clock,
+        warnings=tuple(notes),
+        sizes={} if sizing is None else sizing.sizes,
+        centres={} if sizing is None else sizing.centres,
+    )
+
+
+def _with_markers(
+    model: BodyModel, session: Session, standing: Trial, centres: Mapping[str, Centre]
+) -> tuple[BodyModel, tuple[str, ...]]:
+    """Tracking and extra markers where the standing trial shows them.
+
+    Landmarks that were not marked stand in as virtual ones while the model is posed for that, no longer.
+    """
+    setup, notes = session.scale_setup, list[str]()
+    if setup is not None and setup.placement is not None:
+        model = place_markers(model, standing, setup.placement)
+    elif setup is None:
+        model = with_sacrum(model, (standing, *session.dynamic))
+        posed = with_virtual_landmarks(standing, centres)
+        model, placed = place_tracking_markers(model, posed)
+        if placed:
+            notes.append(f"MB: {len(placed)} tracking markers placed from '{standing.name}': {few(placed)}")
+        return add_markers(model, session.subject.extra_markers, posed), tuple(notes)
+    return add_markers(model, session.subject.extra_markers, standing), tuple(notes)
+
+
+def _functional(
+    model: BodyModel, joints: FunctionalJoints, session: Session, settings: CalibrationSettings
+) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
+    points = person_points(
+        joints.posture.as_trial(),
+        standing=session.static is not None,
+        regression=settings.hip_regression,
+        joints=joints,
+    ).points
+    model, tilts, doubts = with_functional(model, joints, points, settings)
+    return model, tilts, (*joints.notes, *doubts)
+
+
+def _with_knee(session: Session, settings: CalibrationSettings) -> Session:
+    if settings.knee == "hinge":
+        return session
+    if session.subject.model.lower().endswith(".osim"):
+        raise SubjectInvalid(
+            "an .osim model keeps its own knee",
+            field="knee",
+            remedy="Leave the knee as it is, or choose a built-in leg model",
+        )
+    return replace(session, model=with_knee(session.model, settings.knee))
+
+
+def _refuse_own_axes(settings: CalibrationSettings) -> None:
+    if settings.scaling != "uniform":
+        raise SubjectInvalid(
+            "a scale set-up says itself along which axes it scales",
+            field="scale_setup",
+            remedy="Leave out either the set-up or the per-axis scaling",
+        )
+
+
+def _standing(session: Session) -> Trial:
+    for trial in (session.static, *session.calibration):
+        if trial is not None:
+            return trial
+    raise TrialUnusable(
+        "there is no trial to measure lengths on",
+        field="trials.static",
+        remedy="Give a static trial or at least one calibration trial",
+    )
+
+
+def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
+    """Factors by an OpenSim scale set-up: the same as its ScaleTool gives.
+
+    Raises
+    ------
+    TrialUnusable
+        A marker pair cannot be measured, or a length is zero.
+    """
+    factors = {s: [1.0, 1.0, 1.0] for s in model.segment_names}
+    for step in setup.order:
+        if step == "measurements":
+            for measurement in setup.measurements:
+                _apply(measurement, _pair_factor(model, trial, measurement, setup.time_range), factors)
+        else:
+            for segment, given in setup.manual.items():
+                if segment in factors:
+                    factors[segment] = list(given)
+    return {s: (x, y, z) for s, (x, y, z) in factors.items()}
+
+
+def _apply(measurement: Measurement, factor: float, factors: Mapping[str, list[float]]) -> None:
+    for segment, axes in measurement.axes.items():
+        for letter in axes if segment in factors else "":
+            factors[segment]["XYZ".index(letter)] = factor
+
+
+def _pair_factor(
+    model: BodyModel, trial: Trial, measurement: Measurement, time_range: tuple[float, float] | None
+) -> float:
+    names = list(dict.fromkeys(name for pair in measurement.pairs for name in pair))
+    for name in names:
+        if name not in model.marker_names:
+            raise TrialUnusable(
+                f"measurement '{measurement.name}' uses marker '{name}', which the model does not have",
+                field="scale_setup",
+                remedy="Give the marker set that belongs to the set-up under `marker_set:`",
+            )
+    tree = compile_model(model, names)
+    ours = marker_positions(tree, default_coordinates(model, 1), parameter_values(model))[0]
+    rows = frames_around(trial, time_range)
+    ratios = []
+    for first, second in measurement.pairs:
+        seen = trial.position(first)[rows] - trial.position(second)[rows]
+        person = float(np.nanmean(np.linalg.norm(seen, axis=1)))
+        generic = float(np.linalg.norm(ours[names.index(first)] - ours[names.index(second)]))
+        if min(person, generic) < _SHORTEST_M:
+            raise TrialUnusable(
+                f"markers '{first}' and '{second}' lie less than {_SHORTEST_M * 1e3:.0f} mm apart",
+                file=trial.name,
+                field=f"scale_setup.{measurement.name}",
+                remedy="Check the labels and the unit",
+            )
+        ratios.append(person / generic)
+    return float(np.mean(ratios))

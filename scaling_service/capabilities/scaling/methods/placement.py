@@ -1,0 +1,231 @@
+"""Putting markers where a standing trial shows them on the scaled model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model, coordinate_ranges, default_coordinates
+from scaling_service.model.subject import MarkerPlacement
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
+from scaling_service.numerics.multibody.tree import forward
+
+_FEWEST = 3  # landmarks without which a body cannot be placed at all
+_SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
+_EXACT = SweepSettings(max_steps=200, left=1e-12)
+_PACES = (
+    _EXACT,
+    replace(_EXACT, longest=0.3),
+    replace(_EXACT, damping=0.3),
+)  # chosen: long, short, cautious steps
+_MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
+_FOLLOWER = 1e-3  # chosen: a thousandth of a known marker's weight, so that it cannot move the pose by 0.1 mm
+
+
+def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> BodyModel:
+    """Further markers on named segments, each at its mean local position over a trial.
+
+    The model's pose comes from the markers it has; a marker that the trial does not show is left out.
+
+    Parameters
+    ----------
+    extra : mapping
+        Label (already the name that the marker will have) to segment.
+    trial : Trial
+        The static trial, or any other in which the markers are seen.
+
+    Raises
+    ------
+    TrialUnusable
+        ``extra`` names a segment that the model does not have.
+    """
+    wanted = {name: segment for name, segment in extra.items() if name not in model.marker_names}
+    unknown = sorted(set(wanted.values()) - set(model.segment_names))
+    if unknown:
+        raise TrialUnusable(
+            f"the model has no segment '{unknown[0]}'",
+            field="extra_markers",
+            remedy=f"Its segments are {', '.join(model.segment_names)}",
+        )
+    if not wanted:
+        return model
+    few = trial.frames(_some_frames(trial))
+    q = solve_task(Task.of(model, few), few.times).q
+    found = _local_means(model, few, q, wanted)
+    added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
+    return model.with_markers((*model.markers, *added))
+
+
+def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, tuple[str, ...]]:
+    """Markers that are no known landmark moved to where a standing trial shows them.
+
+    Where tracking markers sit is each laboratory's own choice, so a generic model's positions say
+    nothing of them; the pose comes from the landmarks alone.
+
+    Returns
+    -------
+    model : BodyModel
+    placed : tuple of str
+        The markers moved; none if the landmarks do not determine a pose.
+    """
+    landmarks = {m.name: float(canonical(m.name) is not None) for m in model.markers}
+    tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
+    shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
+    if len(shown) < _FEWEST or not tracking:
+        return model, ()
+    few = trial.frames(_some_frames(trial))
+    q = solve_task(Task.of(model, few, weights=landmarks), few.times).q
+    found = _local_means(model, few, q, tracking)
+    return moved(model, found), tuple(found)
+
+
+def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyModel:
+    """The markers of some segments moved to where a standing trial shows them.
+
+    The model is posed by the markers of the other segments, whose places are known; those to be placed
+    decide only what these leave open, such as the pose of a leg that was not imaged.
+    """
+    few = trial.frames(_some_frames(trial))
+    own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
+    weights = {m.name: m.weight * (_FOLLOWER if m.name in own else 1.0) for m in model.markers}
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
+    return moved(model, _local_means(model, few, q, own))
+
+
+def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
+    """OpenSim's marker placer: fit the averaged static pose, then move every marker that is not fixed.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Already scaled.
+    trial : Trial
+        The static trial.
+
+    References
+    ----------
+    OpenSim 4 documentation, "How Scaling Works"; compared with its ScaleTool in the tests.
+    """
+    pose = _average(trial, placement.time_range)
+    q = _static_pose(model, pose, placement)
+    free = [m.name for m in model.markers if m.name not in placement.fixed]
+    found = _local_means(model, pose, q, {name: model.marker(name).segment for name in free})
+    return moved(model, found)
+
+
+def moved(model: BodyModel, local: Mapping[str, tuple[float, float, float]]) -> BodyModel:
+    """The model with some markers at other local positions (m)."""
+    return model.with_markers(
+        tuple(
+            replace(m, laws=Marker.at(m.name, m.segment, local[m.name]).laws) if m.name in local else m
+            for m in model.markers
+        )
+    )
+
+
+def _some_frames(trial: Trial) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp))
+
+
+def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice:
+    """The frames that OpenSim takes for a time range.
+
+    From the last frame at or before its start to the first at or after its end: a range between two
+    frames holds both. All frames if no range is given.
+
+    Raises
+    ------
+    TrialUnusable
+        The trial does not reach into the range.
+    """
+    times = trial.times
+    if time_range is None:
+        return slice(0, len(times))
+    start, end = time_range
+    if times[-1] < start - _SAME_TIME or times[0] > end + _SAME_TIME:
+        raise TrialUnusable(
+            f"trial '{trial.name}' has no frame between {start} and {end} s",
+            file=trial.name,
+            field="time_range",
+            remedy="Correct the time range in the scale set-up",
+        )
+    first = max(int(np.searchsorted(times, start + _SAME_TIME)) - 1, 0)
+    last = int(np.searchsorted(times, max(end, times[first]) - _SAME_TIME))
+    return slice(first, min(last, len(times) - 1) + 1)
+
+
+def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
+    """One frame: the mean position of each marker over the frames of the range that show it."""
+    rows = frames_around(trial, time_range)
+    chosen = trial.markers[rows]
+    shown = ever(seen(chosen))
+    mean = np.full(chosen.shape[1:], np.nan)
+    mean[shown] = np.nanmean(chosen[:, shown], axis=0)
+    return Trial(trial.name, trial.times[rows][:1], trial.labels, mean[None], trial.rate_hz)
+
+
+def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
+    """Coordinates (1, n) of the static pose under marker and coordinate tasks.
+
+    A shoulder near its bounds has several minima; the lowest of a few ways to get there is taken.
+    """
+    weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
+    task = Task.of(model, pose, weights=weights)
+    wanted = default_coordinates(model, 1)
+    pull = np.zeros(len(model.coordinates))
+    for k, name in enumerate(model.coordinate_names):
+        pull[k] = placement.coordinate_weights.get(name, 0.0)
+        wanted[0, k] = placement.coordinate_values.get(name, wanted[0, k])
+    # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
+    prior = (wanted, pull * task.weights.sum())
+    guess = first_guess(task.tree, task.measured, wanted[0], task.p, task.free)
+
+    def solved(start: Array, bounds: tuple[Array, Array], settings: SweepSettings) -> MotionSolution:
+        return solve_motion(
+            task.tree,
+            task.measured,
+            task.weights,
+            start,
+            task.p,
+            free=task.free,
+            bounds=bounds,
+            prior=prior,
+            settings=settings,
+        )
+
+    natural = coordinate_ranges(model)
+    found = [solved(solved(guess, natural, pace).q, task.bounds, _EXACT) for pace in _PACES]
+    return min(found, key=lambda solution: float(solution.cost[0])).q
+
+
+def _local_means(
+    model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
+) -> dict[str, tuple[float, float, float]]:
+    """Mean position of labels in their segments' frames over the frames that show them (m)."""
+    carriers = [Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())]
+    tree = compile_model(model.with_markers(tuple(carriers)))
+    poses = forward(tree, np.ascontiguousarray(q.T), np.zeros(tree.n_parameters))
+    link = {m.segment: int(k) for m, k in zip(carriers, tree.marker_link, strict=True)}
+    present = _seen(trial, segments)
+    means = {}
+    for name in present:
+        k = link[segments[name]]
+        gap = trial.position(name).T - poses.origins[k]
+        local = np.nanmean(np.einsum("jcn,cn->jn", poses.axes[k], gap), axis=1)
+        means[name] = (float(local[0]), float(local[1]), float(local[2]))
+    return means
+
+
+def _seen(trial: Trial, names: Iterable[str]) -> list[str]:
+    return [n for n in names if n in trial.labels and seen(trial.position(n)).any()]

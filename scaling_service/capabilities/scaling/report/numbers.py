@@ -1,0 +1,104 @@
+"""The chapters on fitted numbers and on where everything comes from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+
+from scaling_service.capabilities.scaling.report.data import SubjectData
+from scaling_service.documents.results import FittedParameter, MethodResult
+from scaling_service.report.blocks import Block, Cell, Details, Row, Table, Text
+from scaling_service.report.methods import method_columns
+from scaling_service.report.page import Section
+from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
+
+_SHOWN = {"m": ("mm", 1e3, 1), "rad": ("°", 180.0 / math.pi, 1), "1": ("", 1.0, 3)}
+"""Unit of a parameter to the unit shown, the factor and the digits."""
+
+
+def numbers_section(data: SubjectData) -> Section:
+    """How many numbers were fitted, how many of them mean little, and each of them."""
+    return Section("Fitted numbers", list(_numbers(data.document.methods)), new_page=True)
+
+
+def _numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
+    fitted = {name: m for name, m in methods.items() if m.parameters}
+    if not fitted:
+        yield Text("No method fitted any number.")
+        return
+    yield Table(
+        "How many",
+        ["", *method_columns(list(fitted))],
+        [
+            Row("in all", [str(len(m.parameters)) for m in fitted.values()]),
+            Row(
+                "not determined",
+                [str(sum(not p.identifiable for p in m.parameters)) for m in fitted.values()],
+            ),
+            Row("at a bound", [_count(p.at_bound for p in m.parameters) for m in fitted.values()]),
+        ],
+        "Not determined: the recordings say less about it than the first guess, or it belongs to a "
+        "combination that changes nothing in the markers. Such numbers mean little alone.",
+    )
+    for name, method in fitted.items():
+        yield Details(
+            f"{name}: all {len(method.parameters)}",
+            [
+                Table(
+                    f"Fitted numbers of {name}",
+                    ["", "value", "SD", "determined", "at a bound"],
+                    [_parameter(p) for p in method.parameters],
+                    long=True,
+                )
+            ],
+        )
+
+
+def _count(which: Iterable[bool]) -> str:
+    return str(sum(which))
+
+
+def _parameter(parameter: FittedParameter) -> Row:
+    unit, factor, digits = _SHOWN[parameter.unit]
+    sd = "not known" if parameter.sd is None else f"{factor * parameter.sd:.{digits}f}"
+    return Row(
+        f"{parameter.name}{', ' + unit if unit else ''}",
+        [
+            f"{factor * parameter.value:.{digits}f}",
+            sd,
+            Cell("yes", tone="good") if parameter.identifiable else Cell("no", tone="poor"),
+            Cell("yes", tone="poor") if parameter.at_bound else "no",
+        ],
+    )
+
+
+def provenance_section(data: SubjectData) -> Section:
+    """What was repaired, skipped or warned of, and what is needed to get the same results again."""
+    return Section("Where this comes from", list(_provenance(data)), new_page=True)
+
+
+def _provenance(data: SubjectData) -> Iterator[Block]:
+    document = data.document
+    warnings = list(
+        dict.fromkeys([*document.warnings, *(w for m in document.methods.values() for w in m.warnings)])
+    )
+    yield Table(
+        "Methods",
+        ["method", "what it does"],
+        [Row(name, [data.titles.get(name, "")]) for name in document.methods],
+        words=True,
+    )
+    yield from warning_blocks(warnings)
+    yield from repair_blocks(document)
+    yield from input_blocks(document)
+    times = [
+        Row(
+            name,
+            [str(m.iterations), f"{m.wall_s.calibration:.2f}", f"{m.wall_s.inverse_kinematics:.2f}"],
+        )
+        for name, m in document.methods.items()
+    ]
+    yield Details(
+        "Computing time",
+        [Table("Iterations and seconds", ["", "iterations", "fitting, s", "following, s"], times)],
+    )

@@ -1,0 +1,270 @@
+"""Scaling and comparing, from a subject to results in memory, whoever asks for it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError, kinematic_error
+from scaling_service.capabilities.scaling.comparison.segments import Geometry, geometry
+from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised, calibrate
+from scaling_service.capabilities.scaling.plausible import doubts
+from scaling_service.capabilities.subject.checks import require_landmarks
+from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
+from scaling_service.capabilities.subject.mass import with_mass
+from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.results import Calibration, Motion
+from scaling_service.model.subject import Session, Subject
+from scaling_service.recording.orientation import check_axes
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of the whole that is done, 0 to 1."""
+
+_LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
+_FITTING = 0.6  # chosen: about the share of the fit in one method's time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scaling:
+    """One method's model of a person, and how it follows the recordings.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    motions, errors : mapping
+        Name of each calibration and evaluation trial to its motion and its kinematic error.
+    geometry : Geometry
+    inverse_kinematics_s : float
+    """
+
+    calibration: Calibration
+    motions: Mapping[str, Motion]
+    errors: Mapping[str, KinematicError]
+    geometry: Geometry
+    inverse_kinematics_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """What one or several methods made of a subject.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        The session, and how its labels and axes were understood.
+    settings : Settings
+    scalings : mapping
+        Method to its scaling, in the order computed.
+    warnings : tuple of str
+        What concerns all methods.
+    wall_s : float
+    subject_file : Path, optional
+        Where the subject came from.
+    """
+
+    loaded: Loaded
+    settings: Settings
+    scalings: Mapping[str, Scaling]
+    warnings: tuple[str, ...] = ()
+    wall_s: float = 0.0
+    subject_file: Path | None = None
+
+    @property
+    def session(self) -> Session:
+        """The model and the recordings that were used."""
+        return self.loaded.session
+
+
+def scale(
+    subject: Subject | str | Path,
+    method: str = "MB_am",
+    settings: Settings = Settings(),
+    *,
+    progress: Progress | None = None,
+) -> Results:
+    """Scale a subject's model by one method.
+
+    Parameters
+    ----------
+    subject : Subject or path of a subject file
+    method : str
+        A key of :data:`~scaling_service.capabilities.scaling.methods.table.METHODS`.
+    settings : Settings
+    progress : callable, optional
+
+    Returns
+    -------
+    Results
+        With that method's scaling.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject file, the model or the recordings cannot be used.
+    """
+    return compare(subject, (method,), settings, progress=progress)
+
+
+def compare(
+    subject: Subject | str | Path,
+    methods: Sequence[str] | None = None,
+    settings: Settings = Settings(),
+    *,
+    progress: Progress | None = None,
+) -> Results:
+    """Scale a subject's model by several methods.
+
+    Parameters
+    ----------
+    subject : Subject or path of a subject file
+    methods : sequence of str, optional
+        All that the recordings allow unless given.
+    settings : Settings
+    progress : callable, optional
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject file, the model or the recordings cannot be used.
+    """
+    clock = time.perf_counter()
+    report = progress or _silent
+    file = None if isinstance(subject, Subject) else Path(subject)
+    check_methods(methods or ())
+    check_axes(settings.up, settings.forward)
+    known = load_subject(file) if file is not None else subject
+    assert isinstance(known, Subject)
+    with blamed_on(file):
+        report("reading the recordings", 0.0)
+        loaded = load(known, settings)
+        return run(loaded, methods, settings, progress=report, subject_file=file, started=clock)
+
+
+def run(
+    loaded: Loaded,
+    methods: Sequence[str] | None = None,
+    settings: Settings = Settings(),
+    *,
+    progress: Progress | None = None,
+    subject_file: Path | None = None,
+    started: float | None = None,
+) -> Results:
+    """Scale by several methods what is loaded already; see :func:`compare`.
+
+    Parameters
+    ----------
+    started : float, optional
+        Value of ``time.perf_counter()`` from which the wall time counts.
+    """
+    clock = time.perf_counter() if started is None else started
+    check_methods(methods or ())
+    session = loaded.session
+    chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _possible(session)
+    report = progress or _silent
+    calibrations: dict[str, Calibration] = {}
+    scalings: dict[str, Scaling] = {}
+    with blamed_on(None, recordings(session.subject)):
+        if session.scale_setup is None and session.images is None:
+            require_landmarks(session)
+        for k, method in enumerate(chosen):
+            part = _Part(
+                report, _LOADING + (1.0 - _LOADING) * k / len(chosen), (1.0 - _LOADING) / len(chosen)
+            )
+            for name in _first_guesses(method):
+                calibrations[name] = calibrate(session, name, settings.calibration, calibrations)
+            part(f"{method}: fitting", 0.0)
+            calibrations[method] = calibrate(
+                session, method, settings.calibration, calibrations, _steps(part, method)
+            )
+            scalings[method] = _evaluated(with_mass(calibrations[method], session), session, part)
+    report("done", 1.0)
+    return Results(
+        loaded,
+        settings,
+        scalings,
+        (*session.warnings, *warnings, *_doubts(scalings, session)),
+        time.perf_counter() - clock,
+        subject_file,
+    )
+
+
+def _doubts(scalings: Mapping[str, Scaling], session: Session) -> tuple[str, ...]:
+    return doubts(
+        {method: scaling.errors for method, scaling in scalings.items()},
+        {method: scaling.geometry.lengths for method, scaling in scalings.items()},
+        session.subject.height_m,
+    )
+
+
+def check_methods(methods: Sequence[str]) -> None:
+    """Refuse a method that there is not (SubjectInvalid)."""
+    for method in methods:
+        if method not in METHODS:
+            raise SubjectInvalid(
+                f"there is no method '{method}'", field="method", remedy=f"Methods are {', '.join(METHODS)}"
+            )
+
+
+def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The methods that bones and recordings allow, and a word on those that trials are missing for."""
+    imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
+    if session.calibration:
+        return tuple(imaged), ()
+    left_out = [name for name, method in imaged.items() if isinstance(method, Optimised)]
+    note = f"there is no calibration trial, so {', '.join(left_out)} were left out"
+    return tuple(name for name in imaged if name not in left_out), (note,)
+
+
+def _first_guesses(method: str) -> list[str]:
+    """What a method starts from, first things first."""
+    needed: list[str] = []
+    while (before := METHODS[method].needs) is not None:
+        needed.insert(0, before)
+        method = before
+    return needed
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A stretch of the whole, reported as shares of itself."""
+
+    report: Progress
+    start: float
+    length: float
+
+    def __call__(self, what: str, share: float) -> None:
+        self.report(what, self.start + self.length * share)
+
+
+def _steps(part: _Part, method: str) -> Callable[[int, float], None]:
+    """Steps of a fit as progress: how many are needed is not known, so each adds less."""
+
+    def step(number: int, _cost: float) -> None:
+        part(f"{method}: fitting, step {number}", _FITTING * (1.0 - 0.9**number))
+
+    return step
+
+
+def _evaluated(calibration: Calibration, session: Session, part: _Part) -> Scaling:
+    clock = time.perf_counter()
+    motions: dict[str, Motion] = {}
+    trials = session.dynamic
+    for k, trial in enumerate(trials):
+        part(f"{calibration.method}: following {trial.name}", _FITTING + (1.0 - _FITTING) * k / len(trials))
+        motions[trial.name] = inverse_kinematics(calibration.model, trial)
+    return Scaling(
+        calibration,
+        motions,
+        {name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
+        geometry(calibration),
+        time.perf_counter() - clock,
+    )
+
+
+def _silent(what: str, share: float) -> None:
+    """No progress is shown."""

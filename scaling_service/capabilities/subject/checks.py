@@ -1,0 +1,188 @@
+"""Whether recordings suit each other, the model and a scale set-up, asked before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
+from scaling_service.model.trial import Array, Trial
+from scaling_service.numerics.least_squares.masks import seen
+
+SAME_M = 1e-5
+"""Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two
+recordings of a person agree so well)."""
+
+ONE_SPOT_M = 1e-3
+"""Two markers nearer than this are one marker with two labels (chosen: the smallest balls measure 3 mm)."""
+
+_MARGIN_S = 1e-9  # as calibration takes the frames of a time range
+
+NEEDED_TOGETHER = (("RLFE", "RMFE"), ("LLFE", "LMFE"), ("RLM", "RMM"), ("LLM", "LMM"))
+"""Where the second is labelled and the first is not, the first has an unknown name; no laboratory marks the
+inner side of a joint alone. The other way round is common."""
+
+
+def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
+    """One recording under two names would count twice, or pass for one that was never fitted.
+
+    Parameters
+    ----------
+    trials : mapping
+        File to what it holds, in m.
+
+    Raises
+    ------
+    SubjectInvalid
+        Naming both files.
+    """
+    fields = {path: f"trials.evaluation.{k}" for k, path in enumerate(subject.evaluation)}
+    fields |= {path: f"trials.calibration.{k}" for k, path in enumerate(subject.calibration)}
+    for first, second in combinations(trials, 2):
+        if _same(trials[first], trials[second]):
+            raise SubjectInvalid(
+                f"'{second.name}' holds the same recording as '{first.name}'",
+                field=fields.get(second, "trials.static"),
+                remedy="Remove one of them, or name the recording that was meant",
+            )
+
+
+def _same(one: Trial, other: Trial) -> bool:
+    if one.n_frames != other.n_frames or set(one.labels) != set(other.labels):
+        return False
+    theirs = other.selected(one.labels).markers
+    both = np.isfinite(one.markers) & np.isfinite(theirs)
+    if not both.any() or not np.array_equal(np.isfinite(one.markers), np.isfinite(theirs)):
+        return False
+    return bool(np.abs(one.markers - theirs)[both].max() < SAME_M)
+
+
+def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
+    """Two markers of one segment with the same positions give it no size.
+
+    Parameters
+    ----------
+    trial : Trial
+        In m, with the model's names.
+
+    Raises
+    ------
+    TrialUnusable
+        Naming both.
+    """
+    carried: dict[str, list[Marker]] = {}
+    for marker in model.markers:
+        if marker.name in trial.labels and marker.weight > 0.0:
+            carried.setdefault(marker.segment, []).append(marker)
+    for one, other in (pair for markers in carried.values() for pair in combinations(markers, 2)):
+        apart = _median_distance(trial.position(one.name), trial.position(other.name))
+        if apart < ONE_SPOT_M < float(np.linalg.norm(np.subtract(one.nominal, other.nominal))):
+            raise TrialUnusable(
+                f"markers '{one.name}' and '{other.name}' lie on one spot in trial '{trial.name}'",
+                file=trial.name,
+                field=f"{one.name}, {other.name}",
+                remedy="Correct the labels in the recording, or leave one of them out of it",
+            )
+
+
+def _median_distance(one: Array, other: Array) -> float:
+    """Median over the frames that show both (m); infinite where none does."""
+    distance = np.linalg.norm(one - other, axis=1)
+    known = distance[np.isfinite(distance)]
+    return float(np.median(known)) if len(known) else float("inf")
+
+
+def require_landmarks(session: Session) -> None:
+    """Refuse recordings in which a landmark has a name that nothing here knows.
+
+    Pelvis landmarks are needed for the hip centres as soon as one is there (both ASIS; a PSIS or the sacrum),
+    the outer landmark of a knee or ankle as soon as the inner one is. A leg that was not marked at all
+    is nobody's mistake. Landmarks of which the model has no marker are not needed.
+
+    Raises
+    ------
+    MarkerMissing
+    """
+    trials = [*([session.static] if session.static is not None else []), *session.dynamic]
+    ours = {landmark: m.name for m in session.model.markers if (landmark := canonical(m.name)) is not None}
+    theirs = {canonical(label) for trial in trials for label in trial.labels}
+    needed = [outer for outer, inner in NEEDED_TOGETHER if inner in theirs]
+    if theirs & {"RASIS", "LASIS", "RPSIS", "LPSIS", "SACR"}:
+        back = theirs & {"SACR", "RPSIS", "LPSIS"}
+        needed += ["RASIS", "LASIS", *(() if back else ("RPSIS", "LPSIS"))]
+    for landmark in needed:
+        if landmark in ours and landmark not in theirs:
+            known = set(session.model.marker_names)
+            # Those that mean nothing to the model first: the one that is looked for is among them.
+            present = sorted(trials[0].labels, key=lambda label: label in known)
+            raise MarkerMissing(ours[landmark], trials[0].name, present)
+
+
+def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[str]:
+    """Refuse a scale set-up whose measurements cannot be taken, and tell what it scales in vain.
+
+    Parameters
+    ----------
+    trial : Trial
+        The one that lengths are measured on.
+    file : Path
+        The set-up.
+
+    Raises
+    ------
+    TrialUnusable
+        A measurement's marker is not in the model or never seen, or the time range holds no frame.
+    """
+    rows = _rows(setup, trial, file)
+    for measurement in setup.measurements:
+        for pair in measurement.pairs:
+            _require_pair(pair, measurement, model, trial.frames(rows), file)
+    scaled = [*(s for m in setup.measurements for s in m.axes), *setup.manual]
+    unknown = [name for name in dict.fromkeys(scaled) if name not in model.segment_names]
+    if unknown:
+        yield f"{file.name} scales {few(unknown)}, which the model does not have: that was left out"
+
+
+def _rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
+    if setup.time_range is None:
+        return slice(None)
+    start, end = setup.time_range
+    if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
+        raise TrialUnusable(
+            f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no frame "
+            f"between {start:g} and {end:g} s",
+            file=file,
+            field="ModelScaler.time_range",
+            remedy="Correct the time range in the scale set-up",
+        )
+    first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
+    return slice(int(first), max(int(last), int(first) + 1))
+
+
+def _require_pair(
+    pair: Sequence[str], measurement: Measurement, model: BodyModel, trial: Trial, file: Path
+) -> None:
+    for name in pair:
+        if name not in model.marker_names:
+            raise TrialUnusable(
+                f"it uses marker '{name}', which the model does not have",
+                file=file,
+                field=f"measurement {measurement.name}",
+                remedy="Give the marker set that belongs to the set-up under `marker_set:`",
+            )
+        trial.index(name)
+    if not (seen(trial.position(pair[0])) & seen(trial.position(pair[1]))).any():
+        raise TrialUnusable(
+            f"markers '{pair[0]}' and '{pair[1]}', between which '{measurement.name}' is measured, are never "
+            f"seen together in trial '{trial.name}'",
+            file=trial.name,
+            field=f"{pair[0]}, {pair[1]}",
+            remedy="Label them in the recording, or take the measurement out of the scale set-up",
+        )

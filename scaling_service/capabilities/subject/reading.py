@@ -1,0 +1,145 @@
+"""From a subject document to a subject: paths made absolute and looked for, names checked."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.documents.reading import read_document
+from scaling_service.documents.subject import SubjectDocument
+from scaling_service.files.recording import READERS
+from scaling_service.model.builtin import BUILTIN_NAMES
+from scaling_service.model.subject import Subject
+
+
+def load_subject(path: str | Path) -> Subject:
+    """Read a subject file, and check that everything it names is there.
+
+    Parameters
+    ----------
+    path : path
+        A YAML or JSON subject file; paths in it are relative to it.
+
+    Returns
+    -------
+    Subject
+        Absolute paths; no recording has been read yet.
+
+    Raises
+    ------
+    FileUnreadable
+        The file is absent or no text.
+    SubjectInvalid
+        It does not follow the contract, or a file that it names is absent.
+    """
+    file = Path(path)
+    if file.suffix.lower() in READERS:
+        raise SubjectInvalid(
+            "this is a recording, not a subject file",
+            file=file,
+            remedy="Name it under `trials:` in a subject file, and give that",
+        )
+    return subject_from_document(read_document(file), folder=file.resolve().parent, file=file)
+
+
+def subject_from_document(
+    document: SubjectDocument, *, folder: Path, file: str | Path | None = None
+) -> Subject:
+    """The subject that a checked document describes.
+
+    Parameters
+    ----------
+    document : SubjectDocument
+    folder : Path
+        What the document's paths are relative to.
+    file : path, optional
+        Named in errors.
+
+    Raises
+    ------
+    SubjectInvalid
+        A file is absent, of a format that is not read, or the built-in model does not exist.
+    """
+    find = _Finder(folder, str(file) if file is not None else None)
+    person, trials = document.subject, document.trials
+    return Subject(
+        id=person.id,
+        model=str(find(document.model, "model")) if document.model_is_file else find.builtin(document.model),
+        sex=person.sex,
+        height_m=person.height_m,
+        mass_kg=person.mass_kg,
+        marker_set=find.optional(document.marker_set, "marker_set"),
+        scale_setup=find.optional(document.scale_setup, "scale_setup"),
+        marker_map=dict(document.markers),
+        extra_markers=dict(document.extra_markers),
+        static=None if trials.static is None else find.recording(trials.static, "trials.static"),
+        calibration=find.recordings(trials.calibration, "trials.calibration"),
+        evaluation=find.recordings(trials.evaluation, "trials.evaluation"),
+        forces=find.all(document.forces, "forces"),
+        bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
+        bone_units=document.bones.units if document.bones else "mm",
+        image_markers=find.optional(document.image_markers, "image_markers"),
+        sizes_m=document.sizes_m,
+    )
+
+
+class _Finder:
+    """Looks for the files that a document names."""
+
+    def __init__(self, folder: Path, file: str | None) -> None:
+        self._folder, self._file = folder, file
+
+    def __call__(self, path: str, field: str) -> Path:
+        found = self._folder / Path(path).expanduser()
+        if not found.is_file():
+            problem = "is a folder, not a file" if found.is_dir() else "does not exist"
+            raise SubjectInvalid(
+                f"'{path}' {problem} (looked for {found})",
+                file=self._file,
+                field=field,
+                remedy=self._similar(found),
+            )
+        # Not resolved: results are named as the subject file names the recording, not as a link's target.
+        return found.absolute()
+
+    def optional(self, path: str | None, field: str) -> Path | None:
+        return None if path is None else self(path, field)
+
+    def all(self, paths: Mapping[str, str], field: str) -> dict[str, Path]:
+        return {name: self(path, f"{field}.{name}") for name, path in paths.items()}
+
+    def recording(self, path: str, field: str) -> Path:
+        if PurePath(path).suffix.lower() not in READERS:
+            raise SubjectInvalid(
+                f"'{path}' is of no format that recordings are read from",
+                file=self._file,
+                field=field,
+                remedy=f"Export it as {' or '.join(READERS)}",
+            )
+        return self(path, field)
+
+    def recordings(self, paths: list[str], field: str) -> tuple[Path, ...]:
+        return tuple(self.recording(path, f"{field}.{k}") for k, path in enumerate(paths))
+
+    def builtin(self, name: str) -> str:
+        if name in BUILTIN_NAMES:
+            return name
+        close = difflib.get_close_matches(name, BUILTIN_NAMES, n=1)
+        guess = f"Did you mean '{close[0]}'? " if close else ""
+        raise SubjectInvalid(
+            f"there is no built-in model '{name}'",
+            file=self._file,
+            field="model",
+            remedy=f"{guess}Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim or model.json",
+        )
+
+    @staticmethod
+    def _similar(missing: Path) -> str:
+        """What lies in that folder under a similar name."""
+        folder = missing.parent
+        names = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
+        close = difflib.get_close_matches(missing.name, names, n=1, cutoff=0.75)  # suffixes are alike
+        otherwise = "Paths are relative to the subject file: correct the path"
+        return f"Did you mean '{close[0]}'?" if close else otherwise

@@ -1,1 +1,0 @@
-"""Where simulation and measurement disagree, which effect is missing, and what it explains once added."""

@@ -1,0 +1,186 @@
+"""What the program writes: the JSON documents of results, units in the names."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from scaling_service.documents.clinical import ClinicalDocument
+
+SCHEMA_VERSION = 1
+"""Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
+
+
+class _Result(BaseModel):
+    """Frozen, checked on the way out, and refusing what JSON has no number for."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TrialError(_Result):
+    """Distances between measured and model markers over one trial, mm."""
+
+    role: Literal["calibration", "evaluation"] = Field(description="Evaluation trials were not used to fit.")
+    mean: float = Field(description="Over frames and markers.")
+    sd: float = Field(description="Over frames, of each frame's mean.")
+    rms: float
+    max: float
+    anatomical_mean: float | None = Field(description="Over markers on bony landmarks; null if none.")
+    tracking_mean: float | None = Field(description="Over markers on soft tissue; null if none.")
+    frames: int
+    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
+
+
+class JointCentre(_Result):
+    """Where a joint turns, in the frame of its proximal segment, mm."""
+
+    frame: str
+    xyz: tuple[float, float, float]
+
+
+class LengthEstimate(_Result):
+    """How well a length between joint centres is known, and what decides it; the shares add up to one."""
+
+    sd_mm: float = Field(description="Standard deviation.")
+    measured: float = Field(description="Share of the segment's own distances.")
+    others: float = Field(description="Share of other segments' distances.")
+    expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
+
+
+class PersonCentre(_Result):
+    """How a joint centre of the person was found in a recording."""
+
+    source: str
+    sd_mm: tuple[float, float, float] = Field(
+        description="Standard deviation along x (forward), y (up), z (to the right) of the pelvis."
+    )
+
+
+class KneeAxis(_Result):
+    """Turns of a knee's axis about x and y of the thigh, degrees."""
+
+    x: float
+    y: float
+
+
+class FittedParameter(_Result):
+    """A number that was fitted, in ``unit``."""
+
+    name: str
+    value: float
+    unit: Literal["m", "rad", "1"]
+    sd: float | None = Field(description="Standard deviation; null where it cannot be known.")
+    at_bound: bool
+    identifiable: bool = Field(description="False where the recordings say no more than the bounds do.")
+
+
+class WallTime(_Result):
+    """Seconds."""
+
+    calibration: float
+    inverse_kinematics: float
+
+
+class MethodResult(_Result):
+    """One method's model and how well it follows the recordings."""
+
+    method: str
+    kinematic_error_mm: dict[str, TrialError]
+    fitted_mean_mm: float | None = Field(
+        default=None, description="Mean kinematic error of the calibration trials, each counting once."
+    )
+    held_out_mean_mm: float | None = Field(
+        default=None, description="Of the evaluation trials; null where none was held out."
+    )
+    held_out_ratio: float | None = Field(default=None, description="Held out over fitted; null without both.")
+    segment_lengths_mm: dict[str, float]
+    length_estimates: dict[str, LengthEstimate] = Field(
+        default={},
+        description="Of lengths that distances and anthropometry gave; fitted ones have parameters.",
+    )
+    joint_centres_mm: dict[str, JointCentre]
+    person_centres: dict[str, PersonCentre] = Field(
+        default={}, description="`hip_r` and on: where lengths were measured from."
+    )
+    knee_axis_deg: dict[str, KneeAxis]
+    marker_shift_mm: dict[str, float]
+    scale_factors: dict[str, tuple[float, float, float]]
+    parameters: list[FittedParameter]
+    cumulative_error_mm2: float | None = Field(
+        description="Sum of squared distances over the frames fitted (Puchaud 2019, eq. 1), or null."
+    )
+    iterations: int
+    wall_s: WallTime
+    clinical: ClinicalDocument | None = Field(
+        default=None, description="Joint angles in a gait laboratory's definitions, their profile and score."
+    )
+    warnings: list[str]
+    files: list[str] = Field(description="What was written beside this document.")
+
+
+class RepairNote(_Result):
+    """One thing that was changed or decided while reading or processing a recording."""
+
+    what: str
+    where: str
+    detail: str
+    frames: int
+
+
+class Provenance(_Result):
+    """What is needed to get the same result again."""
+
+    schema_version: int = SCHEMA_VERSION
+    code_version: str
+    subject: str
+    settings: dict[str, Any] = Field(description="As resolved, defaults included.")
+    input_hashes: dict[str, str] = Field(description="File to SHA-256.")
+    seed: int
+    markers_used: dict[str, list[str]] = Field(description="Model marker to the labels taken for it.")
+    repairs: dict[str, list[RepairNote]] = Field(description="Trial to what was done to it.")
+    sizes: dict[str, float] = Field(
+        default={},
+        description="Height, mass and sizes measured by hand, of the subject file or the recordings.",
+    )
+
+
+class ScalingDocument(Provenance, MethodResult):
+    """``scaling.json``: one method."""
+
+
+class TruthDocument(_Result):
+    """The known answer of a virtual subject, and each method's distance from it."""
+
+    segment_lengths_mm: dict[str, float]
+    errors: dict[str, dict[str, float]] = Field(description="Method to measure to value.")
+
+
+class TrustNote(_Result):
+    """How far to trust one thing of a model."""
+
+    topic: str
+    level: Literal["good", "fair", "poor", "unknown"]
+    text: str
+
+
+class VerdictDocument(_Result):
+    """Which method to use for this person, why, and how far to trust it."""
+
+    method: str
+    strength: Literal["decided", "leaning", "undecided"]
+    headline: str
+    why: list[str]
+    trust: list[TrustNote]
+
+
+class ComparisonDocument(Provenance):
+    """``comparison.json``: all methods."""
+
+    verdict: VerdictDocument | None = Field(
+        default=None, description="Which method to use for this person, by stated rules; null if not judged."
+    )
+    methods: dict[str, MethodResult]
+    warnings: list[str]
+    wall_s: float
+    truth: TruthDocument | None = None

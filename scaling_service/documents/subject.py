@@ -1,0 +1,207 @@
+"""The subject document: what a user writes in YAML or JSON, before any path is followed."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import PurePath
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic_core import PydanticCustomError
+
+from scaling_service.documents.sizes import RANGES_M, SIZE_UNIT
+
+HEIGHT_RANGE_M = (0.3, 2.8)
+"""Chosen: from a preterm infant to the tallest person on record (2.72 m); centimetres fall outside."""
+
+MASS_RANGE_KG = (1.0, 400.0)
+"""Chosen: from an infant to beyond what a force plate is built for; grams fall outside."""
+
+MODEL_SUFFIXES = (".osim", ".json")
+"""Of models that are files: OpenSim's, and this program's own (model.json)."""
+
+Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+Identifier = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
+
+
+class _Strict(BaseModel):
+    """No unknown keys, no conversions: a number in quotes is an error."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def _wrong(problem: str, remedy: str, field: str = "") -> PydanticCustomError:
+    """An error that carries its remedy, and the field when it is deeper than the model it is raised in."""
+    return PydanticCustomError("subject", "{problem}", {"problem": problem, "remedy": remedy, "field": field})
+
+
+class Person(_Strict):
+    """Who was recorded."""
+
+    id: Identifier = Field(description="Names the person; also names folders.")
+    sex: Literal["F", "M"] | None = Field(default=None, description="Needed by inertial tables.")
+    height_m: float | None = Field(default=None, description="Stature, m.")
+    mass_kg: float | None = Field(default=None, description="Body mass, kg.")
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Person:
+        for field, unit, (low, high), hint in (
+            ("height_m", "m", HEIGHT_RANGE_M, "Give it in metres, such as 1.70"),
+            ("mass_kg", "kg", MASS_RANGE_KG, "Give it in kilograms, such as 62.0"),
+        ):
+            value = getattr(self, field)
+            if value is not None and not low <= value <= high:
+                raise _wrong(f"{value:g} {unit} is not between {low:g} and {high:g} {unit}", hint, field)
+        return self
+
+
+class Trials(_Strict):
+    """The recordings, by what they may be used for."""
+
+    static: Name | None = Field(default=None, description="Standing still; needed by marker-based scaling.")
+    calibration: list[Name] = Field(default=[], description="Frames for the optimisation come from here.")
+    evaluation: list[Name] = Field(default=[], description="Never used to fit.")
+
+    @model_validator(mode="after")
+    def _separate(self) -> Trials:
+        fitted = [*([self.static] if self.static else []), *self.calibration]
+        if not fitted and not self.evaluation:
+            raise _wrong("no recording is given", "Name at least a static or a calibration trial")
+        for path in self.evaluation:
+            if path in fitted:
+                raise _wrong(
+                    f"'{path}' is also used to fit; evaluation trials never are",
+                    "Remove it from one of the two, or record another trial",
+                    "evaluation",
+                )
+        self._refuse_equal_stems()
+        return self
+
+    def _refuse_equal_stems(self) -> None:
+        # The static trial may serve for calibration as well; it then is one recording, not two.
+        others = [self.static] if self.static and self.static not in self.calibration else []
+        seen: dict[str, str] = {}
+        for field, paths in (
+            ("static", others),
+            ("calibration", self.calibration),
+            ("evaluation", self.evaluation),
+        ):
+            for path in paths:
+                stem = PurePath(path).stem
+                if stem in seen:
+                    raise _wrong(
+                        f"'{path}' and '{seen[stem]}' have the same name without suffix",
+                        "Results are named by it: remove or rename one of them",
+                        field,
+                    )
+                seen[stem] = path
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All recordings, each once."""
+        static = (self.static,) if self.static else ()
+        return tuple(dict.fromkeys((*static, *self.calibration, *self.evaluation)))
+
+
+class Bones(_Strict):
+    """Surface meshes of the person's bones, in one common image frame."""
+
+    units: Literal["mm", "m"] = Field(description="Unit of the coordinates in the files.")
+    pelvis: Name | None = None
+    femur_r: Name | None = None
+    tibia_r: Name | None = None
+    femur_l: Name | None = None
+    tibia_l: Name | None = None
+
+    @property
+    def meshes(self) -> dict[str, str]:
+        """Segment to file, of those given."""
+        return {name: path for name, path in self.model_dump(exclude={"units"}).items() if path is not None}
+
+
+class SubjectDocument(_Strict):
+    """The whole subject document.
+
+    Paths are as written, relative to the document; nothing is read or looked for.
+    """
+
+    subject: Person
+    model: Name = Field(description="A built-in model's name, or the path of an .osim file or a model.json.")
+    marker_set: Name | None = Field(default=None, description="OpenSim markers to add; .osim models only.")
+    scale_setup: Name | None = Field(default=None, description="OpenSim scale set-up; .osim models only.")
+    markers: dict[Name, Name] = Field(default={}, description="Model marker to label in the recordings.")
+    extra_markers: dict[Name, Name] = Field(default={}, description="Further labels, and their segments.")
+    trials: Trials
+    forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
+    bones: Bones | None = None
+    image_markers: Name | None = Field(default=None, description="CSV: marker,segment,x_mm,y_mm,z_mm.")
+    sizes: dict[Name, float] = Field(default={}, description="Measured by hand, such as knee_width_r_mm.")
+
+    @property
+    def model_is_file(self) -> bool:
+        """Whether ``model`` is a path rather than a built-in name."""
+        return self.model.lower().endswith(MODEL_SUFFIXES)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SubjectDocument:
+        for field in ("marker_set", "scale_setup"):
+            if getattr(self, field) is not None and not self.model.lower().endswith(".osim"):
+                raise _wrong(
+                    f"it belongs to .osim models only, and the model is '{self.model}'",
+                    "Remove it, or give the path of an .osim file under `model:`",
+                    field,
+                )
+        self._check_labels()
+        self._check_forces()
+        self._check_sizes()
+        return self
+
+    @property
+    def sizes_m(self) -> dict[str, float]:
+        """The sizes in m, by name without unit."""
+        return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
+
+    def _check_labels(self) -> None:
+        meaning: dict[str, str] = {}
+        for marker, label in self.markers.items():
+            if label in meaning:
+                raise _wrong(
+                    f"label '{label}' already stands for '{meaning[label]}'",
+                    "Map each label to one model marker",
+                    f"markers.{marker}",
+                )
+            meaning[label] = marker
+        for label in self.extra_markers:
+            if label in meaning or label in self.markers:
+                raise _wrong(
+                    f"'{label}' is under `markers` too",
+                    "Keep it there if it is one of the model's markers, else here",
+                    f"extra_markers.{label}",
+                )
+
+    def _check_sizes(self) -> None:
+        for name, value in self.sizes.items():
+            limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
+            if limits is None:
+                known = [f"{size}{SIZE_UNIT}" for size in RANGES_M]
+                close = difflib.get_close_matches(name, known, n=1)
+                raise _wrong(
+                    "there is no such size",
+                    f"{f'Did you mean {close[0]}? ' if close else ''}Sizes are {', '.join(known)}",
+                    f"sizes.{name}",
+                )
+            low, high = (1e3 * limit for limit in limits)
+            if not low <= value <= high:
+                raise _wrong(
+                    f"{value:g} mm is not between {low:g} and {high:g} mm", "Give it in mm", f"sizes.{name}"
+                )
+
+    def _check_forces(self) -> None:
+        names = [PurePath(path).name for path in self.trials.files]
+        for trial in self.forces:
+            if trial not in names:
+                raise _wrong(
+                    "no trial has this file name",
+                    f"Use the file name of a trial: {', '.join(names)}",
+                    f"forces.{trial}",
+                )

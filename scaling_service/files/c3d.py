@@ -1,0 +1,368 @@
+"""C3D: markers, raw analog signals and parameters of a binary recording, read by ezc3d.
+
+The library parses in a process of its own: a damaged file can make it crash, hang or ask for all memory.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from scaling_service.core.errors import DependencyMissing, FileUnreadable, TrialUnusable
+from scaling_service.files.c3d_sizes import stated_sizes
+from scaling_service.files.tables import clean_positions, read_bytes, refuse_duplicates
+from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled
+
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+TIME_LIMIT_S = 60.0
+"""Chosen: ezc3d reads ten minutes of a full-body recording in a few seconds; beyond this it does not end."""
+
+COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS")
+"""Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""
+
+_KIND = "a C3D file"
+_DEC, _MIPS = 85, 86  # processor types; numbers of the second have their high byte first
+_SIGN_AT = {_DEC: 13, _MIPS: 12}  # the header's byte that holds the sign of the scale; 15 with Intel's order
+_BLOCK = 512
+_WORD = 65535  # a recording that reaches this frame keeps its true length elsewhere
+_ADVICE = "If you want to ignore"  # what the library tells programmers, not laboratories
+_WORKER = Path(__file__).with_name("c3d_worker.py")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class C3dFile:
+    """What a C3D file holds, in its own units.
+
+    Parameters
+    ----------
+    name : str
+    points : (n_frames, n_points, 3)
+        In ``point_unit``; NaN where not seen.
+    labels : tuple of str, length n_points
+        Empty where a point has none.
+    computed : frozenset of str
+        Labels of points that are results (angles, moments, virtual points).
+    point_unit : str
+    rate_hz : float
+    analog : (n_samples, n_channels)
+        Scaled to the units of ``ANALOG:UNITS``.
+    parameters : mapping
+        Group to name to list of values; numeric arrays as nested lists, first index first.
+    has_rotations : bool
+        Whether it holds segment poses (markerless systems).
+    stated_frames : int or None
+        Number of frames by the file's header; None where it cannot tell.
+    """
+
+    name: str
+    points: Array
+    labels: tuple[str, ...]
+    computed: frozenset[str]
+    point_unit: str
+    rate_hz: float
+    analog: Array
+    parameters: Mapping[str, Mapping[str, Any]]
+    has_rotations: bool = False
+    stated_frames: int | None = None
+
+    @property
+    def analog_rate_hz(self) -> float:
+        """Samples per second of the analog signals; NaN where there are none."""
+        frames = len(self.points)
+        return self.rate_hz * len(self.analog) / frames if frames and len(self.analog) else float("nan")
+
+
+def read_c3d(path: str | os.PathLike[str]) -> Trial:
+    """Read the markers of a C3D file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Trial
+        Positions in m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros);
+        time starts at 0 with the first frame of the file. ``repairs`` names the points that were left out:
+        computed ones and those without a label.
+
+    Raises
+    ------
+    FileUnreadable
+        If it is absent, empty, damaged, not C3D, or has two markers of one name.
+    TrialUnusable
+        If it has no marker, no frame or no frame rate, or only segment poses (Theia).
+    DependencyMissing
+        If ezc3d is not installed.
+    """
+    file = Path(path)
+    return c3d_trial(read_c3d_file(file), file)
+
+
+def c3d_trial(content: C3dFile, file: Path, *, unlabelled: bool = False) -> Trial:
+    """The markers of a file that was parsed; see :func:`read_c3d`.
+
+    Parameters
+    ----------
+    content : C3dFile
+    file : Path
+    unlabelled : bool
+        Whether trajectories such as ``*110``, which nobody labelled, are kept.
+
+    Raises
+    ------
+    FileUnreadable, TrialUnusable
+    """
+    if not content.labels and content.has_rotations:
+        raise TrialUnusable(
+            "the file holds segment rotations of a markerless system and no markers",
+            file=file,
+            field="ROTATION",
+            remedy="Export marker positions",
+        )
+    kept, repairs = _markers(content, unlabelled)
+    if not kept:
+        raise TrialUnusable(
+            "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
+        )
+    if not len(content.points):
+        raise _no_frame(file)
+    if not 0 < content.rate_hz < 1e6:
+        raise TrialUnusable(
+            "the frame rate is not stated", file=file, field="POINT:RATE", remedy="State it in Hz"
+        )
+    labels = tuple(content.labels[k] for k in kept)
+    refuse_duplicates(labels, [k + 1 for k in kept], file, "marker")
+    scale, unit_repairs = _scale(content.point_unit, file)
+    markers, lost = clean_positions(content.points[:, kept] * scale, labels)
+    times = np.arange(len(markers)) / content.rate_hz
+    return Trial(
+        file.stem,
+        times,
+        labels,
+        markers,
+        content.rate_hz,
+        (*repairs, *unit_repairs, *_cut(content), *lost),
+        stated_sizes(content.parameters),
+    )
+
+
+def _no_frame(file: Path) -> TrialUnusable:
+    return TrialUnusable(
+        "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
+    )
+
+
+def _markers(content: C3dFile, unlabelled: bool) -> tuple[list[int], tuple[Repair, ...]]:
+    """Indices of the points that are markers, and notes on the others."""
+    kept: list[int] = []
+    results: list[str] = []
+    nameless = 0
+    for k, label in enumerate(content.labels):
+        if label in content.computed:
+            results.append(label)
+        elif not label or (is_unlabelled(label) and not unlabelled):
+            nameless += 1
+        else:
+            kept.append(k)
+    repairs = []
+    if results:
+        shown = ", ".join(results[:8]) + (", …" if len(results) > 8 else "")
+        repairs.append(
+            Repair(
+                "computed_points", "POINT", f"{len(results)} points that are results were left out: {shown}"
+            )
+        )
+    if nameless:
+        repairs.append(Repair("unlabelled", "POINT", f"{nameless} points without a label were left out"))
+    return kept, tuple(repairs)
+
+
+def _scale(unit: str, file: Path) -> tuple[float, tuple[Repair, ...]]:
+    if unit.lower() in METRES:
+        return METRES[unit.lower()], ()
+    if unit:
+        raise FileUnreadable(
+            f"unit '{unit[:20]}' is not known",
+            file=file,
+            field="POINT:UNITS",
+            remedy="Give positions in mm or m",
+        )
+    return METRES["mm"], (
+        Repair("unit", "POINT:UNITS", "no unit is stated; mm was taken, as is usual in C3D files"),
+    )
+
+
+def _cut(content: C3dFile) -> tuple[Repair, ...]:
+    found = len(content.points)
+    if content.stated_frames is None or content.stated_frames == found:
+        return ()
+    detail = f"the header says {content.stated_frames}, the file holds {found}: it may be cut off"
+    return (Repair("header", "frames", detail),)
+
+
+def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
+    """Read everything that a C3D file holds, without judging it.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    C3dFile
+
+    Raises
+    ------
+    FileUnreadable
+        If it is absent, empty, damaged or not C3D.
+    DependencyMissing
+        If ezc3d is not installed.
+    """
+    file = Path(path)
+    content = read_bytes(file, _KIND)
+    # The second byte of every C3D file is 80 (C3D user guide, "Header section"); a header has 512 bytes.
+    if len(content) < _BLOCK or content[1] != 0x50:
+        raise FileUnreadable(
+            "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
+        )
+    _refuse_cut(content, file)
+    with tempfile.TemporaryDirectory(prefix="c3d-") as scratch:
+        target = Path(scratch) / "content.npz"
+        _parse_apart(file, target)
+        try:
+            with np.load(target, allow_pickle=False) as stored:
+                facts = json.loads(str(stored["facts"]))
+                points, residuals, analog = stored["points"], stored["residuals"], stored["analog"]
+        except (OSError, KeyError, ValueError, BadZipFile) as error:
+            raise _damaged(file, str(error)) from None
+    return _assemble(file, points, residuals, analog, facts, _stated_frames(content))
+
+
+def _stated_frames(content: bytes) -> int | None:
+    """Last minus first frame of the header, plus one (words 4 and 5; C3D user guide, "Header section")."""
+    first, last = struct.unpack_from(f"{_order(content)}HH", content, 6)
+    return last - first + 1 if first <= last < _WORD else None
+
+
+def _processor(content: bytes) -> int:
+    """The processor type, fourth byte of the parameters; 0 where the file ends before."""
+    at = _BLOCK * (content[0] - 1) + 3
+    return content[at] if 0 <= at < len(content) else 0
+
+
+def _order(content: bytes) -> str:
+    """Order of the bytes of a number, as ``struct`` writes it."""
+    return ">" if _processor(content) == _MIPS else "<"
+
+
+def _refuse_cut(content: bytes, file: Path) -> None:
+    """Raise if the file ends before the frames that its header counts, or counts and holds none.
+
+    Notes
+    -----
+    Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
+    negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
+    """
+    frames = _stated_frames(content)
+    order = _order(content)
+    points, analog = struct.unpack_from(f"{order}HH", content, 2)
+    (start,) = struct.unpack_from(f"{order}H", content, 16)
+    is_real = bool(content[_SIGN_AT.get(_processor(content), 15)] & 0x80)
+    size = (4 * points + analog) * (4 if is_real else 2)
+    if not start or not size:
+        return
+    whole = max(0, len(content) - _BLOCK * (start - 1)) // size
+    if frames is None and not whole:
+        raise _no_frame(file)
+    if frames is not None and whole < frames:
+        raise FileUnreadable(
+            f"the file is cut off: its header counts {frames} frames, and it ends after {whole}",
+            file=file,
+            remedy="Copy or export it again",
+        )
+
+
+def _parse_apart(file: Path, target: Path) -> None:
+    """Let ezc3d parse in another process, which may crash or hang."""
+    if find_spec("ezc3d") is None:
+        raise DependencyMissing(
+            "reading C3D files needs ezc3d", file=file, remedy="Install it: pip install ezc3d"
+        )
+    command = [sys.executable, "-P", str(_WORKER), str(file.resolve()), str(target)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise _damaged(file, f"parsing did not end within {TIME_LIMIT_S:g} s") from None
+    if done.returncode == 0:
+        return
+    lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    said = lines[-1].partition(_ADVICE)[0] if lines and done.returncode > 0 else ""
+    raise _damaged(file, said.strip()[:200] or "the parser crashed")
+
+
+def _damaged(file: Path, reason: str) -> FileUnreadable:
+    return FileUnreadable(
+        f"the C3D file is damaged ({reason.rstrip('.')})", file=file, remedy="Copy or export it again"
+    )
+
+
+def _assemble(
+    file: Path,
+    points: Array,
+    residuals: Array,
+    analog: Array,
+    facts: Mapping[str, Any],
+    stated_frames: int | None,
+) -> C3dFile:
+    parameters: dict[str, dict[str, Any]] = facts["parameters"]
+    about = parameters.get("POINT", {})
+    n = points.shape[1]
+    names = [str(name).strip() for name in _numbered(about, "LABELS")][:n]
+    labels = tuple(names + [""] * (n - len(names)))
+    if residuals.shape == points.shape[:2]:
+        points = np.where((residuals < 0)[..., None], np.nan, points)
+    rate = _first(about.get("RATE"))
+    usable = isinstance(rate, (int, float)) and np.isfinite(rate) and rate > 0
+    return C3dFile(
+        name=file.stem,
+        points=points,
+        labels=labels,
+        computed=frozenset(str(name).strip() for kind in COMPUTED for name in _numbered(about, kind)) - {""},
+        point_unit=str(_first(about.get("UNITS")) or "").strip(),
+        rate_hz=float(rate if usable else facts["header_rate"]),
+        analog=analog,
+        parameters=parameters,
+        has_rotations="ROTATION" in parameters or facts["n_rotations"] > 0,
+        stated_frames=stated_frames,
+    )
+
+
+def _numbered(group: Mapping[str, Any], name: str) -> list[Any]:
+    """A list that continues under NAME2, NAME3 … because one parameter holds at most 255 items."""
+    values: list[Any] = []
+    for key in (name, *(f"{name}{k}" for k in range(2, 256))):
+        if key not in group:
+            break
+        value = group[key]
+        values += value if isinstance(value, list) else [value]
+    return values
+
+
+def _first(value: Any) -> Any:
+    while isinstance(value, list):
+        value = value[0] if value else None
+    return value

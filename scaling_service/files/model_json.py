@@ -1,0 +1,76 @@
+"""``model.json``: a body model that this program wrote, read as a file that a person gave."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from scaling_service.core.errors import FileUnreadable, ModelRefused
+from scaling_service.files.tables import read_bytes
+from scaling_service.model.body import BodyModel, Law
+from scaling_service.model.document import from_document
+
+SUFFIX = ".json"
+
+_WRITTEN_BY = "scaling, dynamics, consistent and discover write it as model.json"
+
+
+def read_model_json(path: str | Path) -> BodyModel:
+    """Read a model as scaling, dynamics, consistent or discovery wrote it.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    BodyModel
+        Exactly the one that was written.
+
+    Raises
+    ------
+    FileUnreadable
+        The file is absent, empty, no JSON, or holds something else than a model.
+    InputError
+        A key is unknown or missing, or a value of the wrong kind; its path is the field.
+    ModelRefused
+        What it describes is no model, or hangs on a signal, which no recording of markers has.
+    """
+    file = Path(path)
+    try:
+        content = json.loads(read_bytes(file, "a model.json"))
+    except (ValueError, RecursionError):
+        raise FileUnreadable(
+            "this is not JSON", file=file, remedy=f"Give a model of this program: {_WRITTEN_BY}"
+        ) from None
+    if not isinstance(content, dict) or not {"segments", "coordinates"} <= content.keys():
+        raise FileUnreadable(
+            f"this is {_other(content)}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
+        )
+    model = from_document(content, file=file)
+    _refuse_signals(model, file)
+    return model
+
+
+def _other(content: Any) -> str:
+    """What a document seems to be."""
+    if isinstance(content, dict) and "code_version" in content:
+        return "a document of results"
+    if isinstance(content, dict) and {"subject", "trials"} <= content.keys():
+        return "a subject file"
+    return "some other document"
+
+
+def _refuse_signals(model: BodyModel, file: Path) -> None:
+    laws: list[tuple[str, Law]] = [(segment.joint_name, joint.law) for segment, joint in model.joints()]
+    laws += [(marker.name, law) for marker in model.markers for law in marker.laws]
+    for where, law in laws:
+        for term in law.terms:
+            if term.signal is not None:
+                raise ModelRefused(
+                    f"its law follows the signal '{term.signal}', which recordings of markers do not have",
+                    file=file,
+                    field=where,
+                    remedy="Remove that term, or replace it by one that follows a coordinate",
+                )

@@ -1,0 +1,239 @@
+"""OpenSim's set-up files: what to scale by, and what weighs how much in a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from scaling_service.core.errors import FileUnreadable
+from scaling_service.files.osim.xml_file import parse_xml
+from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
+
+_AXES = "XYZ"
+_STEPS = ("measurements", "manualScale")
+
+
+def read_scale_setup(path: Path) -> ScaleSetup:
+    """Read an OpenSim scale tool set-up of any version.
+
+    Parameters
+    ----------
+    path : Path
+        The set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
+        and marker files that it names are ignored: the subject file names its own.
+
+    Returns
+    -------
+    ScaleSetup
+        Only what is applied: measurements, manual scales and tasks switched off are left out, and
+        ``placement`` is None where the marker placer does not apply or moves no marker.
+        ``placement.fixed`` is empty: which markers stay is in the model, not in this file.
+
+    Raises
+    ------
+    FileUnreadable
+        If the file is no scale set-up, or an entry of it cannot be used; ``field`` names the entry.
+    """
+    tool = _tool(path, "ScaleTool")
+    scaler = tool.find("ModelScaler")
+    mass = _number(path, tool, "mass", 0.0)
+    applied = scaler is not None and _applied(scaler)
+    setup = scaler if scaler is not None and applied else None
+    order = _order(path, setup)
+    return ScaleSetup(
+        measurements=tuple(_measurements(path, setup)) if "measurements" in order else (),
+        manual=_manual(path, setup) if setup is not None and "manualScale" in order else {},
+        order=order,
+        time_range=_time_range(path, setup),
+        preserve_mass_distribution=setup is not None and _flag(setup, "preserve_mass_distribution", False),
+        mass_kg=mass if applied and mass > 0 else None,
+        placement=_placement(path, tool.find("MarkerPlacer")),
+    )
+
+
+def read_ik_tasks(path: Path) -> tuple[dict[str, float], dict[str, float]]:
+    """Marker and coordinate weights of an inverse kinematics set-up (or a bare IKTaskSet).
+
+    Returns
+    -------
+    marker_weights, coordinate_weights : dict
+        Of the tasks that apply. Markers have weights per m2, coordinates per rad2 (or m2).
+
+    Raises
+    ------
+    FileUnreadable
+        If the file holds no inverse kinematics tasks, or one cannot be used; ``field`` names it.
+    """
+    root = parse_xml(path)
+    tasks = next((e for e in root.iter() if e.tag == "IKTaskSet"), None)
+    if tasks is None:
+        raise FileUnreadable(
+            "holds no IKTaskSet", file=path, remedy="Give an InverseKinematicsTool set-up or an IKTaskSet"
+        )
+    markers, coordinates, _ = _tasks(path, _in_own_file(path, tasks))
+    return markers, coordinates
+
+
+def _tool(path: Path, tag: str) -> Element:
+    root = parse_xml(path)
+    tool = root if root.tag == tag else root.find(tag)
+    if tool is None:
+        raise FileUnreadable(f"holds no {tag}", file=path, remedy=f"Give an OpenSim {tag} set-up file")
+    return tool
+
+
+def _text(element: Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()
+
+
+def _flag(element: Element, tag: str, default: bool) -> bool:
+    text = _text(element, tag).lower()
+    return text in {"true", "1"} if text else default
+
+
+def _applied(element: Element) -> bool:
+    return _flag(element, "apply", True)
+
+
+def _bad(path: Path, where: Element, problem: str) -> FileUnreadable:
+    name = where.get("name") or where.tag
+    return FileUnreadable(problem, file=path, field=name, remedy="Correct this entry of the set-up")
+
+
+def _numbers(path: Path, element: Element, tag: str) -> list[float]:
+    text = _text(element, tag)
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError as error:
+        raise _bad(path, element, f"<{tag}> is not numbers: '{text}'") from error
+
+
+def _number(path: Path, element: Element, tag: str, default: float) -> float:
+    found = _numbers(path, element, tag)
+    if len(found) > 1:
+        raise _bad(path, element, f"<{tag}> must be one number")
+    return found[0] if found else default
+
+
+def _time_range(path: Path, element: Element | None) -> tuple[float, float] | None:
+    """The frames to use; OpenSim writes ``-1 -1`` for all of them."""
+    if element is None:
+        return None
+    found = _numbers(path, element, "time_range")
+    if len(found) != 2 or found[1] < found[0] or found[1] < 0:
+        return None
+    return found[0], found[1]
+
+
+def _in_own_file(path: Path, element: Element) -> Element:
+    """A set, or the set in the file that it refers to."""
+    name = element.get("file")
+    if not name:
+        return element
+    other = path.parent / name
+    found = next((e for e in parse_xml(other).iter() if e.tag == element.tag), None)
+    if found is None:
+        raise FileUnreadable(f"holds no {element.tag}", file=other, remedy=f"It is named in {path.name}")
+    return found
+
+
+def _members(path: Path, parent: Element | None, tag: str) -> Iterable[Element]:
+    """The objects of a set within an element."""
+    holder = parent.find(tag) if parent is not None else None
+    if holder is None:
+        return ()
+    return _objects(_in_own_file(path, holder))
+
+
+def _objects(holder: Element) -> Iterable[Element]:
+    objects = holder.find("objects")
+    return objects if objects is not None else ()
+
+
+def _order(path: Path, scaler: Element | None) -> tuple[str, ...]:
+    if scaler is None:
+        return ()
+    words = tuple(_text(scaler, "scaling_order").split())
+    for word in words:
+        if word not in _STEPS:
+            raise _bad(
+                path, scaler, f"<scaling_order> holds '{word}', which is not one of {', '.join(_STEPS)}"
+            )
+    return words
+
+
+def _measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
+    for item in _members(path, scaler, "MeasurementSet"):
+        if not _applied(item):
+            continue
+        pairs = tuple(_pair(path, pair) for pair in _members(path, item, "MarkerPairSet"))
+        axes = {scale.get("name", ""): _axes(path, scale) for scale in _members(path, item, "BodyScaleSet")}
+        if pairs and axes:
+            yield Measurement(item.get("name", ""), pairs, axes)
+
+
+def _pair(path: Path, element: Element) -> tuple[str, str]:
+    words = _text(element, "markers").split()
+    if len(words) != 2:
+        raise _bad(path, element, f"<markers> must name two markers, not '{' '.join(words)}'")
+    return words[0], words[1]
+
+
+def _axes(path: Path, element: Element) -> str:
+    words = _text(element, "axes").upper().replace(" ", "")
+    if not words or set(words) - set(_AXES):
+        raise _bad(path, element, f"<axes> must be among X, Y, Z, not '{_text(element, 'axes')}'")
+    return "".join(axis for axis in _AXES if axis in words)
+
+
+def _manual(path: Path, scaler: Element) -> dict[str, tuple[float, float, float]]:
+    factors = {}
+    for item in _members(path, scaler, "ScaleSet"):
+        if not _applied(item):
+            continue
+        values = _numbers(path, item, "scales")
+        if len(values) != 3 or not all(v > 0 for v in values):
+            raise _bad(path, item, "<scales> must be three positive numbers")
+        factors[_text(item, "segment")] = (values[0], values[1], values[2])
+    return factors
+
+
+def _placement(path: Path, placer: Element | None) -> MarkerPlacement | None:
+    if placer is None or not _applied(placer) or not _flag(placer, "move_model_markers", True):
+        return None
+    tasks = placer.find("IKTaskSet")
+    found = _tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
+    return MarkerPlacement(*found, time_range=_time_range(path, placer))
+
+
+def _tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:
+    """Marker weights, coordinate weights and the values of coordinates given by hand."""
+    markers: dict[str, float] = {}
+    coordinates: dict[str, float] = {}
+    values: dict[str, float] = {}
+    for item in _objects(tasks):
+        weight = _number(path, item, "weight", 1.0)
+        name = item.get("name", "")
+        if not _applied(item) or weight <= 0:
+            continue
+        if item.tag == "IKMarkerTask":
+            markers[name] = weight
+        elif item.tag == "IKCoordinateTask":
+            coordinates[name] = weight
+            values.update(_fixed_value(path, item, name))
+    return markers, coordinates, values
+
+
+def _fixed_value(path: Path, task: Element, name: str) -> dict[str, float]:
+    kind = _text(task, "value_type") or "default_value"
+    if kind == "default_value":
+        return {}
+    if kind == "manual_value":
+        return {name: _number(path, task, "value", 0.0)}
+    raise FileUnreadable(
+        f"the task takes its value by '{kind}', which is not supported",
+        file=path,
+        field=name,
+        remedy="Use default_value or manual_value, or switch the task off",
+    )

@@ -1,0 +1,314 @@
+"""An OpenSim model as plain JSON: bodies, joints as axes with functions, markers (worker side)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Set
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from scaling_service.core.errors import FileUnreadable, ModelRefused
+from scaling_service.files.osim.library import opensim
+from scaling_service.files.osim.worker_functions import function_terms
+
+_X, _Y, _Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+
+# The joints of fixed kind: for each of their coordinates, in order, what it does. Ball and free joints
+# turn by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses); translations
+# act in the parent's joint frame, before the rotations.
+_FIXED_JOINTS: Mapping[str, tuple[tuple[str, list[float]], ...]] = {
+    "WeldJoint": (),
+    "PinJoint": (("rotation", _Z),),
+    "SliderJoint": (("translation", _X),),
+    "UniversalJoint": (("rotation", _X), ("rotation", _Y)),
+    "GimbalJoint": (("rotation", _X), ("rotation", _Y), ("rotation", _Z)),
+    "BallJoint": (("rotation", _X), ("rotation", _Y), ("rotation", _Z)),
+    "PlanarJoint": (("rotation", _Z), ("translation", _X), ("translation", _Y)),
+    "FreeJoint": (
+        ("rotation", _X),
+        ("rotation", _Y),
+        ("rotation", _Z),
+        ("translation", _X),
+        ("translation", _Y),
+        ("translation", _Z),
+    ),
+}
+_MOTION = {1: "rotation", 2: "translation", 3: "coupled"}
+_REMEDY = "Remove or replace it in the model"
+
+
+def read(request: dict[str, Any]) -> dict[str, Any]:
+    """Describe the model in ``file``, with the markers of ``marker_set`` added where given."""
+    return describe(load(Path(request["file"]), request.get("marker_set")))
+
+
+def load(path: Path, marker_set: str | None = None) -> Any:
+    """Load and connect a model.
+
+    Raises
+    ------
+    FileUnreadable
+        If OpenSim cannot read it.
+    ModelRefused
+        If it holds a joint or constraint of a kind that OpenSim does not know, or the marker set a
+        marker on a body that is absent.
+    """
+    if not path.is_file():
+        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
+    _refuse_unknown_types(path)
+    try:
+        model = opensim().Model(str(path))
+        model.finalizeConnections()
+    except RuntimeError as error:
+        raise FileUnreadable(
+            f"OpenSim cannot read it ({short(error)})", file=path, remedy="Open and save it in OpenSim"
+        ) from error
+    if marker_set is not None:
+        _add_markers(model, Path(marker_set))
+    return model
+
+
+def short(error: RuntimeError) -> str:
+    """OpenSim's message without the C++ function and source line around it."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    head = lines[0] if lines else "no message"
+    return head.split("': ", 1)[1] if head.startswith("std::exception in") and "': " in head else head
+
+
+def _refuse_unknown_types(path: Path) -> None:
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except ElementTree.ParseError:
+        return  # OpenSim's own parser is more lenient, and has read it
+    known = opensim().OpenSimObject.getDefaultInstanceOfType
+    for element in root.iter():
+        name = element.get("name")
+        if name and element.tag.endswith(("Joint", "Constraint")) and known(element.tag) is None:
+            raise ModelRefused(
+                f"'{name}' is a {element.tag}, a kind that OpenSim does not know",
+                file=path,
+                field=name,
+                remedy="Replace it by a CustomJoint, or load a model without the plug-in",
+            )
+
+
+def _add_markers(model: Any, path: Path) -> None:
+    """As OpenSim's scale tool: markers of the set replace those of the same name, others are added."""
+    if not path.is_file():
+        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
+    library = opensim()
+    try:
+        markers = library.MarkerSet(str(path))
+    except RuntimeError as error:
+        raise FileUnreadable(
+            f"OpenSim cannot read this marker set ({short(error)})",
+            file=path,
+            remedy="It must be an OpenSim MarkerSet file",
+        ) from error
+    if not markers.getSize():
+        raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
+    for marker in items(markers):
+        frame = marker.getParentFrameName()
+        if not model.hasComponent(frame):
+            raise ModelRefused(
+                f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
+                file=path,
+                field=marker.getName(),
+                remedy="Put it on one of the model's bodies",
+            )
+    model.updateMarkerSet(markers)
+    model.finalizeConnections()
+
+
+def describe(model: Any) -> dict[str, Any]:
+    """Everything of a connected model that a BodyModel holds.
+
+    Raises
+    ------
+    ModelRefused
+        Names the joint, constraint, coordinate or frame that cannot be represented.
+    """
+    spans = _spans(model)
+    couplers = _couplers(model, spans)
+    dependent = {coupler["dependent"] for coupler in couplers}
+    return {
+        "name": model.getName(),
+        "bodies": [_body(body) for body in items(model.getBodySet())],
+        "joints": [_joint(joint, spans, dependent) for joint in items(model.getJointSet())],
+        "coordinates": [_coordinate(c) for c in items(model.getCoordinateSet())],
+        "couplers": couplers,
+        "markers": [_marker(marker) for marker in items(model.getMarkerSet())],
+    }
+
+
+def items(collection: Any) -> list[Any]:
+    """The members of an OpenSim set."""
+    return [collection.get(k) for k in range(collection.getSize())]
+
+
+def numbers(vector: Any) -> list[float]:
+    """A SimTK vector as a list."""
+    return [vector.get(k) for k in range(vector.size())]
+
+
+def _spans(model: Any) -> dict[str, tuple[float, float]]:
+    coordinates = items(model.getCoordinateSet())
+    return {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in coordinates}
+
+
+def _body(body: Any) -> dict[str, Any]:
+    return {
+        "name": body.getName(),
+        "mass": body.get_mass(),
+        "com": numbers(body.get_mass_center()),
+        "inertia": numbers(body.get_inertia()),
+    }
+
+
+def _coordinate(coordinate: Any) -> dict[str, Any]:
+    default, locked = coordinate.getDefaultValue(), coordinate.getDefaultLocked()
+    if coordinate.get_prescribed():
+        function = coordinate.get_prescribed_function()
+        constant = opensim().Constant.safeDownCast(function)
+        if constant is None:
+            raise ModelRefused(
+                f"coordinate '{coordinate.getName()}' is prescribed by a {function.getConcreteClassName()}",
+                field=coordinate.getName(),
+                remedy="Set <prescribed> to false, or prescribe a Constant",
+            )
+        default, locked = constant.getValue(), True
+    return {
+        "name": coordinate.getName(),
+        "motion": _MOTION.get(int(coordinate.getMotionType()), "coupled"),
+        "default": default,
+        "lower": coordinate.getRangeMin(),
+        "upper": coordinate.getRangeMax(),
+        "clamped": coordinate.getDefaultClamped(),
+        "locked": locked,
+    }
+
+
+def _joint(joint: Any, spans: Mapping[str, tuple[float, float]], dependent: Set[str]) -> dict[str, Any]:
+    kind = joint.getConcreteClassName()
+    name = joint.getName()
+    if kind == "CustomJoint":
+        axes = _custom_axes(opensim().CustomJoint.safeDownCast(joint), spans)
+    elif kind in _FIXED_JOINTS:
+        axes = [
+            {
+                "kind": what,
+                "axis": axis,
+                "terms": [{"gain": 1.0, "coordinate": joint.get_coordinates(k).getName()}],
+                "scales": False,
+            }
+            for k, (what, axis) in enumerate(_FIXED_JOINTS[kind])
+        ]
+    else:
+        raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
+    for axis in axes:
+        # OpenSim scales the coupling of a dependent translation, and so the translation itself.
+        driven = {term.get("coordinate") for term in axis["terms"]} & dependent
+        axis["scales"] = axis["kind"] == "translation" and (axis["scales"] or bool(driven))
+    return {
+        "name": name,
+        "parent": _frame(joint.getParentFrame(), name),
+        "child": _frame(joint.getChildFrame(), name),
+        "axes": axes,
+    }
+
+
+def _custom_axes(joint: Any, spans: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    transform = joint.getSpatialTransform()
+    axes = []
+    for k in range(6):
+        axis = transform.getTransformAxis(k)
+        names = axis.getCoordinateNamesInArray()
+        if names.getSize() > 1:
+            raise ModelRefused(
+                f"joint '{joint.getName()}' uses a function of several coordinates",
+                field=joint.getName(),
+                remedy=_REMEDY,
+            )
+        coordinate = names.get(0) if names.getSize() else None
+        terms = function_terms(
+            axis.getFunction(), coordinate, spans.get(coordinate or "", (0.0, 0.0)), joint.getName()
+        )
+        axes.append(
+            {
+                "kind": "rotation" if k < 3 else "translation",
+                "axis": numbers(axis.get_axis()),
+                "terms": terms,
+                "scales": k >= 3 and not is_pure(axis.getFunction()),
+            }
+        )
+    return axes
+
+
+def is_pure(function: Any) -> bool:
+    """Whether a translation is its coordinate itself, which OpenSim's scaling leaves alone."""
+    line = opensim().LinearFunction.safeDownCast(function)
+    return line is not None and line.getSlope() == 1.0 and line.getIntercept() == 0.0
+
+
+def _frame(frame: Any, component: str) -> dict[str, Any]:
+    """The body under a frame and the offsets that lead from it to the frame, outwards."""
+    offsets: list[dict[str, Any]] = []
+    while (offset := opensim().PhysicalOffsetFrame.safeDownCast(frame)) is not None:
+        transform = offset.getOffsetTransform()
+        rotation = transform.R()
+        offsets.insert(
+            0,
+            {
+                "translation": numbers(transform.p()),
+                "rotation": [[rotation.get(i, j) for j in range(3)] for i in range(3)],
+            },
+        )
+        frame = offset.getParentFrame()
+    kind = frame.getConcreteClassName()
+    if kind not in {"Body", "Ground"}:
+        raise ModelRefused(
+            f"'{component}' is attached to '{frame.getName()}', a {kind}, which is not supported",
+            field=component,
+            remedy="Attach it to a body or to a PhysicalOffsetFrame",
+        )
+    return {"body": frame.getName(), "offsets": offsets}
+
+
+def _marker(marker: Any) -> dict[str, Any]:
+    frame = marker.getParentFrame()
+    in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
+    return {
+        "name": marker.getName(),
+        "body": frame.findBaseFrame().getName(),
+        "position": numbers(in_body),
+        "fixed": marker.get_fixed(),
+    }
+
+
+def _couplers(model: Any, spans: Mapping[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    found = []
+    for constraint in items(model.getConstraintSet()):
+        if not constraint.get_isEnforced():
+            continue
+        name, kind = constraint.getName(), constraint.getConcreteClassName()
+        coupler = opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
+        if coupler is None:
+            raise ModelRefused(
+                f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
+            )
+        independent = coupler.getIndependentCoordinateNames()
+        if independent.getSize() != 1:
+            raise ModelRefused(
+                f"constraint '{name}' couples to several coordinates", field=name, remedy=_REMEDY
+            )
+        terms = function_terms(coupler.getFunction(), independent.get(0), spans[independent.get(0)], name)
+        factor = opensim().PropertyHelper.getValueDouble(coupler.getPropertyByName("scale_factor"))
+        found.append(
+            {
+                "name": name,
+                "dependent": coupler.getDependentCoordinateName(),
+                "independent": independent.get(0),
+                "terms": [{**term, "gain": term["gain"] * factor} for term in terms],
+            }
+        )
+    return found

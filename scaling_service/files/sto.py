@@ -1,0 +1,317 @@
+"""OpenSim tables (STO, MOT): named columns over time, read leniently and written strictly."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.files.tables import (
+    Line,
+    check_times,
+    formatted_rows,
+    numbered_lines,
+    parse_rows,
+    read_text,
+    refuse_duplicates,
+    split_cells,
+    trim_cut_line,
+)
+from scaling_service.model.trial import Array, Repair
+
+_KIND = "an OpenSim table"
+_TRUE, _FALSE = frozenset({"yes", "true", "y", "1"}), frozenset({"no", "false", "n", "0"})
+_OWN_KEYS = frozenset({"version", "nrows", "ncolumns", "indegrees", "datatype"})
+"""Header keys that the writer sets from the table itself (lower case)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of numbers over time, in the units of the file.
+
+    Parameters
+    ----------
+    name : str
+    columns : tuple of str, length k
+        The first is ``time``.
+    data : (n, k)
+        NaN where a value is missing; time in s, strictly increasing.
+    in_degrees : bool or None
+        Whether rotations are in degrees (translations never are); None where the file does not say, which
+        is ambiguous: decide by context, never by default.
+    header : mapping
+        All keys of the header as they stand.
+    repairs : tuple of Repair
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    data: Array
+    in_degrees: bool | None = None
+    header: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    repairs: tuple[Repair, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.data.ndim != 2 or self.data.shape[1] != len(self.columns):
+            raise ValueError(f"data {self.data.shape} do not fit {len(self.columns)} columns")
+        self.data.setflags(write=False)
+
+    @property
+    def times(self) -> Array:
+        """The first column, (n,), s."""
+        times: Array = self.data[:, 0]
+        return times
+
+    def column(self, name: str) -> Array:
+        """One column, (n,).
+
+        Raises
+        ------
+        TrialUnusable
+            If there is none of that name.
+        """
+        if name not in self.columns:
+            shown = ", ".join(self.columns[:12]) + (", …" if len(self.columns) > 12 else "")
+            raise TrialUnusable(
+                f"there is no column '{name}'; there are {shown}",
+                file=self.name,
+                field=name,
+                remedy="Check its name",
+            )
+        values: Array = self.data[:, self.columns.index(name)]
+        return values
+
+
+def read_sto(path: str | os.PathLike[str]) -> Table:
+    """Read a STO or MOT file of any header version.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Table
+        Values as in the file; ``repairs`` lists what did not follow the format.
+
+    Raises
+    ------
+    FileUnreadable
+        If it is absent, empty, something else, has two columns of one name, no ``time``, cells that are no
+        numbers or a data type other than double.
+    TrialUnusable
+        If it has no row, or times that do not increase.
+    """
+    file = Path(path)
+    text, repairs = read_text(file, _KIND)
+    lines = numbered_lines(text)
+    end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
+    if end is None:
+        raise FileUnreadable(
+            f"this is not {_KIND}: there is no line 'endheader'", file=file, remedy="Export it as STO or MOT"
+        )
+    header = _read_header([line for _, line in lines[:end]])
+    _refuse_other_types(header, file)
+    rows = [line for line in lines[end + 1 :] if line[1].strip()]
+    columns = _columns(rows, file)
+    body, cut = trim_cut_line(text, rows[1:], len(columns))
+    data, row_repairs = parse_rows(body, columns, file)
+    if not len(data):
+        raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
+    check_times(data[:, 0], file, [number for number, _ in body])
+    degrees, ambiguous = _in_degrees(header)
+    counts = _check_counts(header, *data.shape)
+    return Table(
+        file.stem,
+        columns,
+        data,
+        degrees,
+        MappingProxyType(header),
+        (*repairs, *ambiguous, *counts, *cut, *row_repairs),
+    )
+
+
+def _read_header(lines: Sequence[str]) -> dict[str, str]:
+    """Keys and values; of version 1 and later (``key=value``) and of SIMM motions (``datarows 100``)."""
+    header: dict[str, str] = {}
+    for line in lines:
+        key, sign, value = line.strip().partition("=")
+        if sign:
+            header[key.strip()] = value.strip()
+            continue
+        words = line.split()
+        if len(words) == 2 and words[0].lower() in ("datarows", "datacolumns"):
+            header[f"n{words[0][4:].capitalize()}"] = words[1]
+    return header
+
+
+def _look_up(header: Mapping[str, str], key: str) -> str | None:
+    return next((value for name, value in header.items() if name.lower() == key), None)
+
+
+def _refuse_other_types(header: Mapping[str, str], file: Path) -> None:
+    kind = _look_up(header, "datatype")
+    if kind is not None and kind.lower() not in ("double", "float"):
+        raise FileUnreadable(
+            f"cells of type {kind[:20]} are not supported, only plain numbers",
+            file=file,
+            field="DataType",
+            remedy="Flatten the table to DataType=double",
+        )
+
+
+def _columns(rows: list[Line], file: Path) -> tuple[str, ...]:
+    if not rows:
+        raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
+    cells = split_cells(rows[0][1])
+    while cells and not cells[-1]:
+        cells.pop()
+    if not cells or cells[0].lower() not in ("time", "t"):
+        first = cells[0][:20] if cells else ""
+        raise FileUnreadable(
+            f"the first column is '{first}', not time",
+            file=file,
+            field=f"line {rows[0][0]}",
+            remedy="Put the column 'time' first, and the column names on the line after 'endheader'",
+        )
+    if "" in cells:
+        raise FileUnreadable(
+            f"column {cells.index('') + 1} has no name",
+            file=file,
+            field=f"line {rows[0][0]}",
+            remedy="Name it",
+        )
+    refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
+    return ("time", *cells[1:])
+
+
+def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, ...]]:
+    stated = _look_up(header, "indegrees")
+    word = (stated or "").strip().lower()
+    if word in _TRUE or word in _FALSE:
+        return word in _TRUE, ()
+    said = "is absent" if stated is None else f"says '{stated[:20]}'"
+    return None, (
+        Repair("in_degrees", "inDegrees", f"{said}: whether rotations are in degrees is ambiguous"),
+    )
+
+
+def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[Repair, ...]:
+    repairs = []
+    for key, found in (("nRows", rows), ("nColumns", columns)):
+        stated = _look_up(header, key.lower())
+        if stated is not None and stated != str(found):
+            repairs.append(Repair("header", key, f"the header says {stated[:20]}, the file holds {found}"))
+    return tuple(repairs)
+
+
+def write_sto(path: str | os.PathLike[str], table: Table) -> None:
+    """Write a STO or MOT file that OpenSim reads (header version 1).
+
+    Parameters
+    ----------
+    path : path
+    table : Table
+        Twelve significant digits are written; NaN as ``nan``. ``inDegrees`` is written if it is known.
+        OpenSim 4.6 reads ``nan`` as a TimeSeriesTable, but its older Storage stops at that row, whatever the
+        spelling: give its tools motions without NaN.
+
+    Raises
+    ------
+    TrialUnusable
+        If a column name cannot stand in a tab-delimited file.
+    """
+    for name in table.columns:
+        if not name or name != name.strip() or re.search(r"[\t\r\n]", name):
+            raise TrialUnusable(
+                f"column name {name!r} cannot be written", file=table.name, field=name, remedy="Rename it"
+            )
+    rows, columns = table.data.shape
+    lines = [re.sub(r"\s+", " ", table.name) or "table", "version=1", f"nRows={rows}", f"nColumns={columns}"]
+    if table.in_degrees is not None:
+        lines.append(f"inDegrees={'yes' if table.in_degrees else 'no'}")
+    lines += [
+        f"{key}={value}"
+        for key, value in table.header.items()
+        if key.lower() not in _OWN_KEYS and "\n" not in value
+    ]
+    lines += ["endheader", "\t".join(table.columns), ""]
+    with Path(path).open("w", encoding="utf-8") as stream:
+        stream.write("\n".join(lines))
+        stream.writelines(formatted_rows("\t".join(["%.12g"] * columns), table.data))
+
+
+def motion_table(
+    name: str,
+    times: ArrayLike,
+    coordinates: Sequence[str],
+    kinds: Sequence[Literal["rotation", "translation"]],
+    values: ArrayLike,
+) -> Table:
+    """An OpenSim motion: rotations in degrees, translations in m, ``inDegrees=yes``.
+
+    Parameters
+    ----------
+    name : str
+    times : (n,), s
+    coordinates, kinds : length k
+        Names, and whether each is a rotation or a translation.
+    values : (n, k), rad or m
+
+    Returns
+    -------
+    Table
+    """
+    data = np.asarray(values, float)
+    factors = np.array([180.0 / np.pi if kind == "rotation" else 1.0 for kind in kinds])
+    return Table(
+        name,
+        ("time", *coordinates),
+        np.concatenate((np.asarray(times, float)[:, None], data * factors), axis=1),
+        in_degrees=True,
+    )
+
+
+def motion_values(
+    table: Table, kinds: Mapping[str, Literal["rotation", "translation"]], *, in_degrees: bool | None = None
+) -> tuple[tuple[str, ...], Array]:
+    """The coordinates of a motion in rad and m.
+
+    Parameters
+    ----------
+    table : Table
+    kinds : mapping
+        Coordinate to its kind; columns that are not named here are left out.
+    in_degrees : bool, optional
+        What holds where the file does not say.
+
+    Returns
+    -------
+    coordinates : tuple of str, length k
+    values : (n, k), rad or m
+
+    Raises
+    ------
+    TrialUnusable
+        If there is a rotation and neither the file nor the caller says whether it is in degrees.
+    """
+    names = tuple(name for name in table.columns[1:] if name in kinds)
+    degrees = table.in_degrees if table.in_degrees is not None else in_degrees
+    if degrees is None and any(kinds[name] == "rotation" for name in names):
+        raise TrialUnusable(
+            "the file does not say whether rotations are in degrees",
+            file=table.name,
+            field="inDegrees",
+            remedy="Add inDegrees=yes or inDegrees=no to its header",
+        )
+    factors = np.array([np.pi / 180.0 if degrees and kinds[name] == "rotation" else 1.0 for name in names])
+    columns = [table.columns.index(name) for name in names]
+    return names, table.data[:, columns] * factors

@@ -1,0 +1,379 @@
+"""What the readers of recordings share: text to rows of numbers, and positions that cannot be positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.model.trial import Array, Repair
+
+MISSING = frozenset(
+    {
+        "",
+        "-",
+        "--",
+        "na",
+        "n/a",
+        "nan",
+        "nan(ind)",
+        "-nan(ind)",
+        "-nan",
+        "-1.#ind",
+        "1.#qnan",
+        "-1.#qnan",
+        "null",
+        "none",
+    }
+)
+"""Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""
+
+FARTHEST_M = 1e6
+"""A coordinate beyond this is no position (chosen: a laboratory in mm read as m stays far below)."""
+
+LONGEST_S = 1e7
+"""A time beyond this is no time of a recording (chosen: four months)."""
+
+_TOGETHER = 100  # rows; measured: fewer or many more take longer
+
+Flags = NDArray[np.bool_]
+
+Line = tuple[int, str]
+"""Line number in the file, from 1, and its text."""
+
+
+def read_bytes(path: Path, kind: str) -> bytes:
+    """The content of a file that must exist and hold something.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What it should be, for the message: ``"a TRC file"``.
+
+    Raises
+    ------
+    FileUnreadable
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise FileUnreadable("there is no such file", file=path, remedy="Check its name and folder") from None
+    except IsADirectoryError:
+        raise FileUnreadable(f"this is a folder, not {kind}", file=path, remedy="Name a file") from None
+    except OSError as error:
+        reason = (error.strerror or "unknown reason").lower()
+        raise FileUnreadable(f"cannot be read: {reason}", file=path, remedy="Check its permissions") from None
+    if not content.strip():
+        raise FileUnreadable("the file is empty", file=path, remedy="Export or copy it again")
+    return content
+
+
+def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
+    """The text of a file, as UTF-8 or, where it is not, Latin-1.
+
+    Returns
+    -------
+    text : str
+        Without byte order mark, lines ended by a line feed.
+    repairs : tuple of Repair
+
+    Raises
+    ------
+    FileUnreadable
+        If it is absent, empty or not text.
+    """
+    content = read_bytes(path, kind)
+    repairs: tuple[Repair, ...] = ()
+    if content[:1] < b"\x80" and content[1:2] == b"\x50" and b"\x00" in content[:512]:
+        raise FileUnreadable(f"this is a C3D file, not {kind}", file=path, remedy="Name it .c3d")
+    if b"\x00" in content:
+        raise FileUnreadable(f"this is binary, not {kind}", file=path, remedy="Export it again as plain text")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+        repairs = (Repair("encoding", "file", "bytes that are not UTF-8 were read as Latin-1"),)
+    return text.replace("\r\n", "\n").replace("\r", "\n"), repairs
+
+
+def numbered_lines(text: str) -> list[Line]:
+    """All lines with their numbers from 1."""
+    return list(enumerate(text.split("\n"), start=1))
+
+
+def split_cells(line: str) -> list[str]:
+    """The cells of a line: between tabs, or between blanks where it has no tab."""
+    return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
+
+
+@dataclass(slots=True)
+class _Tally:
+    """How many rows needed each kind of repair."""
+
+    blank: int = 0
+    short: int = 0
+    unplaced: int = 0
+    extra: int = 0
+    comma: int = 0
+    infinite: int = 0
+
+
+def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tuple[Array, tuple[Repair, ...]]:
+    """Rows of numbers under named columns.
+
+    Parameters
+    ----------
+    lines : sequence of (number, text)
+        Blank ones are skipped.
+    columns : sequence of str
+        Their names, for messages.
+
+    Returns
+    -------
+    data : (n_rows, n_columns)
+        NaN where a cell is blank or says that it is missing.
+    repairs : tuple of Repair
+
+    Raises
+    ------
+    FileUnreadable
+        If a cell holds something that is neither a number nor a sign of absence.
+
+    Notes
+    -----
+    A tab-delimited row that ends early lacks its last cells. In a row delimited by blanks an absent cell
+    leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
+    """
+    wanted = len(columns)
+    plain = _plain_rows(lines, wanted)
+    if plain is not None:
+        return plain, ()
+    tally = _Tally()
+    rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
+    data = np.array(rows, dtype=float).reshape(len(rows), wanted)
+    infinite = np.isinf(data)
+    tally.infinite = int(infinite.any(axis=1).sum())
+    data[infinite] = np.nan
+    return data, _describe(tally)
+
+
+def _plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
+    """Tab-delimited rows that are all whole, at once; None where anything needs a closer look."""
+    texts = [text for _, text in lines]
+    if not texts or not all(text.count("\t") == wanted - 1 for text in texts):
+        return None
+    try:
+        data = np.loadtxt(texts, delimiter="\t", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return data if data.shape == (len(texts), wanted) and not np.isinf(data).any() else None
+
+
+def _parse_row(number: int, text: str, columns: Sequence[str], path: Path, tally: _Tally) -> list[float]:
+    wanted = len(columns)
+    if "_" not in text:  # float() would read 1_000 as a number
+        try:
+            values = [float(cell) for cell in (text.split("\t") if "\t" in text else text.split())]
+        except ValueError:
+            values = []
+        if len(values) == wanted:
+            return values
+    cells = split_cells(text)
+    tabbed = "\t" in text
+    if tabbed and any(" " in cell for cell in cells):
+        cells, tabbed = text.split(), False
+    while len(cells) > wanted and not cells[-1]:
+        cells.pop()
+    if len(cells) > wanted:
+        tally.extra += 1
+        cells = cells[:wanted]
+    values = [
+        _number(cell, tally, path, number, column) for cell, column in zip(cells, columns, strict=False)
+    ]
+    if any(not cell for cell in cells):
+        tally.blank += 1
+    if len(values) < wanted and tabbed:
+        tally.short += 1
+    elif len(values) < wanted:
+        tally.unplaced += 1
+        values = values[:2]
+    return values + [np.nan] * (wanted - len(values))
+
+
+def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> float:
+    if cell.lower() in MISSING:
+        return float("nan")
+    if "_" not in cell:
+        try:
+            return float(cell)
+        except ValueError:
+            pass
+        try:
+            value = float(cell.replace(",", ".", 1))
+        except ValueError:
+            pass
+        else:
+            tally.comma += 1
+            return value
+    raise FileUnreadable(
+        f"line {line} holds {cell[:20]!r} where a number is expected",
+        file=path,
+        field=column,
+        remedy="Correct the cell, or leave it blank if the value is missing",
+    )
+
+
+def _describe(tally: _Tally) -> tuple[Repair, ...]:
+    texts = (
+        ("blank_cells", tally.blank, "blank cells were taken as missing"),
+        (
+            "short_rows",
+            tally.short,
+            "rows shorter than the header: the cells at their end were taken as missing",
+        ),
+        (
+            "short_rows",
+            tally.unplaced,
+            "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
+        ),
+        ("extra_cells", tally.extra, "cells beyond the last column were dropped"),
+        ("decimal_comma", tally.comma, "decimal commas were read as points"),
+        ("infinite_values", tally.infinite, "infinite values were taken as missing"),
+    )
+    return tuple(Repair(what, "rows", detail, count) for what, count, detail in texts if count)
+
+
+def formatted_rows(form: str, data: Array) -> Iterator[str]:
+    """Rows as text, many at a time.
+
+    Parameters
+    ----------
+    form : str
+        Of one row, for the ``%`` operator.
+    data : (n_rows, n_columns)
+    """
+    for start in range(0, len(data), _TOGETHER):
+        part = data[start : start + _TOGETHER]
+        yield (f"{form}\n" * len(part)) % tuple(part.ravel().tolist())
+
+
+def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line], tuple[Repair, ...]]:
+    """Rows without the number, or the row, in which the file breaks off.
+
+    A last line that has no line feed and too few cells was cut while it was written. Its last number may be
+    cut too, so it is not used; nor is the row if that number is its time.
+    """
+    if text.endswith("\n") or not lines or len(split_cells(lines[-1][1])) >= wanted:
+        return lines, ()
+    number, last = lines[-1]
+    kept, _, _ = last.rpartition("\t")
+    if len(split_cells(kept)) < 2 or "\t" not in kept:
+        return lines[:-1], (
+            Repair("cut_row", f"line {number}", "the file breaks off here; the row was dropped", 1),
+        )
+    detail = "the file breaks off here; the last number was not used"
+    return [*lines[:-1], (number, kept)], (Repair("cut_row", f"line {number}", detail, 1),)
+
+
+def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:
+    """Raise if two columns have one name.
+
+    Parameters
+    ----------
+    names : sequence of str
+    columns : sequence of int
+        Position of each in the file, from 1, for the message.
+    kind : str
+        ``"marker"`` or ``"column"``.
+
+    Raises
+    ------
+    FileUnreadable
+        Naming both columns.
+    """
+    first: dict[str, int] = {}
+    for name, column in zip(names, columns, strict=True):
+        if name in first:
+            raise FileUnreadable(
+                f"two {kind}s are called '{name}': in columns {first[name]} and {column}",
+                file=path,
+                field=name,
+                remedy="Rename or delete one of them in the recording",
+            )
+        first[name] = column
+
+
+def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) -> None:
+    """Raise unless times are known and increase from row to row.
+
+    Parameters
+    ----------
+    times : (n_rows,), s
+    lines : sequence of int, optional
+        Line number of each row, for the message.
+
+    Raises
+    ------
+    TrialUnusable
+    """
+    bad = ~np.isfinite(times) | (np.abs(times) > LONGEST_S)
+    if bad.any():
+        row = int(np.argmax(bad))
+        problem = "has no usable time"
+    else:
+        bad = np.diff(times) <= 0
+        if not bad.any():
+            return
+        row = int(np.argmax(bad)) + 1
+        problem = f"has time {times[row]:g} s, not later than {times[row - 1]:g} s before it"
+    place = f"line {lines[row]}" if lines is not None else f"row {row + 1}"
+    raise TrialUnusable(
+        f"{place} {problem}",
+        file=path,
+        field="time",
+        remedy="Times must increase from row to row; export it again",
+    )
+
+
+def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[Repair, ...]]:
+    """Mark as missing what cannot be a position.
+
+    Parameters
+    ----------
+    markers : (n_frames, n_markers, 3), m
+    labels : sequence of str
+
+    Returns
+    -------
+    markers : (n_frames, n_markers, 3), m
+        All three coordinates NaN where one is missing, where all are exactly zero (how several systems
+        write a lost marker) or where one is impossibly large.
+    repairs : tuple of Repair
+    """
+    known = np.isfinite(markers)
+    zero: Flags = np.all(np.equal(markers, 0.0), axis=-1)
+    whole: Flags = np.all(known, axis=-1)
+    partial: Flags = np.any(known, axis=-1) & ~whole
+    far: Flags = np.any(np.abs(np.where(known, markers, 0.0)) > FARTHEST_M, axis=-1) & ~partial
+    repairs = (
+        *_per_label(zero, labels, "lost_marker", "exactly (0, 0, 0) was taken as not seen"),
+        *_per_label(
+            partial,
+            labels,
+            "partial_position",
+            "a coordinate is missing, so the marker was taken as not seen",
+        ),
+        *_per_label(far, labels, "impossible_position", "farther than 1000 km away, taken as not seen"),
+    )
+    unusable = zero | far | ~whole
+    return np.where(unusable[..., None], np.nan, markers), repairs
+
+
+def _per_label(flags: Flags, labels: Sequence[str], what: str, detail: str) -> tuple[Repair, ...]:
+    counts = flags.sum(axis=0).tolist()
+    return tuple(Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n)

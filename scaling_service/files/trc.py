@@ -1,0 +1,375 @@
+"""TRC: marker trajectories as text. Read leniently, with every repair noted; written strictly."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.files.tables import (
+    Line,
+    check_times,
+    clean_positions,
+    formatted_rows,
+    numbered_lines,
+    parse_rows,
+    read_text,
+    refuse_duplicates,
+    split_cells,
+    trim_cut_line,
+)
+from scaling_service.model.trial import Array, Repair, Trial
+
+METRES = {
+    "mm": 1e-3,
+    "millimeters": 1e-3,
+    "millimetres": 1e-3,
+    "cm": 1e-2,
+    "m": 1.0,
+    "meters": 1.0,
+    "metres": 1.0,
+}
+
+TIME_ROUNDING_S = 0.5e-3
+"""Times are often written with three decimals; half of the last is the largest error of rounding."""
+
+MOST_INSERTED = 1.0
+"""Absent rows are restored up to this share of the rows present (chosen: beyond, it is no one clock)."""
+
+_KIND = "a TRC file"
+_AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
+
+
+def read_trc(path: str | os.PathLike[str]) -> Trial:
+    """Read a TRC file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Trial
+        Positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
+        the format. Labels are as in the file, prefixes included.
+
+    Raises
+    ------
+    FileUnreadable
+        If it is absent, empty, something else, truncated, has two markers of one name or a cell that is no
+        number.
+    TrialUnusable
+        If it has no frame, no marker, or times that do not increase.
+    """
+    file = Path(path)
+    text, repairs = read_text(file, _KIND)
+    lines = numbered_lines(text)
+    header = _read_header(lines, file)
+    columns = ["Frame#", "Time", *(f"{label} {axis}" for label in header.columns for axis in "XYZ")]
+    body, cut = trim_cut_line(
+        text, [line for line in lines[header.first_row :] if line[1].strip()], len(columns)
+    )
+    data, row_repairs = parse_rows(body, columns, file)
+    if not len(data):
+        raise TrialUnusable(
+            "the file has a header but no frame", file=file, remedy="Record or export it again"
+        )
+    if cut and _positive(header.stated_frames) > len(data):
+        raise FileUnreadable(
+            f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
+            f"line {body[-1][0]} after {len(data)}",
+            file=file,
+            remedy="Copy or export it again",
+        )
+    check_times(data[:, 1], file, [number for number, _ in body])
+
+    named = [k for k, label in enumerate(header.columns) if label]
+    labels = tuple(header.columns[k] for k in named)
+    positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
+    times, positions, rate, clock = _regular_clock(data[:, 1], positions, header.rate_hz, file)
+    positions, lost = clean_positions(positions, labels)
+    counts = _check_counts(header, len(data))
+    return Trial(
+        file.stem,
+        times,
+        labels,
+        positions,
+        rate,
+        (*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    columns: tuple[str, ...]  # one per three columns of data; empty where it has no label
+    first_row: int
+    rate_hz: float
+    metres_per_unit: float
+    stated_frames: str
+    stated_markers: str
+    repairs: tuple[Repair, ...]
+
+
+def _read_header(lines: list[Line], file: Path) -> _Header:
+    first = next(text for _, text in lines if text.strip())
+    if not first.strip().lower().startswith("pathfiletype"):
+        raise FileUnreadable(
+            _what_else(lines),
+            file=file,
+            field="line 1",
+            remedy="A TRC file begins with the word PathFileType",
+        )
+    keys_at = _find(lines, "datarate", file)
+    values_at = next((k for k in range(keys_at + 1, len(lines)) if lines[k][1].strip()), None)
+    labels_at = _find(lines, "frame", file)
+    if values_at is None or values_at >= labels_at:
+        raise _truncated(file, "the line of values under DataRate")
+    keys, values = lines[keys_at][1].split(), lines[values_at][1].split()
+    stated = {key.lower(): value for key, value in zip(keys, values, strict=False)}
+    unit, unit_repairs = _unit(stated, values, file)
+    columns, label_repairs = _labels(lines[labels_at][1], file)
+    first_row, layout = _skip_axes(lines, labels_at + 1)
+    return _Header(
+        columns,
+        first_row,
+        _positive(stated.get("datarate", "")),
+        METRES[unit],
+        stated.get("numframes", ""),
+        stated.get("nummarkers", ""),
+        (*unit_repairs, *label_repairs, *layout),
+    )
+
+
+def _what_else(lines: list[Line]) -> str:
+    words = " ".join(text for _, text in lines[:40]).lower()
+    if "endheader" in words:
+        return "this is an OpenSim table (MOT or STO), not a TRC file"
+    if "<opensimdocument" in words or words.lstrip().startswith("<?xml"):
+        return "this is an XML file, not a TRC file"
+    return "this is not a TRC file"
+
+
+def _find(lines: list[Line], word: str, file: Path) -> int:
+    for k, (_, text) in enumerate(lines[:20]):
+        if text.strip().lower().startswith(word):
+            return k
+    raise _truncated(
+        file, {"datarate": "the line with DataRate", "frame": "the line with Frame# and Time"}[word]
+    )
+
+
+def _truncated(file: Path, what: str) -> FileUnreadable:
+    return FileUnreadable(f"the header is truncated: {what} is missing", file=file, remedy="Export it again")
+
+
+def _unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
+    unit = stated.get("units", "").lower()
+    if unit in METRES:
+        return unit, ()
+    elsewhere = [value.lower() for value in values if value.lower() in METRES]
+    if elsewhere:
+        return elsewhere[0], (Repair("header", "Units", f"unit {elsewhere[0]} found out of its column"),)
+    if unit and not re.fullmatch(r"[-+.\d]+", unit):
+        raise FileUnreadable(
+            f"unit '{unit[:20]}' is not known",
+            file=file,
+            field="Units",
+            remedy="Give the positions in mm or m",
+        )
+    return "mm", (Repair("unit", "Units", "no unit is stated; mm was taken, as is usual in TRC files"),)
+
+
+def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
+    cells = split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
+    if len(cells) < 2 or not cells[1].lower().startswith("time"):
+        raise _truncated(file, "the column Time")
+    found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
+    if not found:
+        raise TrialUnusable(
+            "the file names no marker", file=file, field="Frame#", remedy="Export labelled markers"
+        )
+    spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
+    slots = [k // 3 for k, _ in found] if spread else list(range(len(found)))
+    refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
+    columns = [""] * (slots[-1] + 1)
+    for slot, (_, name) in zip(slots, found, strict=True):
+        columns[slot] = name
+    repairs = []
+    if not spread and len(found) > 1:
+        repairs.append(
+            Repair("label_layout", "Frame#", "labels do not stand over every third column; taken in order")
+        )
+    if unnamed := columns.count(""):
+        repairs.append(Repair("unlabelled", "Frame#", f"{unnamed} markers without a label were dropped"))
+    return tuple(columns), tuple(repairs)
+
+
+def _skip_axes(lines: list[Line], start: int) -> tuple[int, tuple[Repair, ...]]:
+    """Where the rows begin: after the line X1 Y1 Z1 ... and the blank line, if they are there."""
+    if start >= len(lines):
+        return start, ()
+    repairs: list[Repair] = []
+    k = start
+    while k < len(lines) and not lines[k][1].strip():
+        k += 1
+    axes = lines[k][1].split() if k < len(lines) else []
+    if axes and all(_AXIS.match(cell) for cell in axes):
+        if axes[0].lower() not in ("x1", "x"):
+            repairs.append(
+                Repair("header", f"line {k + 1}", f"coordinates are numbered from {axes[0]}, not from X1")
+            )
+        k += 1
+    else:
+        repairs.append(Repair("header", f"line {start + 1}", "the line X1 Y1 Z1 … is missing"))
+    if k < len(lines) and lines[k][1].strip():
+        repairs.append(Repair("header", f"line {k + 1}", "the blank line after the header is missing"))
+    return k, tuple(repairs)
+
+
+def _check_counts(header: _Header, rows: int) -> tuple[Repair, ...]:
+    columns = len(header.columns)
+    return tuple(
+        Repair("header", field, f"the header says {stated}, the file holds {found}")
+        for field, stated, found in (
+            ("NumFrames", header.stated_frames, rows),
+            ("NumMarkers", header.stated_markers, columns),
+        )
+        if _positive(stated) != found
+    )
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return float("nan")
+    return value if 0 < value < 1e9 else float("nan")
+
+
+def _regular_clock(
+    times: Array, positions: Array, stated_hz: float, file: Path
+) -> tuple[Array, Array, float, tuple[Repair, ...]]:
+    """Undo the rounding of times and restore frames that were left out, where the clock is regular.
+
+    Returns times, positions, rate and what was done. A clock that fits no rate is returned as it is.
+    """
+    if len(times) == 1:
+        if not np.isfinite(stated_hz):
+            raise TrialUnusable(
+                "one frame and no frame rate", file=file, field="DataRate", remedy="State the rate"
+            )
+        return times, positions, stated_hz, ()
+    measured_hz = 1.0 / float(np.median(np.diff(times)))
+    frame = _frame_numbers(times, stated_hz)
+    rate, repairs = stated_hz, []
+    if frame is None:
+        frame, rate = _measured_clock(times, measured_hz)
+        note = (
+            "no usable rate is stated"
+            if not np.isfinite(stated_hz)
+            else f"stated {stated_hz:g} Hz contradicts the times"
+        )
+        repairs.append(Repair("rate", "DataRate", f"{note}; {rate:g} Hz was taken from them"))
+    if frame is None:
+        repairs.append(
+            Repair("clock", "Time", "frames are unevenly spaced in time; kept as they are", len(times))
+        )
+        return times, positions, rate, tuple(repairs)
+    start = float(np.median(times - frame / rate))
+    shift = float(np.abs(start + frame / rate - times).max())
+    if shift > 1e-6:  # s: below this it is the file's last decimal
+        detail = (
+            f"times are rounded; the regular clock of {rate:g} Hz was restored ({1e3 * shift:.2f} ms at most)"
+        )
+        repairs.append(Repair("clock", "Time", detail, len(times)))
+    whole = np.arange(frame[-1] + 1)
+    if absent := len(whole) - len(frame):
+        repairs.append(
+            Repair("absent_frames", "Time", "frames left out of the file were put back as not seen", absent)
+        )
+        full = np.full((len(whole), *positions.shape[1:]), np.nan)
+        full[frame] = positions
+        positions = full
+    # Times that were never rounded keep their own digits.
+    clock = start + whole / rate if shift > 1e-6 or absent else times
+    return clock, positions, rate, tuple(repairs)
+
+
+def _frame_numbers(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
+    """Frame of each time on the regular clock of a rate, from 0; None if they do not fit it."""
+    if not np.isfinite(rate_hz) or (times[-1] - times[0]) * rate_hz > (1 + MOST_INSERTED) * len(times):
+        return None
+    frame = np.rint((times - times[0]) * rate_hz)
+    misfit = times - frame / rate_hz
+    step = np.diff(frame)
+    tolerance = min(TIME_ROUNDING_S, 0.25 / rate_hz) + 1e-9
+    if np.ptp(misfit) > 2 * tolerance or step.min() < 1 or np.median(step) != 1:
+        return None
+    numbers: NDArray[np.intp] = frame.astype(np.intp)
+    return numbers
+
+
+def _measured_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | None, float]:
+    """Frames and rate from the times alone: by their span, then (if frames are absent) by the median step."""
+    span_hz = (len(times) - 1) / float(times[-1] - times[0])
+    for rate in (span_hz, median_hz):
+        frame = _frame_numbers(times, rate)
+        if frame is not None:
+            return frame, rate
+    return None, median_hz
+
+
+def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "m"] = "mm") -> None:
+    """Write a TRC file that strict readers accept.
+
+    Parameters
+    ----------
+    path : path
+    trial : Trial
+        Positions with NaN where not seen; written as ``nan``.
+    units : 'mm' or 'm'
+        Positions are rounded to 10 nm, times to 1 ns. A position that rounds to zero on all three axes would
+        be read as a lost marker; its x is written as 10 nm.
+
+    Raises
+    ------
+    TrialUnusable
+        If a label cannot stand in a tab-delimited file, or a position is infinite.
+    """
+    for label in trial.labels:
+        if not label.strip() or label != label.strip() or re.search(r"[\t\r\n]", label):
+            raise TrialUnusable(
+                f"marker label {label!r} cannot be written to a TRC file",
+                file=path if isinstance(path, str | Path) else None,
+                field=label,
+                remedy="Rename it",
+            )
+    if np.isinf(trial.markers).any():
+        raise TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
+    decimals = 5 if units == "mm" else 8
+    values = np.round(trial.markers / METRES[units], decimals) + 0.0
+    values[(values == 0).all(-1), 0] = 10.0**-decimals
+    n, m = trial.n_frames, len(trial.labels)
+    rate = f"{trial.rate_hz:.6f}".rstrip("0").rstrip(".")
+    rows = np.concatenate(
+        (np.arange(1.0, n + 1.0)[:, None], trial.times[:, None], values.reshape(n, -1)), axis=1
+    )
+    form = "%d\t%.9f" + f"\t%.{decimals}f" * (3 * m)
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate}\t{rate}\t{n}\t{m}\t{units}\t{rate}\t1\t{n}",
+        "Frame#\tTime\t" + "\t".join(f"{label}\t\t" for label in trial.labels),
+        "\t\t" + "\t".join(f"X{k}\tY{k}\tZ{k}" for k in range(1, m + 1)),
+        "",
+        "",
+    ]
+    with Path(path).open("w", encoding="utf-8") as stream:
+        stream.write("\n".join(lines))
+        stream.writelines(formatted_rows(form, rows))

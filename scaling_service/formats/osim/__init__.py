@@ -1,7 +1,0 @@
-"""OpenSim models and set-up files; models in and out through the opensim library in its own process."""
-
-from scaling_service.formats.osim.reading import read_osim
-from scaling_service.formats.osim.setups import read_ik_tasks, read_scale_setup
-from scaling_service.formats.osim.writing import write_osim
-
-__all__ = ["read_ik_tasks", "read_osim", "read_scale_setup", "write_osim"]

@@ -1,0 +1,224 @@
+"""What is known of a person's dimensions before anything is measured: sizes given stature, mass, sex and age.
+
+Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are
+jointly Gaussian in their logarithms. Children have the proportions of their stature. The numbers and their
+sources are in ``reference_models``: ``anthropometry_ansur2.yaml``, ``anthropometry_lengths.yaml``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import yaml
+
+from scaling_service.model.anatomy.dimensions import DimensionPrior
+from scaling_service.model.inertia_tables import Sex
+from scaling_service.model.reference import reference_folder
+from scaling_service.numerics.multibody.laws import Array
+
+GROWING_YEARS = (14.0, 18.0)
+"""Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
+
+STATED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.006, "mass": 0.02})
+"""Relative standard deviation of stature and mass measured on the day (chosen: 10 mm, 1.4 kg)."""
+
+MEASURED_SD = 0.006
+"""Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
+
+
+def predict_dimensions(
+    *,
+    sex: Sex | None,
+    height_m: float | None,
+    mass_kg: float | None,
+    age_years: float | None = None,
+    sizes: Mapping[str, float | tuple[float, float]] | None = None,
+    stated_sd: Mapping[str, float] = STATED_SD,
+) -> DimensionPrior:
+    """Dimensions to expect of a person of whom some or none of these are known.
+
+    Parameters
+    ----------
+    sex : 'F', 'M' or None
+        Unknown: the mixture of both by how well they explain what is known, with its mean and covariance.
+    height_m, mass_kg : float or None
+        Unknown ones are the public's (or children's of the age), not soldiers'.
+    age_years : float or None
+        Below 14 a child's proportions are taken, from 18 on an adult's, between them their mixture. Unknown:
+        adult and child are mixed by how well they explain what is known.
+    sizes : mapping, optional
+        Measured dimensions, m, alone or with their standard deviation.
+    stated_sd : mapping
+        Relative standard deviation of ``stature`` and ``mass`` as given.
+
+    Returns
+    -------
+    DimensionPrior
+        Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
+        (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l`` …).
+
+    Raises
+    ------
+    InputError
+        A size is unknown or not positive.
+
+    Notes
+    -----
+    Offsets turn heights of landmarks into joint centres, to first order about the person's expected measures.
+    The population is American: soldiers of 2012 for proportions, citizens for stature and mass.
+
+    Examples
+    --------
+    >>> man = predict_dimensions(sex="M", height_m=1.76, mass_kg=75.0)
+    >>> f"{man.value('femur_r'):.3f} {man.sd('femur_r'):.3f}"
+    '0.427 0.022'
+    """
+    declared = {"stature": height_m, "mass": mass_kg}
+    known = {n: (v, v * stated_sd[n]) for n, v in declared.items() if v is not None}
+    measured = {
+        name: size if isinstance(size, tuple) else (size, MEASURED_SD * size)
+        for name, size in (sizes or {}).items()
+    }
+    sexes: tuple[Sex, ...] = ("F", "M") if sex is None else (sex,)
+    share = _rules()["children"]["share"]
+    if age_years is not None:
+        share = float(np.interp(age_years, GROWING_YEARS, (1.0, 0.0)))
+    parts: list[DimensionPrior] = []
+    scores: list[float] = []
+    for one, child in product(sexes, (False, True)):
+        weight = share if child else 1.0 - share
+        if weight == 0.0:
+            continue
+        people = _children(one, height_m, age_years) if child else _adults(one)
+        body, of_body = people.weigh(known)
+        whole, of_sizes = _with_lengths(body, one, child).weigh(measured)
+        parts.append(whole)
+        scores.append(np.log(weight) + of_body + of_sizes)
+    return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
+
+
+def soldiers(sex: Sex) -> DimensionPrior:
+    """The body measures of ANSUR II's soldiers of a sex, without lengths between joint centres."""
+    table = _statistics()
+    entry = table[sex]
+    n = len(table["names"])
+    correlation = np.eye(n)
+    correlation[np.tril_indices(n, -1)] = [value for row in entry["correlation"] for value in row]
+    correlation = correlation + correlation.T - np.eye(n)
+    spread = np.array(entry["spread"])
+    return DimensionPrior(
+        tuple(table["names"]), np.array(entry["mean"]), spread[:, None] * correlation * spread
+    )
+
+
+def _adults(sex: Sex) -> DimensionPrior:
+    """The soldiers' proportions with the public's stature and mass."""
+    army, public = soldiers(sex), _rules()["public"][sex]
+    slopes, rest = _regress(army)
+    spread = np.array(public["spread"])
+    within = np.diag(spread**2) + public["correlation"] * np.prod(spread) * np.array([[0, 1], [1, 0]])
+    shift = np.log([public["stature"], public["mass"]]) - army.mean[:2]
+    return DimensionPrior(army.names, army.mean + slopes @ shift, rest + slopes @ within @ slopes.T)
+
+
+def _children(sex: Sex, height_m: float | None, age_years: float | None) -> DimensionPrior:
+    """Children's measures: proportions by stature, spread as adults' and wider."""
+    rules, army = _rules()["children"], soldiers(sex)
+    if age_years is None:
+        middle, spread = np.log(rules["unknown_age"]["stature"]), rules["unknown_age"]["spread"]
+    else:
+        middle = np.interp(age_years, rules["age_years"], np.log(rules["stature"][sex]))
+        spread = rules["stature_spread"]
+    about = middle if height_m is None else np.log(height_m)
+    exponents = np.array([rules["growth"].get(name, (1.0, 1.0)) for name in army.names])
+    turn, mass = np.log(rules["turn_m"]), rules["mass"]
+    below, above = min(about - turn, 0.0), max(about, turn) - army.mean[0]
+    line = army.mean + exponents @ np.array([below, above])
+    line[1] = np.log(mass["at_1_5_m"]) + mass["exponent"] * (about - turn)
+    along = exponents[:, 0 if about < turn else 1].copy()
+    along[1] = mass["exponent"]
+    slopes, rest = _regress(army)
+    trend = rules["trend_spread"] * (exponents - 1.0) @ np.array([below, above])
+    covariance = (
+        rules["widened"] * rest
+        + np.outer(trend, trend)
+        + np.outer(along, along) * spread**2
+        + np.outer(slopes[:, 1], slopes[:, 1]) * mass["spread"] ** 2
+    )
+    return DimensionPrior(army.names, line + along * (middle - about), covariance)
+
+
+def _regress(army: DimensionPrior) -> tuple[Array, Array]:
+    """Slopes of all measures on log stature and log mass, shape (n, 2), and the covariance that is left."""
+    slopes = np.linalg.solve(army.covariance[:2, :2], army.covariance[:2]).T
+    return np.asarray(slopes, float), army.covariance - slopes @ army.covariance[:2]
+
+
+def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior:
+    """Add the lengths between joint centres, linearised about the mean, and their sides."""
+    rules = _rules()
+    offsets, lengths = rules["offsets"], rules["lengths"]
+    usual, spread = np.array([(offset[sex], offset["spread"]) for offset in offsets.values()]).T
+    for name, offset in rules["children"]["offsets"].items() if child else ():
+        place = list(offsets).index(name)
+        usual[place], spread[place] = offset["mean"], offset["spread"]
+    of_offsets = np.array([[terms.get(o, 0.0) for o in offsets] for terms in lengths.values()])
+    of_measures = np.array([[terms.get(m, 0.0) for m in body.names] for terms in lengths.values()])
+    of_measures[:, 0] += of_offsets @ usual
+    parts = of_measures * np.exp(body.mean)
+    size = parts.sum(axis=1)
+    relative = np.exp(body.mean[0]) / size[:, None] * of_offsets * spread
+    own = relative @ relative.T + np.diag([terms["own"] ** 2 for terms in lengths.values()])
+    palpation = np.array([rules["palpation"].get(m, 0.0) for m in body.names])
+    palpated = np.diag((palpation * np.exp(body.mean[0] - body.mean)) ** 2)
+
+    names, copies, unlike = _sides()
+    k = len(body.names)
+    loads = np.vstack([np.eye(k), copies @ (parts / size[:, None])])
+    covariance = loads @ (body.covariance - palpated) @ loads.T
+    covariance[:k, :k] = body.covariance
+    covariance[k:, k:] += copies @ own @ copies.T + unlike @ unlike.T
+    return DimensionPrior(body.names + names, np.concatenate([body.mean, copies @ np.log(size)]), covariance)
+
+
+@cache
+def _sides() -> tuple[tuple[str, ...], Array, Array]:
+    """Names with sides; which length each is, and half its asymmetry, shapes (n_names, n_lengths)."""
+    lengths, sides = list(_rules()["lengths"]), _rules()["sides"]
+    names, copies, unlike = [], [], []
+    for length, row in zip(lengths, np.eye(len(lengths)), strict=True):
+        for suffix, half in (("_r", 0.5), ("_l", -0.5)) if length in sides else (("", 0.0),):
+            names.append(length + suffix)
+            copies.append(row)
+            unlike.append(half * sides.get(length, 0.0) * row)
+    return tuple(names), np.array(copies), np.array(unlike)
+
+
+def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrior:
+    """The Gaussian with the mean and covariance of a mixture."""
+    weights = weights / weights.sum()
+    means = np.array([part.mean for part in parts])
+    mean = weights @ means
+    apart = np.sqrt(weights)[:, None] * (means - mean)
+    within = sum(w * part.covariance for w, part in zip(weights, parts, strict=True))
+    return DimensionPrior(parts[0].names, mean, within + apart.T @ apart)
+
+
+@cache
+def _statistics() -> dict[str, Any]:
+    return _load("anthropometry_ansur2.yaml")
+
+
+@cache
+def _rules() -> dict[str, Any]:
+    return _load("anthropometry_lengths.yaml")
+
+
+def _load(name: str) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load((reference_folder() / name).read_text(encoding="utf-8"))
+    return content

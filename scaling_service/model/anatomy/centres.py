@@ -1,0 +1,327 @@
+"""A person's joint centres from what there is: pelvis markers, medial markers, half widths.
+
+Hips come from a regression on the pelvis; a knee or an ankle is the middle of its two epicondyles or malleoli
+where both were marked, else by the chord construction of the conventional gait model from the lateral marker
+and half the joint's width (Kadaba et al. 1990, Davis et al. 1991). Every centre says how it was found and how
+far it may be off beside the markers' own errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from scaling_service.model.anatomy.chord import chord_centre
+from scaling_service.model.anatomy.frames import Frames, pelvis_frame
+from scaling_service.model.anatomy.hip_centre import hip_centres
+from scaling_service.model.anatomy.marker_sets import plane_marker
+from scaling_service.model.anatomy.palpation import Vector
+from scaling_service.numerics.multibody.laws import Array
+
+Joint = Literal["knee", "ankle"]
+Side = Literal["r", "l"]
+SIDES: tuple[Side, Side] = ("r", "l")
+Points = Mapping[str, Array]
+"""Canonical landmark to its trajectory, (n_frames, 3), m."""
+
+MARKER_RADIUS_M = 0.007
+"""Chosen: of the usual balls of 14 mm, where the recording does not say."""
+
+JOINT_SD_M = 0.003
+"""Chosen, along each axis: the middle of epicondyles or malleoli against the centre in which the bones turn.
+The malleoli's tips have theirs 4 mm off that of the talus' sphere."""
+
+MALLEOLUS_DROP_M = 0.005
+"""The lateral malleolus lies 10 mm lower than the medial one (TLEM, lower_limb_14dof), so the ankle centre is
+half of that above the point that the chord construction finds at its level."""
+
+COMMON_PLANE_DEG = 35.0
+"""Chosen: a thigh or shank marker by which the joint's plane is turned further than this against the pelvis
+or the knee is no marker of that plane; standing feet turn out by 10 to 20 degrees."""
+
+REGRESSION_SD_M: Mapping[str, Vector] = MappingProxyType(
+    {
+        "harrington2007": (0.0052, 0.0045, 0.0038),
+        "harrington2007_multi": (0.0052, 0.0036, 0.0032),
+        "harrington2007_single": (0.0052, 0.0045, 0.0038),
+        "hara2016": (0.0052, 0.0044, 0.0038),
+    }
+)
+"""Leave-one-out errors of the regressions along x, y, z, from bony landmarks (Harrington 2007, Hara 2016). Of
+the form with single predictors, which ``harrington2007`` is, y and z are chosen a fifth to a quarter more."""
+
+_TITLES: Mapping[str, str] = MappingProxyType(
+    {
+        "harrington2007": "Harrington 2007",
+        "harrington2007_multi": "Harrington 2007",
+        "harrington2007_single": "Harrington 2007 (single predictors)",
+        "bell1990": "Bell 1990",
+        "hara2016": "Hara 2016",
+        "davis1991": "Davis 1991",
+        "plug_in_gait": "Plug-in Gait",
+    }
+)
+
+_OTHER_SD_M: Vector = (0.011, 0.011, 0.011)
+"""Bell 1990: 19 mm on average, which is 11 mm along each axis; others are no better (Mantovani 2016: Davis 25
+mm against 12 mm of Harrington's, from markers)."""
+
+_JOINTS: Mapping[Joint, tuple[str, str, str]] = MappingProxyType(
+    {"knee": ("hip", "LFE", "MFE"), "ankle": ("knee", "LM", "MM")}
+)
+"""Joint to the joint above, its lateral and its medial landmark."""
+
+
+Size = float | Array
+"""A length, m, of the whole recording or of each frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodySizes:
+    """Sizes that the construction needs beside markers, m.
+
+    Parameters
+    ----------
+    widths : mapping
+        ``knee_r``, ``ankle_l`` … to the joint's width over the skin and its standard deviation.
+    leg_lengths : mapping
+        ``r`` and ``l`` to the length from ASIS to medial malleolus.
+    marker_radius : float
+    """
+
+    widths: Mapping[str, tuple[Size, float]] = field(default_factory=lambda: MappingProxyType({}))
+    leg_lengths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    marker_radius: float = MARKER_RADIUS_M
+
+    def with_leg_lengths(self, measured: Mapping[str, float]) -> BodySizes:
+        """The same with leg lengths where there are none yet."""
+        return replace(self, leg_lengths={**measured, **self.leg_lengths})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centre:
+    """A joint centre over time.
+
+    Parameters
+    ----------
+    at : (n_frames, 3), m
+        NaN where it cannot be constructed.
+    source : str
+        How it was found, in plain words.
+    sd : (3,) m
+        Standard deviation of the construction itself along x, y, z of the pelvis, beside the errors of the
+        markers and sizes that it rests on.
+    kind : str
+        ``regression``, ``functional``, ``middle`` of two landmarks, or ``chord``.
+    """
+
+    at: Array
+    source: str
+    sd: Vector
+    kind: Literal["regression", "functional", "middle", "chord"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pelvis:
+    """The pelvis' landmarks as the regressions want them, and what stands for what."""
+
+    rasis: Array
+    lasis: Array
+    back: Array
+    source: str
+
+    @property
+    def frame(self) -> Frames:
+        """Origin half-way between the ASIS (Wu 2002 but for the origin)."""
+        return pelvis_frame(self.rasis, self.lasis, self.back, self.back)
+
+    @property
+    def depth(self) -> Array:
+        """From the middle of the ASIS to the back, (n_frames,), m."""
+        return np.asarray(np.linalg.norm((self.rasis + self.lasis) / 2.0 - self.back, axis=1))
+
+
+def with_mirrored_psis(points: Points) -> Points:
+    """The points with a PSIS that is not there as the mirror image of the other one, between the ASIS."""
+    known = [name for name in ("RPSIS", "LPSIS") if name in points and _ever(points[name])]
+    if len(known) != 1 or not {"RASIS", "LASIS"} <= points.keys():
+        return points
+    rasis, lasis, own = points["RASIS"], points["LASIS"], points[known[0]]
+    across = rasis - lasis
+    across = across / np.linalg.norm(across, axis=1, keepdims=True)
+    off = np.sum((own - (rasis + lasis) / 2.0) * across, axis=1, keepdims=True)
+    other = "LPSIS" if known[0] == "RPSIS" else "RPSIS"
+    return {**points, other: own - 2.0 * off * across}
+
+
+def read_pelvis(points: Points) -> Pelvis | None:
+    """Both ASIS and the back of the pelvis; None where it is not there.
+
+    The back is the middle of both PSIS, else the sacrum, else the middle of one PSIS and its mirror image.
+    """
+    if not {"RASIS", "LASIS"} <= points.keys():
+        return None
+    front = points["RASIS"], points["LASIS"]
+    psis = [points[name] for name in ("RPSIS", "LPSIS") if name in points]
+    if len(psis) == 2 and _ever(psis[0] + psis[1]):
+        return Pelvis(*front, (psis[0] + psis[1]) / 2.0, "both PSIS")
+    if "SACR" in points and _ever(points["SACR"]):
+        return Pelvis(*front, points["SACR"], "the sacrum for both PSIS")
+    both = with_mirrored_psis(points)
+    if both is points:
+        return None
+    return Pelvis(*front, (both["RPSIS"] + both["LPSIS"]) / 2.0, "one PSIS and its mirror image")
+
+
+def _ever(trajectory: Array) -> bool:
+    return bool(np.isfinite(trajectory).all(axis=1).any())
+
+
+def construct_centres(
+    points: Points,
+    sizes: BodySizes,
+    regression: str,
+    *,
+    hips: Points | None = None,
+    errors: Points | None = None,
+) -> dict[str, Centre]:
+    """All joint centres of hips, knees and ankles that a recording's markers give, in every frame.
+
+    Parameters
+    ----------
+    points : mapping
+        Canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them.
+    sizes : BodySizes
+    regression : str
+        As :func:`scaling_service.model.anatomy.hip_centre.hip_centres` takes it.
+    hips : mapping, optional
+        Hip centres (``hip_r``) that are known better than by regression, (n_frames, 3), m.
+    errors : mapping, optional
+        Centre to an offset along x, y, z of the pelvis that is added to it, (n_frames, 3), m: how errors of
+        one construction are carried on to the next.
+
+    Returns
+    -------
+    dict
+        ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
+    """
+    pelvis = read_pelvis(points)
+    found = {} if pelvis is None else _hips(pelvis, sizes, regression)
+    found |= {
+        name: Centre(at, "functional movements", (0.0, 0.0, 0.0), "functional")
+        for name, at in (hips or {}).items()
+    }
+    axes = None if pelvis is None else pelvis.frame.rotation
+
+    def keep(name: str, centre: Centre | None) -> None:
+        if centre is not None:
+            found[name] = _shifted(centre, (errors or {}).get(name), axes)
+
+    for name, centre in tuple(found.items()):
+        keep(name, centre)
+    for joint in _JOINTS:
+        for side in SIDES:
+            middle = _middle(points, joint, side)
+            chord = _chord(points, found, sizes, joint, side, axes)
+            keep(f"{joint}_{side}", middle or chord)
+            if joint == "ankle" and middle is not None:
+                keep(f"{joint}_{side}_chord", chord)
+    return found
+
+
+def _shifted(centre: Centre, offset: Array | None, axes: Array | None) -> Centre:
+    if offset is None:
+        return centre
+    turned = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
+    return replace(centre, at=centre.at + turned)
+
+
+def _hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:
+    found = hip_centres(
+        pelvis.rasis,
+        pelvis.lasis,
+        pelvis.back,
+        pelvis.back,
+        regression=regression,
+        leg_length_r=sizes.leg_lengths.get("r"),
+        leg_length_l=sizes.leg_lengths.get("l"),
+        marker_radius=sizes.marker_radius,
+    )
+    how, sd = (
+        f"{_TITLES.get(regression, regression)}, {pelvis.source}",
+        REGRESSION_SD_M.get(regression, _OTHER_SD_M),
+    )
+    return {
+        f"hip_{side}": Centre(at, how, sd, "regression")
+        for side, at in (("r", found.right_ground), ("l", found.left_ground))
+    }
+
+
+def _middle(points: Points, joint: Joint, side: Side) -> Centre | None:
+    """Half-way between a joint's lateral and medial landmark."""
+    _, lateral, medial = _JOINTS[joint]
+    ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
+    if ends[0] is None or ends[1] is None or not _ever(ends[0] + ends[1]):
+        return None
+    how = "the middle of its lateral and medial marker"
+    return Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
+
+
+def _chord(
+    points: Points,
+    found: Mapping[str, Centre],
+    sizes: BodySizes,
+    joint: Joint,
+    side: Side,
+    axes: Array | None,
+) -> Centre | None:
+    """Half the joint's width from its lateral marker, in the segment's side plane if that was marked."""
+    above, lateral, _ = _JOINTS[joint]
+    outer = points.get(f"{side.upper()}{lateral}")
+    start = found.get(f"{above}_{side}")
+    width = sizes.widths.get(f"{joint}_{side}")
+    outward = _outward(points, found, joint, side, axes)
+    if outer is None or start is None or width is None or outward is None:
+        return None
+    plane, how = outer + outward, "across from the pelvis" if joint == "knee" else "across from the knee"
+    label = plane_marker(tuple(points), joint, side)
+    if label is not None and _tells_plane(start.at, outer, points[label], outward):
+        plane, how = points[label], f"in the plane of {label}"
+    at = chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
+    if joint == "ankle":
+        at = lift_ankle(at, start.at)
+    source = f"half its width from the lateral marker, {how}"
+    return Centre(at, source, (JOINT_SD_M,) * 3, "chord") if _ever(at) else None
+
+
+def lift_ankle(found: Array, knee: Array) -> Array:
+    """The ankle's centre from where the chord construction finds it at the lateral malleolus' level."""
+    along = knee - found
+    return np.asarray(found + MALLEOLUS_DROP_M * along / np.linalg.norm(along, axis=1, keepdims=True))
+
+
+def _outward(
+    points: Points, found: Mapping[str, Centre], joint: str, side: str, axes: Array | None
+) -> Array | None:
+    """Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's."""
+    if joint == "ankle" and f"knee_{side}" in found and f"{side.upper()}LFE" in points:
+        return np.asarray(points[f"{side.upper()}LFE"] - found[f"knee_{side}"].at)
+    if axes is None:
+        return None
+    return np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
+
+
+def _tells_plane(start: Array, lateral: Array, wand: Array, outward: Array) -> bool:
+    """Whether a marker lies to the segment's side as a marker of the joint's plane does."""
+    along = start - lateral
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    across = [v - np.sum(v * along, axis=1, keepdims=True) * along for v in (wand - lateral, outward)]
+    cosine = np.sum(across[0] * across[1], axis=1) / np.prod(
+        [np.linalg.norm(v, axis=1) for v in across], axis=0
+    )
+    known = cosine[np.isfinite(cosine)]
+    return bool(len(known) and np.median(known) > np.cos(np.radians(COMMON_PLANE_DEG)))

@@ -1,0 +1,251 @@
+"""Body segment inertial parameters of published tables on the segments of the built-in models.
+
+Every segment takes its row's share of the person's mass and scales with its own length in the model at
+hand, so that a scaled model gets what the table says of a segment of that size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.anatomy.inertia_landmarks import AHEAD, Neutral, landmark, needed
+from scaling_service.model.body import BodyModel, Segment
+from scaling_service.model.inertia_tables import InertiaRow, InertiaTable, Sex, inertia_table
+from scaling_service.model.massive import six, tensor_of
+from scaling_service.numerics.multibody.laws import Array
+
+ROLES = {
+    "pelvis": "pelvis",
+    "femur": "thigh",
+    "tibia": "shank",
+    "calcn": "foot",
+    "abdomen": "abdomen",
+    "torso": "thorax",
+    "head": "head_neck",
+    "humerus": "upper_arm",
+    "ulna": "forearm",
+    "hand": "hand",
+}
+"""The built-in models' segments, without their side, as tables call them."""
+
+WHOLE_BODY = frozenset(ROLES)
+"""Segments that make a whole person, without their side."""
+
+HEIGHTS_M = (1.0, 2.3)
+"""Statures that tables of adults may be applied to (chosen)."""
+
+ROUNDING = 1e-12
+"""Negative share of the largest second moment that is only rounding (chosen: thousands of roundings)."""
+
+MASSES_KG = (20.0, 250.0)
+"""Masses that tables of adults may be applied to (chosen)."""
+
+
+@dataclass(frozen=True, slots=True)
+class InertiaResult:
+    """A model with the inertia of a table.
+
+    Parameters
+    ----------
+    model : BodyModel
+    table : str
+    notes : tuple of str
+        What had to be decided, in plain English.
+    """
+
+    model: BodyModel
+    table: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Person:
+    """Whom the table is asked for."""
+
+    sex: Sex
+    height_m: float
+    mass_kg: float
+
+    def check(self) -> None:
+        """Raise InputError where mass or height cannot be an adult's."""
+        for value, (low, high), field, unit in (
+            (self.height_m, HEIGHTS_M, "subject.height_m", "m"),
+            (self.mass_kg, MASSES_KG, "subject.mass_kg", "kg"),
+        ):
+            if not low <= value <= high:
+                raise InputError(
+                    f"{value:g} {unit} is not between {low:g} and {high:g} {unit}",
+                    field=field,
+                    remedy="Give the person's own; inertial tables hold for adults",
+                )
+
+
+def apply_inertia_table(
+    model: BodyModel, table: str, *, sex: Sex, height_m: float, mass_kg: float
+) -> InertiaResult:
+    """Give every segment the mass, centre of mass and tensor that a table says.
+
+    Parameters
+    ----------
+    model : BodyModel
+        A built-in one of three dimensions, of any size. For the planar squat see
+        :func:`scaling_service.model.anatomy.inertia_planar.apply_to_squat`.
+    table : str
+        One of ``TABLE_NAMES``.
+    sex : 'F' or 'M'
+    height_m : float
+        Stature: for lengths that the model does not show (the head's, a foot's to the tip of its toes).
+    mass_kg : float
+
+    Returns
+    -------
+    InertiaResult
+        Masses of a whole-body model sum to ``mass_kg``.
+
+    Raises
+    ------
+    InputError
+        There is no such table, a segment is none that tables know, the model does not show a landmark, or
+        mass or height is no adult's.
+
+    Examples
+    --------
+    >>> from scaling_service.model.builtin import builtin
+    >>> result = apply_inertia_table(
+    ...     builtin("full_body_35dof"), "deleva1996", sex="F", height_m=1.68, mass_kg=60.0
+    ... )
+    >>> round(result.model.segment("femur_r").mass, 2)
+    8.87
+    """
+    person = Person(sex, height_m, mass_kg)
+    person.check()
+    published = inertia_table(table)
+    neutral = Neutral.of(model)
+    notes = list(published.notes)
+    segments = [_with_inertia(s, neutral, published, person, notes) for s in model.segments]
+    segments = _summing_up(segments, mass_kg, notes)
+    return InertiaResult(replace(model, segments=tuple(segments)), table, tuple(dict.fromkeys(notes)))
+
+
+def possible_tensor(tensor: Array) -> tuple[Array, bool]:
+    """The nearest tensor that a body can have, and whether it is another one.
+
+    Parameters
+    ----------
+    tensor : ndarray, shape (3, 3)
+        About the centre of mass.
+
+    Notes
+    -----
+    The second moments of the mass, ``tr(I)/2 - I``, must not be negative along any direction: this is the
+    triangle inequality of the principal moments (Wensing, Kim & Slotine 2018). Negative ones become zero.
+    """
+    moments, axes = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
+    if moments[0] >= -ROUNDING * moments[2]:
+        return tensor, False
+    spread = (axes * np.clip(moments, 0.0, None)) @ axes.T
+    return np.trace(spread) * np.eye(3) - spread, True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """A row on a segment of the model: its length, where it begins and ends (ground, neutral posture)."""
+
+    row: InertiaRow
+    length: float
+    start: Array
+    end: Array
+
+    def com(self, neutral: Neutral, segment: str, side: str) -> Array | None:
+        """The centre of mass in the segment's frame, m; None where the table gives none."""
+        percent = self.row.com_pct
+        if percent is None:
+            return None
+        if len(percent) == 1:
+            return neutral.local(segment, self.start + percent[0] / 100.0 * (self.end - self.start))
+        mirror = np.array([1.0, 1.0, -1.0 if side == "l" else 1.0])
+        com: Array = neutral.local(segment, self.start) + mirror * self.length * np.array(percent) / 100.0
+        return com
+
+    def radii(self) -> Array:
+        """Radii of gyration, m; NaN where the table gives none."""
+        return self.length * np.array(self.row.radii_pct, dtype=float) / 100.0
+
+
+def _with_inertia(
+    segment: Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
+) -> Segment:
+    base, side = _base(segment.name)
+    if base not in ROLES:
+        raise InputError(
+            f"segment '{segment.name}' is none that inertial tables know",
+            field="model",
+            remedy="Use a built-in model, or keep the masses of the model's own file",
+        )
+    role = ROLES[base]
+    tables = [table, *([inertia_table(table.fallback)] if table.fallback else [])]
+    if table.find(role, person.sex) is None and len(tables) > 1:
+        tables = tables[1:]
+    placed = [_place(neutral, t, t.row(role, person.sex), person, side, segment.name) for t in tables]
+    first, last = placed[0], placed[-1]
+    com = first.com(neutral, segment.name, side)
+    com = last.com(neutral, segment.name, side) if com is None else com
+    assert com is not None  # a fallback is complete
+    radii = np.where(np.isnan(first.radii()), last.radii(), first.radii())
+    mass = first.row.mass_pct / 100.0 * person.mass_kg
+    products = first.length * np.array(first.row.products_pct) / 100.0
+    tensor, changed = possible_tensor(_tensor(mass, radii, products, side))
+    if changed:
+        notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
+    return replace(segment, mass=mass, com=(float(com[0]), float(com[1]), float(com[2])), inertia=six(tensor))
+
+
+def _base(name: str) -> tuple[str, str]:
+    """A segment's name without its side, and the side."""
+    return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
+
+
+def _place(
+    neutral: Neutral, table: InertiaTable, row: InertiaRow, person: Person, side: str, segment: str
+) -> _Placed:
+    first, last = row.span
+    start = needed(neutral, first, side, person.sex, segment)
+    end = landmark(neutral, last, side, person.sex)
+    if end is None and row.length_m is not None:
+        length = row.length_m * person.height_m / table.stature_m[person.sex]
+        end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
+    if end is None and row.com_pct is None:
+        end = start  # the fallback gives centre and radii
+    if end is None:
+        end = needed(neutral, last, side, person.sex, segment)
+    if last == "HJCS":
+        end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
+    return _Placed(row, float(np.linalg.norm(end - start)), start, end)
+
+
+def _tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
+    xy, xz, yz = mass * np.sign(products) * products**2
+    if side == "l":
+        xz, yz = -xz, -yz
+    tensor = np.diag(mass * radii**2)
+    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), (xy, xz, yz), strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    return tensor
+
+
+def _summing_up(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:
+    """Segments whose masses sum to the person's, where they make a whole person."""
+    if {_base(s.name)[0] for s in segments} != WHOLE_BODY:
+        left_out = 100.0 * (1.0 - sum(s.mass for s in segments) / mass_kg)
+        notes.append(f"the model has no segment for {left_out:.1f} % of the person's mass")
+        return segments
+    factor = mass_kg / sum(s.mass for s in segments)
+    if abs(factor - 1.0) > 1e-4:
+        notes.append(f"masses were multiplied by {factor:.4f} to sum to the person's")
+    return [
+        replace(s, mass=factor * s.mass, inertia=six(factor * tensor_of(s.inertia)))  # radii stay
+        for s in segments
+    ]

@@ -1,0 +1,151 @@
+"""Inertial tables on the planar squat: both sides lumped, trunk and head in one.
+
+The parts are taken from the whole-body model with the same table, put together as in the neutral posture,
+and brought to the squat's own lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.anatomy.inertia import InertiaResult, apply_inertia_table
+from scaling_service.model.anatomy.inertia_landmarks import Neutral
+from scaling_service.model.body import BodyModel, Segment
+from scaling_service.model.builtin import builtin
+from scaling_service.model.inertia_tables import Sex
+from scaling_service.model.massive import inertias_of, six, total_mass, with_inertias
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import Inertias
+
+WHOLE, SQUAT = "full_body_35dof", "squat_4dof"
+
+LUMPED = "winter2009"
+"""The table that gives trunk, head and neck together and the whole arm: the built-in squat is made of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A planar segment: what it is made of, and one line that both models show.
+
+    ``whole`` and ``planar`` name where the line begins and ends, on the right of the whole body and on
+    the squat: segments (their origins) or markers.
+    """
+
+    pieces: tuple[str, ...]
+    whole: tuple[str, str]
+    planar: tuple[str, str]
+
+
+PARTS = {
+    "foot": Part(("calcn_r", "calcn_l"), ("calcn_r", "RTOE"), ("shank", "TOE")),
+    "shank": Part(("tibia_r", "tibia_l"), ("calcn_r", "tibia_r"), ("shank", "thigh")),
+    "thigh": Part(("femur_r", "femur_l"), ("tibia_r", "femur_r"), ("thigh", "torso")),
+    "torso": Part(("pelvis", "abdomen", "torso", "head"), ("femur_r", "humerus_r"), ("torso", "arm")),
+    "arm": Part(
+        ("humerus_r", "humerus_l", "ulna_r", "ulna_l", "hand_r", "hand_l"),
+        ("humerus_r", "RELB"),
+        ("arm", "ELB"),
+    ),
+}
+"""The squat's segments; the arm hangs straight."""
+
+_ITSELF = {name: replace(part, pieces=(name,), whole=part.planar) for name, part in PARTS.items()}
+
+
+def apply_to_squat(
+    model: BodyModel, table: str, *, sex: Sex, height_m: float, mass_kg: float
+) -> InertiaResult:
+    """Give the planar squat the inertia that a table says.
+
+    Parameters
+    ----------
+    model : BodyModel
+        ``squat_4dof`` of any size.
+    table, sex, height_m, mass_kg
+        See :func:`scaling_service.model.anatomy.inertia.apply_inertia_table`.
+
+    Returns
+    -------
+    InertiaResult
+        Masses sum to ``mass_kg``; centres of mass lie in the plane and products with z are zero.
+
+    Raises
+    ------
+    InputError
+        The model is no squat, or as ``apply_inertia_table``.
+    """
+    if set(model.segment_names) != set(PARTS):
+        raise InputError(
+            f"model '{model.name}' is not the planar squat",
+            field="model",
+            remedy=f"Its segments are {', '.join(PARTS)}",
+        )
+    whole = apply_inertia_table(builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg)
+    own = table == LUMPED
+    body, parts = (_own_rows(mass_kg), _ITSELF) if own else (Neutral.of(whole.model), PARTS)
+    notes = whole.notes[:1] if own else whole.notes
+    planar = Neutral.of(model)
+    segments = tuple(_lumped(s, parts[s.name], body, planar) for s in model.segments)
+    said = "both sides are lumped; trunk and head are one, the arm hangs straight"
+    return InertiaResult(replace(model, segments=segments), table, (*notes, said))
+
+
+def _own_rows(mass_kg: float) -> Neutral:
+    """The built-in squat, which holds the rows that Winter gives for trunk and head and the whole arm."""
+    squat = builtin(SQUAT)
+    factor = mass_kg / total_mass(squat)
+    inertias = inertias_of(squat)
+    heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
+    return Neutral.of(with_inertias(squat, heavier))
+
+
+def _lumped(segment: Segment, part: Part, body: Neutral, planar: Neutral) -> Segment:
+    start, end = (_place(body, name) for name in part.whole)
+    new_start, new_end = (_place(planar, name) for name in part.planar)
+    size = _flat_length(new_end - new_start) / _flat_length(end - start)
+    turn = _turn(end - start, new_end - new_start)
+    mass, com, tensor = _together(body, part.pieces)
+    at = new_start + size * turn @ (com - start)
+    local = planar.local(segment.name, at)
+    spread = size**2 * turn @ tensor @ turn.T
+    spread[2, :2] = spread[:2, 2] = 0.0  # left and right cancel; what asymmetry a table has is dropped
+    return replace(segment, mass=mass, com=(float(local[0]), float(local[1]), 0.0), inertia=six(spread))
+
+
+def _place(neutral: Neutral, name: str) -> Array:
+    found = neutral.origin(name)
+    found = neutral.marker(name) if found is None else found
+    if found is None:
+        raise InputError(
+            f"model '{neutral.model.name}' has neither segment nor marker '{name}'",
+            field="model",
+            remedy="Keep the built-in model's names",
+        )
+    return found
+
+
+def _flat_length(vector: Array) -> float:
+    return float(np.hypot(vector[0], vector[1]))
+
+
+def _turn(old: Array, new: Array) -> Array:
+    """Rotation about z that brings one direction onto another."""
+    angle = np.arctan2(new[1], new[0]) - np.arctan2(old[1], old[0])
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _together(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and tensor about it of rigidly joined segments, ground axes."""
+    rows = [neutral.model.segment_names.index(name) for name in pieces]
+    inertias, axes = inertias_of(neutral.model), neutral.axes[rows]
+    mass = inertias.mass[rows]
+    at = np.einsum("kai,ki->ka", axes, inertias.com[rows]) + neutral.origins[rows]
+    own = np.einsum("kai,kij,kbj->ab", axes, inertias.tensor[rows], axes)
+    com = mass @ at / mass.sum()
+    arm = at - com
+    scatter = np.einsum("k,ka,kb->ab", mass, arm, arm)
+    return float(mass.sum()), com, own + np.trace(scatter) * np.eye(3) - scatter

@@ -1,0 +1,217 @@
+"""Joint centres and segment lengths of a body model, built-in or from OpenSim.
+
+A joint's centre is the place, on the way from the parent to the child, where its first turn driven by a
+coordinate acts; both segments of the joint know it. Coordinates that turn are at zero (a straight
+knee), so that a knee whose centre glides with flexion has one length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector
+from scaling_service.model.neutral import Array, follow, marker_position, model_values
+
+_SIDES = ("r", "l", "")
+_ROLES: Mapping[str, tuple[str, ...]] = {
+    "pelvis": ("pelvis",),
+    "femur": ("femur", "thigh"),
+    "tibia": ("tibia", "shank"),
+    "foot": ("talus", "calcn", "foot"),
+    "torso": ("torso", "thorax"),
+    "humerus": ("humerus", "upperarm", "arm"),
+    "ulna": ("ulna", "forearm"),
+    "hand": ("hand",),
+    "calcn": ("calcn", "foot"),
+    "toes": ("toes",),
+    "head": ("head",),
+}
+"""What a segment is, and the names that say so, with the side as ``_r`` or ``_l`` or in front as ``r_``."""
+
+_JOINTS: Mapping[str, tuple[str, str]] = {
+    "hip": ("pelvis", "femur"),
+    "knee": ("femur", "tibia"),
+    "ankle": ("tibia", "foot"),
+    "shoulder": ("torso", "humerus"),
+    "elbow": ("humerus", "ulna"),
+    "wrist": ("ulna", "hand"),
+}
+_WELDED_ON_M = 0.05
+"""Chosen: a segment that is welded on further from the turn above than this is the next bone, as a hand is to
+a forearm that turns at the elbow; nearer, both are one joint."""
+
+_LENGTHS: Mapping[str, tuple[str, str, str]] = {
+    "femur": ("femur", "hip", "knee"),
+    "shank": ("tibia", "knee", "ankle"),
+    "upper_arm": ("humerus", "shoulder", "elbow"),
+    "forearm": ("ulna", "elbow", "wrist"),
+}
+
+
+def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
+    """Centres of the joints that the model has, in their proximal segment.
+
+    Returns
+    -------
+    dict
+        ``hip_r``, ``knee_r``, ``ankle_r``, ``shoulder_r``, ``elbow_r``, ``wrist_r`` and the left ones to
+        (segment, position in that segment's frame, m). Where the model has no foot, the ankle is
+        the landmark ``RAJC`` (a marker of weight 0), else half-way between the malleolar markers. In a planar
+        model the names have no side.
+
+    Examples
+    --------
+    >>> from scaling_service.model.builtin import builtin
+    >>> joint_centres(builtin("lower_limb_14dof"))["knee_r"]
+    ('femur_r', (0.0, -0.43245, 0.0))
+    """
+    centres = {}
+    for side in _SIDES:
+        for joint, (proximal, _) in _JOINTS.items():
+            ends = _ends(model, joint, side)
+            segment = _part(model, proximal, side)
+            if segment is not None and segment in ends:
+                x, y, z = (float(v) for v in ends[segment])
+                centres[_sided(joint, side)] = (segment, (x, y, z))
+    return centres
+
+
+def segment_lengths(model: BodyModel) -> dict[str, float]:
+    """Distances between joint centres, m, as far as the model has them.
+
+    Returns
+    -------
+    dict
+        ``inter_hip``, ``femur_r`` (hip to knee), ``shank_r`` (knee to ankle), ``upper_arm_r``, ``forearm_r``
+        and the left ones; without side in a planar model.
+    """
+    lengths = {}
+    hips = [_ends(model, "hip", side) for side in ("r", "l")]
+    pelvis = segment_of(model, "pelvis", "")
+    if pelvis is not None and all(pelvis in ends for ends in hips):
+        lengths["inter_hip"] = float(np.linalg.norm(hips[0][pelvis] - hips[1][pelvis]))
+    for side in _SIDES:
+        for name, (role, proximal, distal) in _LENGTHS.items():
+            segment = segment_of(model, role, side)
+            first, last = _ends(model, proximal, side), _ends(model, distal, side)
+            if segment is not None and segment in first and segment in last:
+                lengths[_sided(name, side)] = float(np.linalg.norm(first[segment] - last[segment]))
+    return lengths
+
+
+def segment_of(model: BodyModel, role: str, side: str) -> str | None:
+    """The segment that plays a part on a side, whatever the model calls it; None if there is none.
+
+    Parameters
+    ----------
+    role : str
+        ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the foot's
+        markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
+    side : 'r', 'l' or ''
+    """
+    names = {segment.name.casefold(): segment.name for segment in model.segments}
+    for word in _ROLES[role]:
+        forms = (f"{word}_{side}", f"{side}_{word}") if side else (word,)
+        for form in forms:
+            if form in names:
+                return names[form]
+    return None
+
+
+def _sided(name: str, side: str) -> str:
+    return f"{name}_{side}" if side else name
+
+
+def _ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
+    """A joint's centre in the frames of the segments that know it (empty if there is no such joint)."""
+    first, second = (_part(model, role, side) for role in _JOINTS[joint])
+    if first is not None and second is not None:
+        for child, parent in ((second, first), (first, second)):
+            chain = _chain(model, parent, child)
+            if chain:
+                return _centre(model, chain)
+    return _ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
+
+
+def _part(model: BodyModel, role: str, side: str) -> str | None:
+    """As :func:`segment_of`; pelvis and torso have no side; a planar torso may stand for the pelvis."""
+    if role == "pelvis":
+        return segment_of(model, "pelvis", "") or (segment_of(model, "torso", "") if not side else None)
+    return segment_of(model, role, "" if role == "torso" else side)
+
+
+def _chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
+    """The segments from just below ``parent`` down to ``child``; empty if it does not hang there."""
+    chain: list[Segment] = []
+    name = child
+    while name not in (GROUND, parent):
+        segment = model.segment(name)
+        chain.insert(0, segment)
+        name = segment.parent
+    return chain if name == parent else []
+
+
+def _centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
+    """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
+    values = _straight(model)
+    joints = [joint for segment in chain for joint in segment.joints]
+    _, centre = follow(joints[: _first_turn(chain)], values)
+    _, end = follow(joints, values)
+    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _turns(chain[-1]):
+        centre = end
+    known = {chain[0].parent: centre}
+    done = 0
+    for segment in chain:
+        done += len(segment.joints)
+        rotation, origin = follow(joints[:done], values)
+        known[segment.name] = rotation.T @ (centre - origin)
+    return known
+
+
+def _first_turn(chain: list[Segment]) -> int:
+    """How many joints of a chain come before the turn that makes its last joint.
+
+    That is the first driven turn of the last segment; of the whole chain where the last one is welded on.
+    """
+    driven = [_is_driven(joint) for segment in chain for joint in segment.joints]
+    last = len(driven) - len(chain[-1].joints)
+    if True in driven[last:]:
+        return driven.index(True, last)
+    return driven.index(True) if True in driven else last
+
+
+def _turns(segment: Segment) -> bool:
+    return any(map(_is_driven, segment.joints))
+
+
+def _is_driven(joint: Joint) -> bool:
+    return joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms)
+
+
+def _straight(model: BodyModel) -> dict[str, float]:
+    """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
+    turning = {
+        term.coordinate: 0.0
+        for _, joint in model.joints()
+        if joint.kind == "rotation"
+        for term in joint.law.terms
+        if term.coordinate is not None
+    }
+    return model_values(model, turning)
+
+
+def _ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
+    values = _straight(model)
+    letter = side.upper()
+    places = {
+        (marker.name if marker.weight == 0.0 else canonical(marker.name)): marker_position(marker, values)
+        for marker in model.markers
+        if marker.segment == tibia
+    }
+    if f"{letter}AJC" in places:
+        return {tibia: places[f"{letter}AJC"]}
+    malleoli = [places[name] for name in (f"{letter}LM", f"{letter}MM") if name in places]
+    return {tibia: (malleoli[0] + malleoli[1]) / 2.0} if len(malleoli) == 2 else {}

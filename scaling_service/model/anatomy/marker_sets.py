@@ -1,0 +1,173 @@
+"""Which marker set the labels of recordings belong to, and what that says of each label."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from scaling_service.model.anatomy.lengths import segment_of
+from scaling_service.model.anatomy.markers import canonical, likeness, looks_computed, meaning, plain_key
+from scaling_service.model.body import BodyModel
+from scaling_service.model.marker_sets import MarkerSet, SetLabel, marker_sets
+
+MOSTLY = 0.6
+"""Chosen: a set of which a smaller share of the labels is there is not named."""
+
+landmark_of = canonical
+"""The landmark that a label stands for, as the built-in models name it; None of tracking markers."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSetMatch:
+    """The marker set that recordings were made with.
+
+    Parameters
+    ----------
+    name, title : str
+    share : float
+        Of the labels that the set asks for on the sides that were recorded.
+    lacks : tuple of str
+        Labels that it asks for and that no recording has.
+    additions : tuple of str
+        Titles of sets that come with others, such as the Oxford foot model, and are there, too.
+    key_points : bool
+        Whether the labels are joint centres guessed from video rather than markers.
+    """
+
+    name: str
+    title: str
+    share: float
+    lacks: tuple[str, ...] = ()
+    additions: tuple[str, ...] = ()
+    key_points: bool = False
+
+
+def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
+    """The marker set that fits the labels of all recordings best; None where none is mostly there.
+
+    Of two sets that fit, the one counts that explains more of the labels and asks for fewer others
+    (Dice coefficient). Labels that only the static trial needs count where they are, and are not missed.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Of all recordings together.
+
+    Examples
+    --------
+    >>> found = recognise("RASI LASI SACR RTHI LTHI RKNE LKNE RTIB LTIB RANK LANK RTOE LTOE RHEE".split())
+    >>> found.name, found.lacks
+    ('plug_in_gait_lower', ('LHEE',))
+    """
+    present = {plain_key(label) for label in labels if not looks_computed(label)}
+    every = marker_sets().values()
+    additions = [s for s in every if s.adds_to_others and _share(s, present) >= MOSTLY]
+    explained = present - {plain_key(n) for s in additions for label in s.labels for n in label.names}
+    whole = [s for s in every if not s.adds_to_others and _share(s, present) >= MOSTLY]
+    if not whole:
+        return None
+    best = max(whole, key=lambda s: _likeness(s, present, explained))
+    asked, lacks = _asked(best, present)
+    return MarkerSetMatch(
+        best.name,
+        best.title,
+        1.0 - len(lacks) / len(asked),
+        lacks,
+        tuple(s.title for s in additions),
+        best.key_points,
+    )
+
+
+def _is_present(label: SetLabel, present: set[str]) -> bool:
+    return any(plain_key(name) in present for name in label.names)
+
+
+def _asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Labels that a set asks for on the sides that are there, and those of them that are missing."""
+    sides = {label.side for label in marker_set.labels if _is_present(label, present)} | {""}
+    of_sides = [label for label in marker_set.labels if label.side in sides]
+    found = {label.label for label in of_sides if _is_present(label, present)}
+    free = {name for choice in marker_set.one_of for group in choice for name in group}
+    asked = [n.label for n in of_sides if not n.optional and not n.static_only and n.label not in free]
+    for choice in marker_set.one_of:
+        here = [[name for name in group if any(n.label == name for n in of_sides)] for group in choice]
+        asked += min((group for group in here if group), key=lambda g: len(set(g) - found), default=[])
+    return tuple(asked), tuple(name for name in asked if name not in found)
+
+
+def _share(marker_set: MarkerSet, present: set[str]) -> float:
+    if not marker_set.adds_to_others:
+        asked, lacks = _asked(marker_set, present)
+        return 1.0 - len(lacks) / len(asked) if len(asked) > len(lacks) else 0.0
+    found = [_is_present(label, present) for label in marker_set.labels if not label.optional]
+    return sum(found) / len(found)
+
+
+def _likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> float:
+    asked, _ = _asked(marker_set, present)
+    found = [label for label in marker_set.labels if _is_present(label, present)]
+    size = len({*asked, *(label.label for label in found)})
+    return 2.0 * len(found) / (size + max(len(explained), len(found)))
+
+
+def tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[str, str]:
+    """Segment of each label that is known and that no marker of the model takes, where the model has it.
+
+    Parameters
+    ----------
+    labels : iterable of str
+    model : BodyModel
+
+    Examples
+    --------
+    >>> from scaling_service.model.builtin import builtin
+    >>> tracking_segments(["RASI", "SACR", "RTHI", "LHEE", "odd"], builtin("lower_limb_14dof"))
+    {'SACR': 'pelvis', 'RTHI': 'femur_r'}
+    """
+    markers = [marker.name for marker in model.markers if marker.weight > 0.0]
+    found = {}
+    for label in labels:
+        meant = meaning(label)
+        if (
+            meant is None
+            or looks_computed(label)
+            or any(likeness(label, name) is not None for name in markers)
+        ):
+            continue
+        midline = meant.segment in ("pelvis", "torso", "head")
+        segment = segment_of(model, meant.segment, "" if midline else meant.side)
+        if segment is not None:
+            found[label] = segment
+    return found
+
+
+def plane_marker(
+    labels: Sequence[str], joint: Literal["knee", "ankle"], side: Literal["r", "l"]
+) -> str | None:
+    """The label of the marker that tells the plane of a joint's axis: the conventional gait model's wands.
+
+    With the joint centre above and the joint's lateral marker it spans the plane in which the joint's centre
+    is looked for (Davis 1991).
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Of one recording.
+    joint : 'knee' or 'ankle'
+        The thigh's marker tells the knee's, the shank's the ankle's.
+    side : 'r' or 'l'
+
+    Examples
+    --------
+    >>> plane_marker(["S01:RASI", "S01:RTHI"], "knee", "r")
+    'S01:RTHI'
+    """
+    keys = {
+        plain_key(name)
+        for marker_set in marker_sets().values()
+        for entry in marker_set.labels
+        if entry.plane_of == joint and entry.side == side
+        for name in entry.names
+    }
+    return next((label for label in labels if plain_key(label) in keys), None)

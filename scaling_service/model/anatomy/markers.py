@@ -1,0 +1,314 @@
+"""Marker names: which labels of a recording mean which markers of a model.
+
+Laboratories call one landmark by many names. Those known to mean the same place (see
+:mod:`scaling_service.model.marker_sets`) form a class, named after the built-in models' marker; two names
+match when they are of one class, so that a model of any origin can meet a recording of any origin. Tracking
+markers, whose place is each laboratory's own choice (``RTHI``, ``R.TH1``), are in no class: they match by
+name only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.marker_sets import Side, landmarks, marker_sets
+
+_SEPARATORS = re.compile(r"[\s._\-]+")
+_SUFFIX = "STUDY"  # r_knee_study: how OpenCap's video pipeline writes the markers of a physical set
+_COMPUTED = re.compile(
+    r"[HKASEW]JC|(JOINT|GROUND)$|^MID(?!FOOT)"  # OpenSim's examples and Stanford's files
+    r"|^[RL]?CENT(RE|ER)OFMASS(FLOOR)?$"
+    r"|^(PEL|HED|TRX|[RL](FE|TI|FO|TO|CL|HU|RA|HN))[OALP]$"  # origin and axes of Plug-in Gait's segments
+    r"|(ANGLE|MOMENT|FORCE|POWER)S?$|GROUNDREACTION|NORMALI[SZ]EDGRF"  # its results
+)
+"""Joint centres, projections, midpoints, axes and results, as the files of public recordings name them and
+Vicon's Plug-in Gait Reference Guide does."""
+
+PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "TOE": ("RTOE", "LTOE"),
+        "ANK": ("RLM", "LLM"),
+        "TIB": ("RTIB", "LTIB"),
+        "KNE": ("RLFE", "LLFE"),
+        "THI": ("RTHI", "LTHI"),
+        "ASI": ("RASIS", "LASIS"),
+        "PSI": ("RPSIS", "LPSIS"),
+        "T10": ("T10",),
+        "STRN": ("STRN",),
+        "C7": ("C7",),
+        "CLAV": ("CLAV",),
+        "SHO": ("RSHO", "LSHO"),
+        "ELB": ("RELB", "LELB"),
+    }
+)
+"""Markers of ``squat_4dof`` and the markers of a body in space whose mean in the sagittal plane they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a label is known to stand for, whatever the recording.
+
+    Parameters
+    ----------
+    landmark : str, optional
+        The built-in models' name of the landmark; None of tracking markers.
+    segment : str
+        What carries it, without side, as the built-in models call it.
+    side : 'r', 'l' or ''
+    """
+
+    landmark: str | None
+    segment: str
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class LabelMap:
+    """Which label of the recordings was taken for which marker of the model.
+
+    Parameters
+    ----------
+    mapped : mapping
+        Model marker to label, in the order asked for.
+    unmatched_model : tuple of str
+        Markers for which no label was found.
+    unused_labels : tuple of str
+        Labels that no marker took.
+    notes : tuple of str
+        What was decided and why, one plain sentence each, for a person.
+    """
+
+    mapped: Mapping[str, str]
+    unmatched_model: tuple[str, ...]
+    unused_labels: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def renames(self) -> dict[str, str]:
+        """Label to model marker: what :meth:`Trial.relabelled` takes."""
+        return {label: marker for marker, label in self.mapped.items()}
+
+
+def strip_prefix(label: str) -> str:
+    """A label without the ``Subject:`` before it.
+
+    Examples
+    --------
+    >>> strip_prefix("S01:RASI")
+    'RASI'
+    """
+    return label.rsplit(":", 1)[-1].strip()
+
+
+def plain_key(name: str) -> str:
+    """A name in capitals, without prefix, separators and the suffix ``_study``, for comparison.
+
+    Examples
+    --------
+    >>> plain_key("S01:r_knee_study"), plain_key("R.Knee")
+    ('RKNEE', 'RKNEE')
+    """
+    return _SEPARATORS.sub("", strip_prefix(name).upper()).removesuffix(_SUFFIX)
+
+
+def meaning(name: str) -> Meaning | None:
+    """What a name stands for in the marker sets that are known; None if in none, or in two differently.
+
+    Examples
+    --------
+    >>> meaning("RTIB"), meaning("S01:r.ASIS")
+    (Meaning(landmark=None, segment='tibia', side='r'), Meaning(landmark='RASIS', segment='pelvis', side='r'))
+    """
+    return _meanings().get(plain_key(name))
+
+
+@cache
+def _meanings() -> Mapping[str, Meaning]:
+    """Plain key to what it means, from landmarks, their aliases and all labels of marker sets."""
+    found: dict[str, Meaning | None] = {}
+
+    def add(names: Iterable[str], meant: Meaning) -> None:
+        for name in names:
+            key = plain_key(name)
+            found[key] = meant if found.get(key, meant) == meant else None
+
+    for landmark in landmarks().values():
+        add((landmark.name, *landmark.aliases), Meaning(landmark.name, landmark.segment, landmark.side))
+    for marker_set in marker_sets().values():
+        for label in () if marker_set.key_points else marker_set.labels:
+            add(label.names, Meaning(label.landmark, label.segment, label.side))
+    return {key: meant for key, meant in found.items() if meant is not None}
+
+
+def canonical(name: str) -> str | None:
+    """The built-in models' name of the landmark that a name is known to mean; None if it is not known.
+
+    Examples
+    --------
+    >>> canonical("r.ASIS"), canonical("L_mknee"), canonical("S01:RMMA"), canonical("RTHI")
+    ('RASIS', 'LMFE', 'RMM', None)
+    """
+    meant = meaning(name)
+    return None if meant is None else meant.landmark
+
+
+def looks_computed(label: str) -> bool:
+    """Whether a label reads like a point that software computed (a joint centre, a midpoint).
+
+    Examples
+    --------
+    >>> [looks_computed(name) for name in ("R_HJC_reg", "L.KneeJoint", "MidASIS", "RFEO", "RASIS", "R.Ankle")]
+    [True, True, True, True, False, False]
+    """
+    return bool(_COMPUTED.search(plain_key(label)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """One way of comparing names, and how to say that it was needed."""
+
+    key: Callable[[str], str | None]
+    reason: str
+
+
+_LEVELS: tuple[_Level, ...] = (
+    _Level(lambda name: name, ""),
+    _Level(strip_prefix, "prefix left out"),
+    _Level(lambda name: strip_prefix(name).casefold(), "capitals ignored"),
+    _Level(canonical, "known alias"),
+)
+"""From strict to lenient: what a stricter comparison has matched is settled before the next one looks."""
+
+
+def likeness(label: str, marker: str) -> str | None:
+    """What must be left out of account for a label to be a marker's name; None where that is not enough.
+
+    Examples
+    --------
+    >>> likeness("RASIS", "RASIS"), likeness("S01:RASI", "RASIS"), likeness("RTHI", "RASIS")
+    ('', 'known alias', None)
+    """
+    for level in _LEVELS:
+        key = level.key(marker)
+        if key is not None and key == level.key(label):
+            return level.reason
+    return None
+
+
+def match_labels(
+    labels: Iterable[str], wanted: Sequence[str], explicit: Mapping[str, str] | None = None
+) -> LabelMap:
+    """Find the label of every wanted marker.
+
+    A marker takes the label that the user named; else the one of the same name; else without prefix;
+    else ignoring capitals; else a known alias. What is settled at one of these steps is not reopened
+    at the next, and no label is used twice.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        The labels of the recordings (of all of them together, or of one).
+    wanted : sequence of str
+        Names of the model's markers to look for.
+    explicit : mapping, optional
+        Model marker to label, as the user wrote under ``markers:``.
+
+    Raises
+    ------
+    InputError
+        Two labels fit one marker, or two markers one label, equally well; an explicit marker is not in the
+        model, its label in no recording, or one label is given to two markers.
+
+    Examples
+    --------
+    >>> match_labels(["S01:RASI", "S01:RKNE", "S01:RTHI"], ["RASIS", "RLFE", "RMFE"]).mapped
+    {'RASIS': 'S01:RASI', 'RLFE': 'S01:RKNE'}
+    """
+    present = tuple(dict.fromkeys(labels))
+    mapped, notes = _explicit(present, wanted, explicit or {})
+    for level in _LEVELS:
+        free = [label for label in present if label not in mapped.values()]
+        open_markers = [name for name in wanted if name not in mapped]
+        for name, label in _match(level, free, open_markers).items():
+            mapped[name] = label
+            if level.reason:
+                notes.append(f"{name} is '{label}' ({level.reason})")
+    notes += [
+        f"'{label}' is used as marker {name}, though its name is that of a computed point"
+        for name, label in mapped.items()
+        if looks_computed(label)
+    ]
+    return LabelMap(
+        {name: mapped[name] for name in wanted if name in mapped},
+        tuple(name for name in wanted if name not in mapped),
+        tuple(label for label in present if label not in mapped.values()),
+        tuple(notes),
+    )
+
+
+def _explicit(
+    present: Sequence[str], wanted: Sequence[str], explicit: Mapping[str, str]
+) -> tuple[dict[str, str], list[str]]:
+    mapped: dict[str, str] = {}
+    for marker, label in explicit.items():
+        field = f"markers.{marker}"
+        if marker not in wanted:
+            raise InputError(
+                f"the model has no marker '{marker}'", field=field, remedy=f"It has {', '.join(wanted)}"
+            )
+        found = [p for p in present if p == label] or [p for p in present if strip_prefix(p) == label]
+        if not found:
+            raise InputError(
+                f"label '{label}' is in no recording", field=field, remedy=f"They have {', '.join(present)}"
+            )
+        if len(found) > 1:
+            raise _ambiguous(marker, found)
+        if found[0] in mapped.values():
+            raise InputError(
+                f"label '{label}' is given to two markers",
+                field=field,
+                remedy="Give each marker a label of its own",
+            )
+        mapped[marker] = found[0]
+    return mapped, [f"{marker} is '{label}' (as the subject file says)" for marker, label in mapped.items()]
+
+
+def _match(level: _Level, labels: Sequence[str], markers: Sequence[str]) -> dict[str, str]:
+    labels_of, markers_of = _grouped(level, labels), _grouped(level, markers)
+    matches = {}
+    for key, names in markers_of.items():
+        found = labels_of.get(key, [])
+        if len(found) > 1:
+            raise _ambiguous(names[0], found)
+        if found and len(names) > 1:
+            raise InputError(
+                f"label '{found[0]}' fits the markers {' and '.join(names)} equally well",
+                field=f"markers.{names[0]}",
+                remedy="Say under `markers:` which of them it is",
+            )
+        if found:
+            matches[names[0]] = found[0]
+    return matches
+
+
+def _grouped(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:
+    groups: dict[str, list[str]] = defaultdict(list)
+    for name in names:
+        key = level.key(name)
+        if key is not None:
+            groups[key].append(name)
+    return groups
+
+
+def _ambiguous(marker: str, found: Sequence[str]) -> InputError:
+    return InputError(
+        f"marker '{marker}' could be {' or '.join(repr(label) for label in found)}",
+        field=f"markers.{marker}",
+        remedy="Say under `markers:` which label it is",
+    )

@@ -1,0 +1,218 @@
+"""From names to arrays: a body model becomes a tree for the kernels.
+
+Constant moves are merged on the way: a turn about an arbitrary axis becomes a turn about a
+coordinate axis between constant rotations, and constant rotations are pushed through shifts, so
+that few of them remain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Piecewise, TermArrays
+from scaling_service.numerics.multibody.moves import Fixed, Link, Move, Shift, Turn
+from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
+
+_KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
+
+
+class _Index:
+    """Numbers for names, and for every distinct factor."""
+
+    def __init__(self, model: BodyModel, signals: Sequence[str]) -> None:
+        self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
+        self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
+        self.signals = {name: k for k, name in enumerate(signals)}
+        self._factors: dict[tuple[str | None, Shape | None, str | None], int] = {}
+        self.factors: list[Factor] = []
+
+    def factor(self, term: Term) -> int:
+        """The number of a term's factor; locked coordinates stay coordinates."""
+        if term.coordinate is None and term.signal is None:
+            return NONE
+        key = (term.coordinate, term.shape, term.signal)
+        if key not in self._factors:
+            self._factors[key] = len(self.factors)
+            self.factors.append(
+                Factor(
+                    self.coordinates[term.coordinate] if term.coordinate is not None else NONE,
+                    _piecewise(term.shape) if term.shape is not None else None,
+                    self.signals[term.signal] if term.signal is not None else NONE,
+                )
+            )
+        return self._factors[key]
+
+    def terms(self, law: Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
+        """The constant and the varying terms of a law that acts along ``direction``."""
+        varying = []
+        for term in law.terms:
+            parameter = self.parameters[term.parameter] if term.parameter is not None else NONE
+            factor = self.factor(term)
+            if parameter != NONE or factor != NONE:
+                varying.append(TermArrays(term.gain * direction, parameter, factor))
+        return law.constant_part, tuple(varying)
+
+
+def _piecewise(shape: Shape) -> Piecewise:
+    degree = max(len(piece) for piece in shape.coefficients)
+    rows = np.zeros((degree, len(shape.coefficients)))
+    for k, piece in enumerate(shape.coefficients):
+        rows[degree - len(piece) :, k] = piece
+    return Piecewise(np.array(shape.breaks), rows)
+
+
+def compile_model(
+    model: BodyModel, markers: Sequence[str] | None = None, *, signals: Sequence[str] = ()
+) -> Tree:
+    """Compile a model, with some or all of its markers in the order given.
+
+    Segments that carry none of the markers are left out, for nothing seen depends on them. A model
+    gives the same tree again, so that what it works out once serves every recording.
+
+    Raises
+    ------
+    KeyError
+        A marker that the model does not have.
+    """
+    return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A model that equals only itself: to compare all its numbers takes longer than a step of a solution."""
+
+    model: BodyModel
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.model is other.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+
+@lru_cache(maxsize=_KEPT)
+def _compiled(same: _Same, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
+    model = same.model
+    chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
+    index = _Index(model, signals)
+    kept = _carriers(model, {m.segment for m in chosen})
+    number = {segment.name: k for k, segment in enumerate(kept)}
+    links = tuple(
+        Link(NONE if s.parent == GROUND else number[s.parent], _moves(s.joints, index)) for s in kept
+    )
+    local = np.array([m.nominal for m in chosen]).reshape(-1, 3)
+    terms = tuple(item for k, m in enumerate(chosen) for item in _marker_terms(k, m, index))
+    on = np.array([number[m.segment] for m in chosen], dtype=np.intp)
+    return Tree(links, tuple(index.factors), len(model.coordinates), len(model.parameters), on, local, terms)
+
+
+def _carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
+    needed = set(wanted)
+    for segment in reversed(model.segments):
+        if segment.name in needed:
+            needed.add(segment.parent)
+    return [s for s in model.segments if s.name in needed]
+
+
+def _marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
+    return [
+        MarkerTerm(row, term)
+        for axis, law in zip(np.eye(3), marker.laws, strict=True)
+        for term in index.terms(law, axis)[1]
+    ]
+
+
+def _moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
+    moves: list[Move] = []
+    pending = np.eye(3)  # a constant rotation not yet written down
+    for joint in joints:
+        axis = np.asarray(joint.axis, dtype=float)
+        if joint.kind == "translation":
+            direction = pending @ axis
+            constant, terms = index.terms(joint.law, direction)
+            _add_shift(moves, constant * direction, terms)
+            continue
+        constant, terms = index.terms(joint.law, np.ones(1))
+        if not terms:
+            pending = pending @ rotation_about(axis, constant)
+            continue
+        aligned, number, sign = _to_coordinate_axis(pending @ axis)
+        if aligned is not None:
+            moves.append(Fixed(aligned))
+            pending = aligned.T @ pending
+        moves.append(
+            Turn(
+                number,
+                sign * constant,
+                tuple(TermArrays(sign * t.gain, t.parameter, t.factor) for t in terms),
+            )
+        )
+    if not np.allclose(pending, np.eye(3), rtol=0.0, atol=1e-15):
+        moves.append(Fixed(pending))
+    return tuple(moves)
+
+
+def _add_shift(moves: list[Move], constant: Array, terms: tuple[TermArrays, ...]) -> None:
+    if not terms and not constant.any():
+        return
+    if moves and isinstance(moves[-1], Shift):
+        last = moves.pop()
+        assert isinstance(last, Shift)
+        constant, terms = last.constant + constant, last.terms + terms
+    moves.append(Shift(constant, terms))
+
+
+def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
+    """A rotation whose z axis is ``axis`` (None if it is a coordinate axis already), and which one."""
+    number = int(np.argmax(np.abs(axis)))
+    if abs(axis[number]) > 1.0 - 1e-15:
+        return None, number, float(np.sign(axis[number]))
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis]), 2, 1.0
+
+
+def parameter_values(model: BodyModel) -> Array:
+    """The model's parameters, shape (n_parameters,)."""
+    return np.array([p.value for p in model.parameters], dtype=float)
+
+
+def default_coordinates(model: BodyModel, n_frames: int) -> Array:
+    """The model's default pose repeated, shape (n_frames, n_coordinates), rad or m."""
+    return np.tile([c.default for c in model.coordinates], (n_frames, 1)).astype(float)
+
+
+def coordinate_bounds(model: BodyModel) -> tuple[Array, Array]:
+    """Lower and upper bounds, each (n_coordinates,); infinite where a coordinate is not clamped."""
+    lower = [c.lower if c.clamped else -np.inf for c in model.coordinates]
+    upper = [c.upper if c.clamped else np.inf for c in model.coordinates]
+    return np.array(lower), np.array(upper)
+
+
+def coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
+    """The ranges that the model declares, clamped or not, each (n_coordinates,).
+
+    Infinite where a range is empty or does not hold the default.
+    """
+    sound = [c.lower < c.upper and c.lower <= c.default <= c.upper for c in model.coordinates]
+    lower = [c.lower if ok else -np.inf for c, ok in zip(model.coordinates, sound, strict=True)]
+    upper = [c.upper if ok else np.inf for c, ok in zip(model.coordinates, sound, strict=True)]
+    return np.array(lower), np.array(upper)
+
+
+def free_coordinates(model: BodyModel) -> NDArray[np.bool_]:
+    """Which coordinates are estimated, shape (n_coordinates,)."""
+    return np.array([not c.locked for c in model.coordinates])
+
+
+def signal_rows(signals: Mapping[str, Array], order: Sequence[str]) -> Array:
+    """Signals in the order compiled, shape (n_frames, n_signals)."""
+    return np.column_stack([signals[name] for name in order])

@@ -1,0 +1,171 @@
+"""Marker sets as data: what each label of a laboratory's set stands for.
+
+The sets, each with its source, are in ``reference_models/marker_sets``, the landmarks in
+``reference_models/landmarks.yaml``. Sides are written once, for the right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Literal
+
+from scaling_service.model.reference import marker_set_files, read_reference, reference_folder
+
+Side = Literal["r", "l", ""]
+
+
+@dataclass(frozen=True, slots=True)
+class Landmark:
+    """A place that can be felt through the skin.
+
+    Parameters
+    ----------
+    name : str
+        As the built-in models call its marker.
+    segment : str
+        What carries it, without side: ``pelvis``, ``femur``, ``tibia``, ``calcn`` …
+    side : 'r', 'l' or ''
+    at : str
+        In words.
+    aliases : tuple of str
+        Names that belong to no marker set.
+    """
+
+    name: str
+    segment: str
+    side: Side
+    at: str
+    aliases: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SetLabel:
+    """One label of a marker set, and what it stands for.
+
+    Parameters
+    ----------
+    label : str
+    aliases : tuple of str
+    landmark : str, optional
+        The landmark; None of tracking markers, whose place is each laboratory's own choice.
+    segment : str
+        What carries it, without side.
+    side : 'r', 'l' or ''
+    wand : bool
+        Whether it stands off the skin on a stick.
+    plane_of : str, optional
+        ``knee`` or ``ankle`` where it is put into the plane of the joint's axis and the segment's length.
+    static_only : bool
+        Whether the set asks for it in the static trial only.
+    optional : bool
+        Whether the set is whole without it.
+    """
+
+    label: str
+    aliases: tuple[str, ...]
+    landmark: str | None
+    segment: str
+    side: Side
+    wand: bool = False
+    plane_of: str | None = None
+    static_only: bool = False
+    optional: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The label and its aliases."""
+        return (self.label, *self.aliases)
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSet:
+    """A marker set.
+
+    Parameters
+    ----------
+    name, title, source : str
+    labels : tuple of SetLabel
+        Both sides.
+    one_of : tuple of tuples of tuples of str
+        Choices: of each, all labels of one of its groups are asked for.
+    adds_to_others : bool
+        Whether it comes with another set, never by itself.
+    key_points : bool
+        Whether its labels are guesses of joint centres rather than markers.
+    """
+
+    name: str
+    title: str
+    source: str
+    labels: tuple[SetLabel, ...]
+    one_of: tuple[tuple[tuple[str, ...], ...], ...] = ()
+    adds_to_others: bool = False
+    key_points: bool = False
+
+
+@cache
+def landmarks() -> Mapping[str, Landmark]:
+    """All landmarks that are known, both sides, by name."""
+    content = read_reference(reference_folder() / "landmarks.yaml")
+    found: dict[str, Landmark] = {}
+    for name, side, entry in _entries(content):
+        aliases = tuple(_on(side, alias) for alias in entry.get("aliases", ()))
+        found[name] = Landmark(name, entry["segment"], side, entry["at"], aliases)
+    return MappingProxyType(found)
+
+
+@cache
+def marker_sets() -> Mapping[str, MarkerSet]:
+    """All marker sets that come with the product, by name."""
+    contents = {name: read_reference(file) for name, file in marker_set_files()}
+    return MappingProxyType({name: _set(name, contents) for name in contents})
+
+
+def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
+    content = contents[name]
+    own = MarkerSet(
+        name,
+        content["title"],
+        content["source"],
+        tuple(_label(*entry) for entry in _entries(content)),
+        tuple(tuple(tuple(group) for group in choice) for choice in content.get("one_of", ())),
+        content.get("adds_to_others", False),
+        content.get("key_points", False),
+    )
+    if "extends" not in content:
+        return own
+    base = _set(content["extends"], contents)
+    return replace(own, labels=(*base.labels, *own.labels), one_of=(*base.one_of, *own.one_of))
+
+
+def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
+    landmark = entry.get("landmark")
+    known = None if landmark is None else landmarks()[_on(side, landmark)]
+    return SetLabel(
+        name,
+        tuple(_on(side, alias) for alias in entry.get("aliases", ())),
+        None if known is None else known.name,
+        entry["segment"] if known is None else known.segment,
+        side,
+        entry.get("wand", False),
+        entry.get("plane_of"),
+        entry.get("static_only", False),
+        entry.get("optional", False),
+    )
+
+
+def _entries(content: Mapping[str, Any]) -> Iterator[tuple[str, Side, Mapping[str, Any]]]:
+    """Names of both sides and of the midline, with what is written of each."""
+    for name, entry in content.get("sided", {}).items():
+        yield name, "r", entry
+        yield _on("l", name), "l", entry
+    for name, entry in content.get("midline", {}).items():
+        yield name, "", entry
+
+
+def _on(side: Side, name: str) -> str:
+    """A name of the right on a side."""
+    return f"L{name[1:]}" if side == "l" else name

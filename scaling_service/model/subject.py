@@ -1,0 +1,123 @@
+"""What is known of a person, and where it lies on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal
+
+from scaling_service.model.body import BodyModel
+from scaling_service.model.images import ImageEvidence
+from scaling_service.model.trial import Trial
+
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+_NO_SIZES: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A subject file after validation: names and absolute paths, nothing read yet.
+
+    Parameters
+    ----------
+    model : str
+        The name of a built-in model, or the absolute path of an ``.osim`` file or a ``model.json``.
+    marker_map : mapping
+        Model marker to label in the recordings.
+    extra_markers : mapping
+        Further labels to use, and the segment each sits on.
+    forces : mapping
+        A trial's file name to the file with its ground forces.
+    bones : mapping
+        Segment to mesh file, in ``bone_units``.
+    sizes_m : mapping
+        Measured by hand: keys of :data:`scaling_service.documents.sizes.RANGES_M` to m.
+    """
+
+    id: str
+    model: str
+    sex: Literal["F", "M"] | None = None
+    height_m: float | None = None
+    mass_kg: float | None = None
+    marker_set: Path | None = None
+    scale_setup: Path | None = None
+    marker_map: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    extra_markers: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    static: Path | None = None
+    calibration: tuple[Path, ...] = ()
+    evaluation: tuple[Path, ...] = ()
+    forces: Mapping[str, Path] = field(default_factory=dict)
+    bones: Mapping[str, Path] = field(default_factory=dict)
+    bone_units: Literal["mm", "m"] = "mm"
+    image_markers: Path | None = None
+    sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One measurement of a linear scaling: marker pairs whose mean length ratio scales segments.
+
+    ``axes`` maps each scaled segment to the axes it applies to, such as ``"XYZ"`` or ``"Y"``.
+    """
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+    axes: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerPlacement:
+    """OpenSim's marker placer: fit the static pose, then move the markers of tracking kind.
+
+    ``marker_weights`` and ``coordinate_weights`` are the tasks of the static fit (a coordinate's
+    value is taken from ``coordinate_values`` or its default); ``fixed`` markers are not moved.
+    """
+
+    marker_weights: Mapping[str, float]
+    coordinate_weights: Mapping[str, float]
+    coordinate_values: Mapping[str, float]
+    time_range: tuple[float, float] | None = None
+    fixed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleSetup:
+    """An OpenSim scale set-up, read.
+
+    ``manual`` holds factors given outright (segment to x, y, z factors). ``order`` holds
+    ``'measurements'`` and ``'manualScale'`` in the order in which they apply.
+    """
+
+    measurements: tuple[Measurement, ...]
+    manual: Mapping[str, tuple[float, float, float]]
+    order: tuple[str, ...]
+    time_range: tuple[float, float] | None
+    preserve_mass_distribution: bool
+    mass_kg: float | None
+    placement: MarkerPlacement | None
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """Everything of one subject in memory: the generic model and the processed recordings.
+
+    Labels of the trials are the model's marker names (aliases and the subject's map applied);
+    extra markers are among them. Positions are in m, X forward, Y up, Z right, NaN where missing.
+    """
+
+    subject: Subject
+    model: BodyModel
+    static: Trial | None
+    calibration: tuple[Trial, ...]
+    evaluation: tuple[Trial, ...]
+    scale_setup: ScaleSetup | None = None
+    warnings: tuple[str, ...] = ()
+    images: ImageEvidence | None = None
+
+    @property
+    def dynamic(self) -> tuple[Trial, ...]:
+        """Calibration and evaluation trials, each once."""
+        names = {t.name for t in self.calibration}
+        return self.calibration + tuple(t for t in self.evaluation if t.name not in names)

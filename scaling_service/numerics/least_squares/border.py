@@ -1,0 +1,251 @@
+"""The arrowhead system of a kinematic problem: a block per frame, one border of shared parameters.
+
+The blocks are eliminated by a Schur complement, which leaves a small dense problem in the
+parameters. Damping is a share of each curvature (Levenberg-Marquardt); every frame has its own, and
+the parameters have theirs, so that one unruly frame does not slow the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, optimize
+
+from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import forward, jacobian, positions
+
+_KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
+_RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
+_BLOCK_RIDGE = 1e-14  # the same within a frame, small enough not to hide a free combination of parameters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampingShares:
+    """Shares of each curvature: of every frame's coordinates (n_frames,), and of the parameters."""
+
+    frames: Array
+    parameters: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """The normal equations of some frames, parameters in normalised units."""
+
+    curvature: Array  # (n, nq, nq)
+    cross: Array  # (n, nq, np)
+    slope: Array  # (n, nq)
+    shared_curvature: Array  # (np, np), summed over the frames
+    frame_slopes: Array  # (n, np)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Eliminated:
+    """How the coordinates of some frames move: ``free_step - follow @ step of the parameters``."""
+
+    rows: slice
+    free_step: Array  # (n, nq)
+    follow: Array  # (n, nq, np)
+    gain: Array  # (n,), decrease of each frame's cost that free_step promises
+
+
+@dataclass(slots=True, eq=False)
+class Border:
+    """What is left for the parameters, in normalised units: curvature (np, np) and slope (np,).
+
+    ``gains`` (n_frames,) is what the coordinates alone promise of each frame's cost.
+    """
+
+    curvature: Array
+    slope: Array
+    gains: Array
+    kept: list[Eliminated] = field(default_factory=list)
+
+
+def linearise(
+    problem: Problem, q: Array, p: Array, p0: Array, damping: Array, pins: Array | None = None
+) -> Border:
+    """Eliminate the coordinates of all frames around a motion and parameters.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_frames, n_coordinates)
+    p, p0 : ndarray, shape (n_parameters,)
+        Where the parameters are, and the centre of the priors.
+    damping : ndarray, shape (n_frames,)
+        Share of the coordinates' curvature in each frame.
+    pins : ndarray, shape (n_frames, n_free_coordinates), optional
+        Steps that are given; NaN where a coordinate is free. Coordinates that the residuals push
+        beyond a bound at which they are do not move in any case.
+    """
+    count = len(problem.parameters)
+    change = (p - p0)[problem.parameters] * problem.scale
+    prior = np.diag(problem.prior_weight * problem.scale**2)
+    border = Border(prior, -problem.prior_weight * change, np.zeros(problem.n_frames))
+    keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
+    for rows in problem.blocks():
+        block = _block(problem, q, p, rows)
+        eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
+        border.curvature += block.shared_curvature - _times(block.cross, eliminated.follow)
+        border.slope += block.frame_slopes.sum(axis=0)
+        border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
+        border.gains[rows] = eliminated.gain
+        if keep:
+            border.kept.append(eliminated)
+    return border
+
+
+def frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
+    """Slope of the parameters frame by frame, the coordinates eliminated, without the priors' pull.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_free)
+        In normalised units.
+    """
+    slopes = np.empty((problem.n_frames, len(problem.parameters)))
+    for rows in problem.blocks():
+        block = _block(problem, q, p, rows)
+        eliminated = _eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
+        slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
+    return slopes
+
+
+def _times(left: Array, right: Array) -> Array:
+    """Sum over frames of ``left^T right``, both (n, nq, np)."""
+    n, nq, count = left.shape
+    total: Array = left.reshape(n * nq, count).T @ right.reshape(n * nq, count)
+    return total
+
+
+def trial_step(
+    problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
+) -> tuple[Array, Array, float, Array]:
+    """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
+
+    Last what the coordinates alone promise of each frame's cost, (n_frames,).
+
+    Coordinates that it would carry past a bound are moved just to it, and the step is made again
+    knowing so; otherwise all the others would have moved as if they had gone on.
+    """
+    border = linearise(problem, q, p, p0, damping.frames)
+    trial_q, trial_p, promised = _step(problem, border, q, p, damping, None)
+    pins = _crossing(problem, q, trial_q)
+    if pins is not None:
+        border = linearise(problem, q, p, p0, damping.frames, pins)
+        trial_q, trial_p, promised = _step(problem, border, q, p, damping, pins)
+    return (*problem.clipped(trial_q, trial_p), promised, border.gains)
+
+
+def _step(
+    problem: Problem, border: Border, q: Array, p: Array, damping: DampingShares, pins: Array | None
+) -> tuple[Array, Array, float]:
+    step, curvature = _bounded_step(problem, border, p, damping.parameters)
+    trial_p, trial_q = p.copy(), q.copy()
+    trial_p[problem.parameters] += step * problem.scale
+    made_again = (
+        _eliminate(problem, _block(problem, q, p, rows), q, rows, damping.frames[rows], pins)
+        for rows in problem.blocks()
+    )
+    for block in border.kept or made_again:
+        trial_q[block.rows, problem.coordinates] += block.free_step - block.follow @ step
+    promised = float(border.gains.sum() + 2.0 * border.slope @ step - step @ curvature @ step)
+    return trial_q, trial_p, promised
+
+
+def _crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
+    """The way to the bound for coordinates that a step carries past it, NaN for the others."""
+    free = problem.coordinates
+    lower, upper = (bound[free] for bound in problem.coordinate_bounds)
+    beyond = (trial_q[:, free] < lower) | (trial_q[:, free] > upper)
+    if not beyond.any():
+        return None
+    return np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
+
+
+def _block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
+    known = None if problem.signals is None else problem.signals[rows].T
+    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p, known)
+    placed = positions(problem.tree, poses)
+    gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
+    squared = np.einsum("nmc,nmc->nm", gap, gap)
+    shown = np.isfinite(squared)
+    squared = np.where(shown, squared, 0.0)
+    weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
+    gap = np.where(shown[:, :, None], gap, 0.0)
+    rates = jacobian(problem.tree, poses, placed, problem.variables)
+    return _normal(problem, rates, gap, np.sqrt(weight))
+
+
+def _normal(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
+    """Normal equations from derivatives (n_variables, m, 3, n), residuals (n, m, 3), root weights (n, m)."""
+    nq, n = len(problem.coordinates), len(gap)
+    white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0))
+    white *= np.repeat(heavy, 3, axis=1)[:, None]
+    own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
+    gap = gap.reshape(n, -1) * np.repeat(heavy, 3, axis=1)
+    flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(shared.shape[1], gap.size)
+    return _Block(
+        np.matmul(own, own.transpose(0, 2, 1)),
+        np.matmul(own, shared.transpose(0, 2, 1)),
+        np.matmul(own, gap[:, :, None])[:, :, 0],
+        flat @ flat.T,
+        np.matmul(shared, gap[:, :, None])[:, :, 0],
+    )
+
+
+def _eliminate(
+    problem: Problem, block: _Block, q: Array, rows: slice, damping: Array, pins: Array | None = None
+) -> Eliminated:
+    """Solve a block for its coordinates, those pinned or held at a bound excepted."""
+    if not len(problem.coordinates):
+        return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
+    given = np.where(_held(problem, q[rows], block.slope), 0.0, np.nan)
+    if pins is not None:
+        given = np.where(np.isnan(pins[rows]), given, pins[rows])
+    fixed = ~np.isnan(given)
+    moved = np.where(fixed, given, 0.0)
+    pulled = np.einsum("nij,nj->ni", block.curvature, moved)
+    gain: Array = (moved * (2.0 * block.slope - pulled)).sum(axis=1)
+    slope = np.where(fixed, moved, block.slope - pulled)
+    cross = np.where(fixed[:, :, None], 0.0, block.cross)
+    curvature = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, block.curvature)
+    diagonal = np.einsum("nii->ni", curvature)
+    ridge = _BLOCK_RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True) + 1e-300
+    diagonal += np.where(fixed, 1.0, damping[:, None] * diagonal + ridge)
+    solved = np.linalg.solve(curvature, np.concatenate([slope[:, :, None], cross], axis=2))
+    free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
+    gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)
+    return Eliminated(rows, free_step, follow, gain)
+
+
+def _held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
+    """Coordinates at a bound that the residuals push beyond it, (n, nq)."""
+    lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
+    value = q[:, problem.coordinates]
+    held: NDArray[np.bool_] = ((value <= lower) & (slope < 0.0)) | ((value >= upper) & (slope > 0.0))
+    return held
+
+
+def _bounded_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:
+    """The parameters' step in normalised units, within their bounds, and the curvature it was made with."""
+    if not len(problem.parameters):
+        return np.zeros(0), border.curvature
+    curvature = 0.5 * (border.curvature + border.curvature.T)
+    diagonal = np.diag(curvature).clip(0.0)
+    top = max(float(diagonal.max()), 1e-300)
+    values, vectors = linalg.eigh(curvature + np.diag(damping * diagonal + _RIDGE * top))
+    values = np.maximum(values, 0.5 * _RIDGE * top)
+    upward = vectors.T @ border.slope
+    step: Array = vectors @ (upward / values)
+    used = (vectors * values) @ vectors.T
+    low = (problem.lower - p[problem.parameters]) / problem.scale
+    high = (problem.upper - p[problem.parameters]) / problem.scale
+    if ((step >= low) & (step <= high)).all():
+        return step, used
+    root, target = np.sqrt(values)[:, None] * vectors.T, upward / np.sqrt(values)
+    room = np.maximum(high, low + 1e-12)  # lsq_linear wants room, also for a parameter held at one value
+    bounded = optimize.lsq_linear(root, target, (low, room), method="bvls")
+    return np.clip(bounded.x, low, high), used

@@ -1,0 +1,309 @@
+"""The order in which coordinates are eliminated from the leaves to the root, and the sweeps that do it.
+
+Links of equal depth do not touch each other, so their k-th last coordinates are eliminated in one
+operation: a *round*. Rows (links) are sorted by depth and number of coordinates, columns (coordinates)
+by round, so that everything a round needs lies together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.geometry.clusters import wrench_rate
+from scaling_service.numerics.multibody.laws import NONE, Array, TermArrays
+from scaling_service.numerics.multibody.plan import Entry, is_plain
+from scaling_service.numerics.multibody.tree import Poses, Tree, cross
+
+Index = NDArray[np.intp]
+_KEPT = 32  # plans; as many as trees are kept
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moves:
+    """What columns do at nodes: turn about, or shift along, a direction of the parent node's frame.
+
+    The rows come in sets, turns before shifts; ``targets`` holds the rows of each set and their columns, of
+    which none stands twice in a set. ``turning`` counts the sets of turns, ``turned`` are the nodes of these.
+    ``constant`` (m, 3, 1) is the part of the direction that does not vary; ``matrix`` (3 m, len(varying))
+    times the rates of the terms ``varying`` is the part that does.
+    """
+
+    targets: tuple[tuple[slice, Index], ...]
+    turning: int
+    turned: Index
+    parents: Index
+    constant: Array
+    matrix: Array
+    varying: tuple[TermArrays, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Depth:
+    """Links of one depth: the rounds (rows, columns) that eliminate their coordinates, and what carries them.
+
+    ``carried`` pairs each row with the row of its parent; links on the ground are not in it.
+    """
+
+    rounds: tuple[tuple[slice, slice], ...]
+    carried: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elimination:
+    """The plan for one tree and one choice of free coordinates.
+
+    Parameters
+    ----------
+    depths : tuple of Depth
+        The deepest first.
+    variables, column_row : ndarray of int, shape (n_columns,)
+        The coordinate of each column, and the row of its link.
+    row_of_link, link_of_row : ndarray of int, shape (n_links,)
+    moves : _Moves
+    """
+
+    depths: tuple[Depth, ...]
+    variables: Index
+    column_row: Index
+    row_of_link: Index
+    link_of_row: Index
+    moves: _Moves
+
+
+def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
+    """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
+    return _planned(tree, np.asarray(free, dtype=bool).tobytes())
+
+
+@lru_cache(maxsize=_KEPT)
+def _planned(tree: Tree, chosen: bytes) -> Elimination:
+    free = np.frombuffer(chosen, dtype=bool)
+    own = [_coordinates(tree, link, free) for link in range(len(tree.links))]
+    depth: list[int] = []
+    for link in tree.links:
+        depth.append(0 if link.parent == NONE else depth[link.parent] + 1)
+    order = sorted(range(len(own)), key=lambda k: (depth[k], -len(own[k])))
+    row = {link: k for k, link in enumerate(order)}
+    depths: list[Depth] = []
+    columns: list[tuple[int, int]] = []
+    for d in reversed(range(max(depth) + 1)):
+        group = [link for link in order if depth[link] == d]
+        rounds = []
+        for k in range(len(own[group[0]])):
+            active = [link for link in group if len(own[link]) > k]
+            first, start = row[group[0]], len(columns)
+            columns += [(own[link][-1 - k], link) for link in active]
+            rounds.append((slice(first, first + len(active)), slice(start, len(columns))))
+        carried = tuple((row[link], row[tree.links[link].parent]) for link in group if d)
+        depths.append(Depth(tuple(rounds), carried))
+    return Elimination(
+        tuple(depths),
+        np.array([v for v, _ in columns], dtype=np.intp),
+        np.array([row[link] for _, link in columns], dtype=np.intp),
+        np.argsort(order),
+        np.array(order, dtype=np.intp),
+        _moves(tree, columns),
+    )
+
+
+def _coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
+    """The free coordinates of a link in the order in which its moves first use them.
+
+    Second derivatives need it: what stands before carries what comes after.
+    """
+    used = [
+        tree.factors[e.term.factor].coordinate
+        for e in tree.plan.entries
+        if e.link == link and e.term.factor != NONE
+    ]
+    return [v for v in dict.fromkeys(used) if v != NONE and free[v]]
+
+
+Item = tuple[int, int, list[Entry]]
+"""A column, a node that it moves, and the terms by which it does."""
+
+
+def _moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
+    turns, shifts = (_sets(tree, columns, turns=turns) for turns in (True, False))
+    items = [item for group in (*turns, *shifts) for item in group]
+    nodes = np.array([node for _, node, _ in items], dtype=np.intp)
+    constant = np.zeros((len(items), 3, 1))
+    varying: list[tuple[int, Entry]] = []
+    for row, (_, _, entries) in enumerate(items):
+        for entry in entries:
+            if is_plain(entry.term, tree.factors):
+                constant[row, :, 0] += entry.direction
+            else:
+                varying.append((row, entry))
+    matrix = np.zeros((len(items), 3, len(varying)))
+    for k, (row, entry) in enumerate(varying):
+        matrix[row, :, k] = entry.direction
+    ends = np.cumsum([0, *(len(group) for group in (*turns, *shifts))]).tolist()
+    targets = tuple(
+        (slice(start, stop), np.array([column for column, _, _ in items[start:stop]], dtype=np.intp))
+        for start, stop in pairwise(ends)
+    )
+    return _Moves(
+        targets,
+        len(turns),
+        nodes[: ends[len(turns)]],
+        tree.plan.parent[nodes],
+        constant,
+        matrix.reshape(3 * len(items), len(varying)),
+        tuple(entry.term for _, entry in varying),
+    )
+
+
+def _sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
+    """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
+    found: list[dict[int, list[Entry]]] = [{} for _ in columns]
+    number = {variable: column for column, (variable, _) in enumerate(columns)}
+    for entry in tree.plan.entries:
+        if entry.is_turn == turns and entry.term.factor != NONE:
+            column = number.get(tree.factors[entry.term.factor].coordinate)
+            if column is not None:
+                found[column].setdefault(entry.node, []).append(entry)
+    return [
+        [(c, *list(at.items())[k]) for c, at in enumerate(found) if len(at) > k]
+        for k in range(max(map(len, found), default=0))
+    ]
+
+
+def twists(plan: Elimination, poses: Poses) -> Array:
+    """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
+    moves, n = plan.moves, poses.frames.shape[-1]
+    result = np.zeros((len(plan.variables), 6, n))
+    local = moves.constant
+    if moves.varying:
+        rates = np.empty((len(moves.varying), n))
+        for k, term in enumerate(moves.varying):
+            rates[k] = poses.values.by_coordinate(term)
+        local = local + (moves.matrix @ rates).reshape(len(local), 3, n)
+    directions = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
+    about_ground = cross(poses.frames[moves.turned, 3], directions[: len(moves.turned)])
+    for k, (rows, columns) in enumerate(moves.targets):
+        if k < moves.turning:
+            result[columns, :3] += directions[rows]
+            result[columns, 3:] += about_ground[rows]
+        else:
+            result[columns, 3:] += directions[rows]
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PivotDamping:
+    """What is added to every pivot: a share of it, and a least pivot, each (n,)."""
+
+    share: Array
+    floor: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pull:
+    """Tasks of the coordinates themselves, by column: weight (c, 1), and weight times way to go (c, n)."""
+
+    stiffness: Array
+    drive: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limits:
+    """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
+
+    low: Array
+    high: Array
+
+
+def step(
+    plan: Elimination,
+    mass: Array,
+    twist: Array,
+    damping: PivotDamping,
+    *,
+    second: Array,
+    pull: Pull | None = None,
+    limits: Limits | None = None,
+) -> tuple[Array, Array]:
+    """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
+
+    Parameters
+    ----------
+    mass : ndarray, shape (n_rows, 6, 7, n)
+        Curvature and wrench of every link's own markers; overwritten.
+    twist : ndarray, shape (c, 6, n)
+    damping : PivotDamping
+    second : ndarray, shape (n,)
+        One where second derivatives are used, else zero.
+    pull, limits : optional
+        Tasks and bounds of the coordinates.
+
+    Notes
+    -----
+    A coordinate that would pass its bound is moved just to it, and what carries it is then
+    eliminated knowing so.
+    """
+    bend = _bend(plan, mass, twist, second) if second.any() else None
+    grown, (count, _, n) = 1.0 + damping.share, twist.shape
+    push, scaled = np.empty((count, 7, n)), np.empty((count, 6, n))
+    free, pivots = np.empty((count, n)), np.empty((count, n))
+    for depth in plan.depths:
+        for rows, columns in depth.rounds:
+            block, turn, own, share = mass[rows], twist[columns], push[columns], scaled[columns]
+            impulse, pivot = own[:, :6], pivots[columns]
+            np.einsum("gin,gijn->gjn", turn, block, out=own)
+            if bend is not None:
+                impulse -= bend[columns]
+            np.einsum("gjn,gjn->gn", turn, impulse, out=pivot)
+            np.abs(pivot, out=pivot)
+            if pull is not None:
+                pivot += pull.stiffness[columns]
+                own[:, 6] += pull.drive[columns]
+            whole = pivot * grown
+            whole += damping.floor
+            np.divide(impulse, whole[:, None], out=share)
+            np.divide(own[:, 6], whole, out=free[columns])
+            if limits is not None:
+                _stop(limits, columns, block, impulse, share, free[columns])
+            block -= share[:, :, None] * own[:, None]
+        for row, parent in depth.carried:
+            mass[parent] += mass[row]
+    promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
+    return _descend(plan, twist, scaled, free), promised
+
+
+def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
+    """Coordinates that would pass their bounds are moved to them, and what carries them feels that."""
+    within = np.minimum(np.maximum(free, limits.low[columns]), limits.high[columns])
+    stopped = within != free
+    if stopped.any():
+        block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
+        share *= ~stopped[:, None]
+        free[:] = within
+
+
+def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
+    """Half of how each column turns the residual wrench of all that it carries, (c, 6, n)."""
+    load = mass[:, :, 6] * (0.5 * second)
+    for depth in plan.depths:
+        for row, parent in depth.carried:
+            load[parent] += load[row]
+    return wrench_rate(twist, load[plan.column_row])
+
+
+def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:
+    """From the root to the leaves: each column's step, given how its link is carried along (in ``free``)."""
+    motion = np.zeros((len(plan.row_of_link), 6, free.shape[1]))
+    for depth in reversed(plan.depths):
+        for row, parent in depth.carried:
+            motion[row] = motion[parent]
+        for rows, columns in reversed(depth.rounds):
+            carried, own = motion[rows], free[columns]
+            own -= np.einsum("gjn,gjn->gn", scaled[columns], carried)
+            carried += twist[columns] * own[:, None]
+    return free

@@ -1,0 +1,230 @@
+"""One bordered least squares for every kinematic problem.
+
+Frames are coupled only through the shared parameters, so the normal equations are an arrowhead:
+a small block of coordinates per frame and one border of parameters. The blocks are eliminated by a
+Schur complement; the bounded step of the border is a small dense problem; the same factorisation
+gives the covariance of the parameters and tells which of them the recording cannot determine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from scaling_service.numerics.least_squares.border import DampingShares, linearise, trial_step
+from scaling_service.numerics.least_squares.problem import Problem, frame_costs, prior_cost, total_cost
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.noise import residual_variance
+
+_ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
+_STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
+_LEAST = 1e-12
+_EASE, _TIGHTEN = 0.2, 8.0  # chosen: a frame's own damping after a step that helped it, or did not
+_NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
+_SHARE = 1e-4  # of a parameter's direction where nothing is determined, beyond which it is not either
+
+
+class Outcome(Enum):
+    """How an iteration ended."""
+
+    CONVERGED = "converged"
+    MAX_STEPS = "max_steps"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """When to stop: the step promises less than this share of the cost, or so many steps are done."""
+
+    max_steps: int = 100
+    relative_decrease: float = 1e-8
+    damping: float = 1e-4
+
+
+DEFAULT = Settings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
+
+    q: Array
+    p: Array
+    cost: float
+    steps: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """What the recording says about the free parameters, each (n_free,).
+
+    ``sd`` is NaN for what neither the recording nor a prior determines, and at bounds.
+    ``undetermined`` is the share of each parameter's direction that lies where the recording alone
+    has no curvature; ``free_directions`` counts such directions. ``noise`` (m) is the standard
+    deviation of one marker coordinate. ``covariance`` is (n_free, n_free), zero at bounds.
+    """
+
+    sd: Array
+    at_bound: NDArray[np.bool_]
+    undetermined: Array
+    noise: float
+    covariance: Array
+    free_directions: int
+
+
+def solve(
+    problem: Problem,
+    q0: Array,
+    p0: Array,
+    settings: Settings = DEFAULT,
+    progress: Callable[[int, float], None] | None = None,
+    start: Array | None = None,
+) -> Solution:
+    """Estimate motion and parameters together (Levenberg-Marquardt on the arrowhead system).
+
+    Parameters
+    ----------
+    q0 : ndarray, shape (n_frames, n_coordinates), rad or m
+    p0 : ndarray, shape (n_parameters,)
+        Centre of the priors, and the parameters' first guess unless ``start`` is given.
+    progress : callable, optional
+        Called with the step's number and the cost.
+    start : ndarray, shape (n_parameters,), optional
+    """
+    return _descend(problem, q0, p0, p0 if start is None else start, settings, progress)
+
+
+def solve_parameters(
+    problem: Problem, q: Array, p0: Array, start: Array, settings: Settings = DEFAULT
+) -> Solution:
+    """Estimate the parameters alone, the motion held (the second half of the alternating loop).
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_frames, n_coordinates)
+    p0, start : ndarray, shape (n_parameters,)
+        Centre of the priors, and first guess.
+    """
+    return _descend(replace(problem, coordinates=np.zeros(0, dtype=np.intp)), q, p0, start, settings, None)
+
+
+def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
+    """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without parameters to estimate.
+    q0 : ndarray, shape (n_frames, n_coordinates)
+    p : ndarray, shape (n_parameters,)
+    """
+    q, p = problem.clipped(q0.copy(), p.copy())
+    cost = frame_costs(problem, q, p)
+    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
+    for steps in range(1, settings.max_steps + 1):
+        part = problem.of_frames(left)
+        moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
+        enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
+        going = (promised > enough) & (damping[left] < _STUCK)
+        left, moved = left[going], moved[going]
+        if not len(left):
+            return Solution(q, p, float(cost.sum()), steps, Outcome.CONVERGED)
+        trial = frame_costs(problem.of_frames(left), moved, p)
+        better = trial <= cost[left]
+        q[left[better]], cost[left[better]] = moved[better], trial[better]
+        damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
+    return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
+
+
+def _descend(
+    problem: Problem,
+    q0: Array,
+    p0: Array,
+    start: Array,
+    settings: Settings,
+    progress: Callable[[int, float], None] | None,
+) -> Solution:
+    q, p = problem.clipped(q0.copy(), start.copy())
+    cost, raise_by = total_cost(problem, q, p, p0), 2.0
+    damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
+    for steps in range(1, settings.max_steps + 1):
+        trial_q, trial_p, promised, _ = trial_step(problem, q, p, p0, damping)
+        if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
+            return Solution(q, p, cost, steps, Outcome.CONVERGED)
+        trial_q, trial_cost, improved = _each_frame_its_better(problem, q, trial_q, trial_p, p0)
+        own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
+        if trial_cost < cost:
+            shared = damping.parameters * _easing((cost - trial_cost) / promised)
+            q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
+            if progress is not None:
+                progress(steps, cost)
+        else:
+            shared = max(damping.parameters, 1e-8) * raise_by
+            raise_by *= 2.0
+        damping = DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
+    return Solution(q, p, cost, settings.max_steps, Outcome.MAX_STEPS)
+
+
+def _each_frame_its_better(
+    problem: Problem, q: Array, trial_q: Array, trial_p: Array, p0: Array
+) -> tuple[Array, float, NDArray[np.bool_]]:
+    """In every frame the trial's coordinates or the old ones, whichever suit the trial's parameters.
+
+    Frames share only the parameters, so the choice is free; also the cost, and where the trial won.
+    """
+    moved, stayed = (frame_costs(problem, each, trial_p) for each in (trial_q, q))
+    improved: NDArray[np.bool_] = np.less_equal(moved, stayed)
+    cost = float(np.minimum(moved, stayed).sum()) + prior_cost(problem, trial_p, p0)
+    return np.where(improved[:, None], trial_q, q), cost, improved
+
+
+def _easing(ratio: float) -> float:
+    """How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)."""
+    return max(0.1, 1.0 - (2.0 * min(ratio, 1.5) - 1.0) ** 3)
+
+
+def uncertainty(
+    problem: Problem, solution: Solution, p0: Array, variance: float | None = None
+) -> Uncertainty:
+    """Standard deviations of the free parameters, from the curvature at the solution.
+
+    A parameter at its bound is treated as known. Priors count as far as their weights say.
+
+    Parameters
+    ----------
+    p0 : ndarray, shape (n_parameters,)
+        Centre of the priors.
+    variance : float, optional, m2
+        Of one marker coordinate in one independent frame; from the residuals if not given.
+    """
+    border = linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
+    value = solution.p[problem.parameters]
+    margin = 1e-6 * problem.scale
+    at_bound = (value <= problem.lower + margin) | (value >= problem.upper - margin)
+    inside = np.ix_(~at_bound, ~at_bound)
+    prior = np.diag(problem.prior_weight * problem.scale**2)
+    _, loose = _inverse((border.curvature - prior)[inside])
+    inverse, open_still = _inverse(border.curvature[inside])
+    noise = residual_variance(problem, solution.q, solution.p) if variance is None else variance
+    covariance, undetermined, lost = np.zeros(prior.shape), np.zeros(len(value)), np.zeros(len(value))
+    covariance[inside] = noise * inverse
+    covariance *= np.outer(problem.scale, problem.scale)
+    undetermined[~at_bound] = (loose**2).sum(axis=1)
+    lost[~at_bound] = (open_still**2).sum(axis=1)
+    sd = np.sqrt(np.diag(covariance).clip(0.0))
+    sd[(lost > _SHARE) | at_bound] = np.nan
+    return Uncertainty(sd, at_bound, undetermined, float(np.sqrt(noise)), covariance, loose.shape[1])
+
+
+def _inverse(curvature: Array) -> tuple[Array, Array]:
+    """Pseudo-inverse of a curvature, and the directions (columns) in which there is none."""
+    if not len(curvature):
+        return curvature, curvature
+    values, vectors = linalg.eigh(0.5 * (curvature + curvature.T))
+    known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
+    return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]

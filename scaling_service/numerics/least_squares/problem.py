@@ -1,0 +1,108 @@
+"""A kinematic problem: markers to be explained by coordinates per frame and shared parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.least_squares.losses import SQUARED, Loss
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import Tree, forward, positions
+
+_BLOCK = 256  # frames linearised together
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Markers to be explained by coordinates per frame and parameters shared by all frames.
+
+    Parameters
+    ----------
+    tree : Tree
+    measured : ndarray, shape (n_frames, n_markers, 3), m
+        NaN where a marker was not seen.
+    weights : ndarray, shape (n_markers,)
+    coordinates : ndarray of int, shape (n_free_coordinates,)
+        The coordinates to estimate.
+    parameters : ndarray of int, shape (n_free,)
+        The parameters to estimate.
+    scale, lower, upper : ndarray, shape (n_free,)
+        Size of a typical change (for normalisation) and bounds.
+    prior_weight : ndarray, shape (n_free,)
+        Weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none.
+    coordinate_bounds : pair of ndarray, shape (n_coordinates,)
+    signals : ndarray, shape (n_frames, n_signals), optional
+    loss : Loss
+    """
+
+    tree: Tree
+    measured: Array
+    weights: Array
+    coordinates: NDArray[np.intp]
+    parameters: NDArray[np.intp]
+    scale: Array
+    lower: Array
+    upper: Array
+    prior_weight: Array
+    coordinate_bounds: tuple[Array, Array]
+    signals: Array | None = None
+    loss: Loss = SQUARED
+
+    @property
+    def n_frames(self) -> int:
+        """The number of frames."""
+        return len(self.measured)
+
+    @property
+    def variables(self) -> NDArray[np.intp]:
+        """Free coordinates, then free parameters, as the tree numbers them."""
+        return np.concatenate([self.coordinates, self.tree.n_coordinates + self.parameters])
+
+    def blocks(self) -> Iterator[slice]:
+        """Frames to be linearised together."""
+        return (slice(k, min(k + _BLOCK, self.n_frames)) for k in range(0, self.n_frames, _BLOCK))
+
+    def of_frames(self, rows: NDArray[np.intp]) -> Problem:
+        """The same of some frames."""
+        signals = None if self.signals is None else self.signals[rows]
+        return replace(self, measured=self.measured[rows], signals=signals)
+
+    def clipped(self, q: Array, p: Array) -> tuple[Array, Array]:
+        """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place."""
+        lower, upper = self.coordinate_bounds
+        free = self.coordinates
+        q[:, free] = np.clip(q[:, free], lower[free], upper[free])
+        p[self.parameters] = np.clip(p[self.parameters], self.lower, self.upper)
+        return q, p
+
+
+def residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
+    """Measured minus model, (n, n_markers, 3), m; NaN where not seen."""
+    known = None if problem.signals is None else problem.signals[rows].T
+    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p, known)
+    return problem.measured[rows] - np.moveaxis(positions(problem.tree, poses), -1, 0)
+
+
+def frame_costs(problem: Problem, q: Array, p: Array) -> Array:
+    """The weighted (robust) sum of squared distances of each frame, (n_frames,), m2."""
+    costs = np.empty(problem.n_frames)
+    for rows in problem.blocks():
+        gaps = residuals(problem, q, p, rows)
+        squared = np.einsum("nmc,nmc->nm", gaps, gaps)
+        shown = np.isfinite(squared)
+        costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
+    return costs
+
+
+def prior_cost(problem: Problem, p: Array, p0: Array) -> float:
+    """The priors' share of the cost (m2)."""
+    change = (p - p0)[problem.parameters]
+    return float(problem.prior_weight @ change**2)
+
+
+def total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
+    """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
+    return prior_cost(problem, p, p0) + float(frame_costs(problem, q, p).sum())

@@ -1,0 +1,158 @@
+"""Normal equations of marker positions, velocities and accelerations in q, qdot and qddot.
+
+A marker on a link that is varied by the twist xi = (v, w) moves by ``v + w x r``; rates follow by
+differentiating. All markers of a link are thus quadratic in the 18 numbers (xi, xi', xi''): they are summed
+on the link and up the tree, and projected on the joints last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.screws import Screws
+from scaling_service.numerics.multibody.spatial import Moving, point_acceleration, point_velocity
+from scaling_service.numerics.multibody.tree import Tree, local_positions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkerTargets:
+    """What markers should do, frames first.
+
+    Parameters
+    ----------
+    values : ndarray, shape (3, n, n_markers, 3), m, m/s, m/s2
+        Positions, velocities, accelerations.
+    weights : ndarray, shape (3, n, n_markers)
+        Of the squares; zero where nothing is known.
+    """
+
+    values: Array
+    weights: Array
+
+    def rows(self, rows: slice) -> MarkerTargets:
+        """Only these frames."""
+        return MarkerTargets(self.values[:, rows], self.weights[:, rows])
+
+
+def marker_motion(tree: Tree, p: Array, state: Moving) -> Array:
+    """Positions, velocities and accelerations of a tree's markers, (3, n, n_markers, 3).
+
+    Parameters
+    ----------
+    tree : Tree
+        With the links of the mechanism that moved.
+    p : ndarray, shape (n_parameters,)
+    state : Moving
+    """
+    link, local = tree.marker_link, local_positions(tree, p)
+    at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
+    speed = point_velocity(state.twists[link], at)
+    pace = point_acceleration(state.twists[link], state.accelerations[link], at)
+    return np.ascontiguousarray(np.stack([at, speed, pace]).transpose(0, 3, 1, 2))
+
+
+def marker_misfit(moved: Array, targets: MarkerTargets) -> tuple[Array, Array]:
+    """Gaps (3, n, n_markers, 3), zero where unknown, and the weighted squares' sums, (3,)."""
+    gap = np.where(targets.weights[..., None] > 0.0, targets.values - moved, 0.0)
+    return gap, np.einsum("onm,onma->o", targets.weights, gap**2)
+
+
+def marker_normal(
+    mechanism: Mechanism, tree: Tree, screws: Screws, rows: Array, gap: Array, weights: Array, m: int
+) -> tuple[Array, Array]:
+    """Half the gradient and the Gauss-Newton matrix of the weighted squares, by frame.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    tree : Tree
+        With the markers.
+    screws : Screws
+        Of the mechanism's free coordinates.
+    rows : ndarray, shape (n, n_markers, 9, 18)
+        As :func:`rows_of_twists` gives them.
+    gap : ndarray, shape (3, n, n_markers, 3)
+    weights : ndarray, shape (3, n, n_markers)
+    m : int
+        The number of free coordinates.
+
+    Returns
+    -------
+    gradient : ndarray, shape (n, 3, m)
+    curvature : ndarray, shape (n, 3, 3, m, m)
+    """
+    moments, pulls = _on_links(tree, rows, gap, weights, mechanism.n_links)
+    below = mechanism.carriers[screws.entries]
+    composite = np.einsum("ek,nkcd->necd", below, moments, optimize=True)
+    pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
+    by = np.ascontiguousarray(screws.variations().transpose(3, 0, 1, 2))  # (n, e, 18, 3)
+    return _projected(by, composite, pull, below, screws, m)
+
+
+def _on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
+    """Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link."""
+    n = len(rows)
+    heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
+    gaps = np.moveaxis(gap, 0, 2).reshape(n, -1, 9)
+    moments, pulls = np.zeros((n, n_links, 18, 18)), np.zeros((n, n_links, 18))
+    for k, markers in enumerate(tree.marker_rows):
+        if len(markers):
+            some = rows[:, markers].reshape(n, -1, 18)
+            weighed = some * heavy[:, markers].reshape(n, -1, 1)
+            turned = np.swapaxes(weighed, 1, 2)
+            moments[:, k] = turned @ some
+            pulls[:, k] = (turned @ gaps[:, markers].reshape(n, -1, 1))[..., 0]
+    return moments, pulls
+
+
+def rows_of_twists(moved: Array) -> Array:
+    """How twists and their rates move markers and their rates, (n, n_markers, 9, 18)."""
+    n, count = moved.shape[1:3]
+    rows = np.zeros((n, count, 9, 18))
+    at, speed, pace = (_turned(part) for part in moved)
+    for order in range(3):
+        own = slice(3 * order, 3 * order + 3)
+        rows[:, :, own, 6 * order : 6 * order + 3] = np.eye(3)
+        rows[:, :, own, 6 * order + 3 : 6 * order + 6] = at
+    rows[:, :, 3:6, 3:6] = speed
+    rows[:, :, 6:9, 3:6] = pace
+    rows[:, :, 6:9, 9:12] = 2.0 * speed
+    return rows
+
+
+def _turned(vector: Array) -> Array:
+    """Matrices that give ``w x vector`` for w, (..., 3, 3)."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    result = np.zeros((*vector.shape, 3))
+    result[..., 0, 1], result[..., 0, 2] = z, -y
+    result[..., 1, 0], result[..., 1, 2] = -z, x
+    result[..., 2, 0], result[..., 2, 1] = y, -x
+    return result
+
+
+def _projected(
+    by: Array, composite: Array, pull: Array, below: Array, screws: Screws, m: int
+) -> tuple[Array, Array]:
+    """From twists to coordinates; two entries meet where one carries the other."""
+    n, count = by.shape[:2]
+    gradient = np.zeros((n, 3, m))
+    for e, column in enumerate(screws.columns.tolist()):
+        gradient[:, :, column] -= np.einsum("nci,nc->ni", by[:, e], pull[:, e])
+    curvature = np.zeros((n, m, 3, m, 3))
+    inside = below @ below.T == below.sum(axis=1)  # [e, f]: all below f is below e
+    pushed = composite @ by  # (n, e, 18, 3)
+    for f in range(count):
+        above = np.flatnonzero(inside[:, f])
+        twins = inside[f, above]  # the same links below: met twice
+        blocks = by[:, above].reshape(n, len(above), 18, 3).transpose(0, 1, 3, 2).reshape(n, -1, 18)
+        product = (blocks @ pushed[:, f]).reshape(n, len(above), 3, 3)
+        for row, e in enumerate(above.tolist()):
+            a, b = screws.columns[e], screws.columns[f]
+            curvature[:, a, :, b, :] += product[:, row]
+            if not twins[row]:
+                curvature[:, b, :, a, :] += np.swapaxes(product[:, row], 1, 2)
+    return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))

@@ -1,0 +1,244 @@
+"""The order in which a tree is computed: nodes by depth, so that left and right go together.
+
+A *node* is at most one shift followed by at most one turn; a link is a run of nodes. Nodes of equal
+depth do not depend on each other, so they are computed in one operation. Node 0 is the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.laws import NONE, Array, Factor, TermArrays, Values
+from scaling_service.numerics.multibody.moves import Link, Shift, Turn
+
+Index = NDArray[np.intp]
+_TO_AXIS = (
+    np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    np.eye(3),
+)
+"""Rotations whose z axis is axis 0, 1 or 2."""
+_ORIGIN, _UNTURNED = np.zeros(3), np.eye(3)
+_TURNING = np.stack(
+    [np.diag([0.0, 0.0, 1.0]), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], np.diag([1.0, 1.0, 0.0])]
+)
+"""A rotation about z: its constant part, and what the angle's sine and cosine multiply."""
+_STILL = np.stack([_UNTURNED, np.zeros((3, 3)), np.zeros((3, 3))])
+"""No rotation, in the same parts."""
+
+
+@dataclass(slots=True)
+class _Node:
+    """A node while it is put together."""
+
+    link: int
+    shift: Array = field(default_factory=lambda: _ORIGIN)
+    shift_terms: tuple[TermArrays, ...] = ()
+    before: Array = field(default_factory=lambda: _UNTURNED)
+    after: Array = field(default_factory=lambda: _UNTURNED)
+    turn: float | None = None
+    turn_terms: tuple[TermArrays, ...] = ()
+
+    @property
+    def takes_shift(self) -> bool:
+        """Whether nothing has been turned yet."""
+        return self.turn is None and self.before is _UNTURNED
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
+
+    ``constant`` is (n_rows,); ``matrix`` (len(varying), n_coordinates) adds to the rows ``varying``;
+    ``gains`` (len(curved), len(factors)) times the ``factors`` adds to the rows ``curved``; ``others`` holds
+    (row, gain, term) of the terms with a parameter.
+    """
+
+    constant: Array
+    varying: slice | Index
+    matrix: Array
+    curved: slice | Index
+    gains: Array
+    factors: tuple[int, ...]
+    others: tuple[tuple[int, float, TermArrays], ...]
+
+    def values(self, q: Array, values: Values) -> Array:
+        """Values of all rows, (n_rows, n_frames)."""
+        result = np.repeat(self.constant[:, None], q.shape[1], axis=1)
+        result[self.varying] += self.matrix @ q
+        if self.factors:
+            result[self.curved] += self.gains @ np.array([values.factors[k] for k in self.factors])
+        for row, gain, term in self.others:
+            scale = gain * values.p[term.parameter]
+            result[row] += scale * values.factors[term.factor] if term.factor != NONE else scale
+        return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entry:
+    """One term of one node's law: what it moves, and how.
+
+    For a turn ``direction`` is its axis in the parent node's frame (times the gain) and
+    ``is_turn`` is true; for a shift it is the term's gain there.
+    """
+
+    node: int
+    link: int
+    term: TermArrays
+    direction: Array
+    is_turn: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Nodes sorted by depth, as arrays; row 0 is the ground.
+
+    Parameters
+    ----------
+    parent : ndarray of int, shape (n_nodes,)
+    levels : tuple of (slice, slice or ndarray of int)
+        Nodes of equal depth and the nodes that carry them, the shallowest first, ground left out.
+    link_node : ndarray of int, shape (n_links,)
+        The node that is each link's frame.
+    rotations : ndarray, shape (n_nodes, 9, 3)
+        A node's rotation, column by column, is ``rotations @ [1, sin(angle), cos(angle)]``.
+    angles, shifts : Linear
+        One row per node, and three rows per node.
+    entries : tuple of Entry
+        Every varying term, in the order of the links' moves.
+    """
+
+    parent: Index
+    levels: tuple[tuple[slice, slice | Index], ...]
+    link_node: Index
+    rotations: Array
+    angles: Linear
+    shifts: Linear
+    entries: tuple[Entry, ...]
+
+
+def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int) -> Plan:
+    """Arrange the moves of all links for computation."""
+    nodes: list[_Node] = [_Node(NONE)]
+    parents, last = [NONE], [0] * len(links)
+    for k, link in enumerate(links):
+        before = 0 if link.parent == NONE else last[link.parent]
+        for node in _nodes(k, link):
+            parents.append(before)
+            nodes.append(node)
+            before = len(nodes) - 1
+        last[k] = before
+    depth = [0]
+    for parent in parents[1:]:
+        depth.append(depth[parent] + 1)
+    order = np.argsort(depth, kind="stable")
+    place = np.argsort(order)
+    ordered = [nodes[k] for k in order]
+    edges = np.flatnonzero(np.diff(np.array(depth)[order])) + 1
+    bounds = [*edges.tolist(), len(nodes)]
+    parent_rows = np.array([place[parents[k]] if parents[k] != NONE else 0 for k in order], dtype=np.intp)
+    levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
+    return Plan(
+        parent_rows,
+        levels,
+        place[np.array(last, dtype=np.intp)],
+        _rotations(ordered),
+        _linear(
+            [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
+        ),
+        _linear([tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates),
+        tuple(entry for k in np.argsort(order) for entry in _entries(int(k), ordered[k])),
+    )
+
+
+def _nodes(number: int, link: Link) -> list[_Node]:
+    nodes = [_Node(number)]
+    for move in link.moves:
+        node = nodes[-1]
+        if isinstance(move, Shift):
+            if not node.takes_shift:
+                node = _Node(number)
+                nodes.append(node)
+            node.shift = node.shift + move.constant
+            node.shift_terms += move.terms
+        elif isinstance(move, Turn):
+            if node.turn is not None:
+                node = _Node(number)
+                nodes.append(node)
+            node.before = node.before @ _TO_AXIS[move.axis]
+            node.after = _TO_AXIS[move.axis].T
+            node.turn, node.turn_terms = move.constant, move.terms
+        elif node.turn is None:
+            node.before = node.before @ move.rotation
+        else:
+            node.after = node.after @ move.rotation
+    return nodes
+
+
+def run_of(rows: Index) -> slice | Index:
+    """The rows as a slice, which needs no copy, where they follow each other or are all the same one."""
+    if not len(rows):
+        return slice(0)
+    first = int(rows[0])
+    if (rows == first).all():
+        return slice(first, first + 1)
+    return slice(first, first + len(rows)) if (np.diff(rows) == 1).all() else rows
+
+
+def _rotations(nodes: Sequence[_Node]) -> Array:
+    """The constant, sine and cosine parts of all rotations, columns one after the other, (n_nodes, 9, 3)."""
+    parts = np.stack([_STILL if node.turn is None else _TURNING for node in nodes])
+    before, after = np.stack([node.before for node in nodes]), np.stack([node.after for node in nodes])
+    whole: Array = before[:, None] @ parts @ after[:, None]
+    return np.ascontiguousarray(whole.transpose(0, 3, 2, 1)).reshape(len(nodes), 9, 3)
+
+
+def _linear(
+    constants: Sequence[tuple[float, ...]],
+    terms: Sequence[tuple[TermArrays, ...]],
+    factors: Sequence[Factor],
+    n_coordinates: int,
+) -> Linear:
+    width = len(constants[0])
+    matrix = np.zeros((len(constants) * width, n_coordinates))
+    gains = np.zeros((len(matrix), len(factors)))
+    others = []
+    for k, own in enumerate(terms):
+        rows = slice(k * width, (k + 1) * width)
+        for term in own:
+            if is_plain(term, factors):
+                matrix[rows, factors[term.factor].coordinate] += term.gain
+            elif term.parameter == NONE:
+                gains[rows, term.factor] += term.gain
+            else:
+                others += [(k * width + i, float(gain), term) for i, gain in enumerate(term.gain) if gain]
+    varying, curved = np.flatnonzero(matrix.any(axis=1)), np.flatnonzero(gains.any(axis=1))
+    used = np.flatnonzero(gains.any(axis=0))
+    constant = np.array(constants, dtype=float).ravel()
+    return Linear(
+        constant,
+        run_of(varying),
+        matrix[varying],
+        run_of(curved),
+        gains[np.ix_(curved, used)],
+        tuple(used.tolist()),
+        tuple(others),
+    )
+
+
+def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
+    """Whether a term is a constant times one coordinate, nothing else."""
+    if term.parameter != NONE or term.factor == NONE:
+        return False
+    return factors[term.factor].shape is None and factors[term.factor].signal == NONE
+
+
+def _entries(row: int, node: _Node) -> list[Entry]:
+    axis = node.before[:, 2]
+    shifts = [Entry(row, node.link, t, t.gain, False) for t in node.shift_terms]
+    return shifts + [Entry(row, node.link, t, axis * t.gain[0], True) for t in node.turn_terms]

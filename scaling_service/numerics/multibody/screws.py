@@ -1,0 +1,148 @@
+"""How the joints of a moving tree would carry it elsewhere: screws with their first and second rates.
+
+A variation dq(t) of one coordinate moves every link below it by the twist ``xi = S dq`` in ground axes at the
+ground origin. Along a motion ``xi' = S' dq + S dq'`` and ``xi'' = S'' dq + 2 S' dq' + S dq''``, so whatever
+is known for xi and its rates is known for q, qdot and qddot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.law_rates import Motion, curvatures
+from scaling_service.numerics.multibody.laws import NONE, Array, ShapeGroup
+from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.spatial import Moving, moving
+from scaling_service.numerics.multibody.tree import cross
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screws:
+    """Screws of some of a mechanism's entries along a motion.
+
+    Parameters
+    ----------
+    entries : ndarray of int, shape (k,)
+        Rows of ``mechanism.entries``.
+    columns : ndarray of int, shape (k,)
+        Which of the free coordinates each follows.
+    rates : ndarray, shape (3, k, 6, n)
+        The screw per unit of the coordinate, and its first and second rates.
+    state : Moving
+    """
+
+    entries: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    rates: Array
+    state: Moving
+
+    def variations(self) -> Array:
+        """Twists and their rates per unit of q, qdot and qddot, shape (k, 18, 3, n).
+
+        Rows: the twist, its first rate, its second rate. Columns: q, qdot, qddot.
+        """
+        screw, first, second = self.rates
+        result = np.zeros((len(self.entries), 3, 6, 3, screw.shape[-1]))
+        result[:, 0, :, 0] = result[:, 1, :, 1] = result[:, 2, :, 2] = screw
+        result[:, 1, :, 0] = first
+        result[:, 2, :, 1] = 2.0 * first
+        result[:, 2, :, 0] = second
+        return result.reshape(len(self.entries), 18, 3, -1)
+
+
+def motion_cross(twist: Array, other: Array) -> Array:
+    """The rate of a twist that is carried by another, (..., 6, n)."""
+    result = np.empty(np.broadcast_shapes(twist.shape, other.shape))
+    spin = twist[..., 3:, :]
+    result[..., :3, :] = cross(spin, other[..., :3, :]) + cross(twist[..., :3, :], other[..., 3:, :])
+    result[..., 3:, :] = cross(spin, other[..., 3:, :])
+    return result
+
+
+def force_cross(twist: Array, wrench: Array) -> Array:
+    """The rate of a wrench that is carried by a twist, (..., 6, n)."""
+    result = np.empty(np.broadcast_shapes(twist.shape, wrench.shape))
+    spin = twist[..., 3:, :]
+    result[..., :3, :] = cross(spin, wrench[..., :3, :])
+    result[..., 3:, :] = cross(spin, wrench[..., 3:, :]) + cross(twist[..., :3, :], wrench[..., :3, :])
+    return result
+
+
+def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.intp]) -> Screws:
+    """Screws of the entries that free coordinates drive.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : Motion
+    p : ndarray, shape (n_parameters,)
+    free : ndarray of int, shape (m,)
+        Coordinates.
+    """
+    state = moving(mechanism, motion, p)
+    slopes, curves = _slope_rates(mechanism, motion, p, state)
+    speeds = state.screws * slopes[:, None]  # of all entries, for those that are locked never move
+    rate = np.array([np.zeros(motion.n) if c == NONE else motion.qdot[c] for c in mechanism.coordinates])
+    pace = np.array([np.zeros(motion.n) if c == NONE else motion.qddot[c] for c in mechanism.coordinates])
+    if (mechanism.coordinates == NONE).any():
+        raise ValueError("the tree is moved by signals, whose screws have no coordinate")
+    carried = _carried(mechanism, speeds * rate[:, None])
+    first = motion_cross(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
+    carried_rate = _carried(mechanism, first * rate[:, None] + speeds * pace[:, None])
+    bend = (curves[1] * rate**2 + curves[0] * pace)[:, None]
+    screw_rate = motion_cross(carried, state.screws)
+    second = (
+        motion_cross(carried_rate, speeds)
+        + motion_cross(carried, first)
+        + screw_rate * (curves[0] * rate)[:, None]
+        + state.screws * bend
+    )
+    wanted = np.flatnonzero(np.isin(mechanism.coordinates, free))
+    place = {int(c): k for k, c in enumerate(free)}
+    columns = np.array([place[int(c)] for c in mechanism.coordinates[wanted]], dtype=np.intp)
+    return Screws(wanted, columns, np.stack([speeds[wanted], first[wanted], second[wanted]]), state)
+
+
+def _carried(mechanism: Mechanism, twists: Array) -> Array:
+    """Of the frame that each entry starts from, (n_entries, 6, n)."""
+    n = twists.shape[-1]
+    return np.asarray((mechanism.before @ twists.reshape(len(twists), -1)).reshape(-1, 6, n))
+
+
+def _slope_rates(
+    mechanism: Mechanism, motion: Motion, p: Array, state: Moving
+) -> tuple[Array, tuple[Array, Array]]:
+    """First, second and third derivatives of every entry's law with its coordinate, (n_entries, n) each."""
+    tree, n = mechanism.tree, motion.n
+    second = curvatures(tree.shape_groups, len(tree.factors), motion.q)
+    third = _third_derivatives(tree.shape_groups, len(tree.factors), motion.q)
+    bends = []
+    for found in (second, third):
+        rows = np.zeros((len(mechanism.entries), n))
+        for row, entry in enumerate(mechanism.entries):
+            value = found[entry.term.factor]
+            if value is not None:
+                rows[row] = value * (p[entry.term.parameter] if entry.term.parameter != NONE else 1.0)
+        bends.append(rows)
+    return state.slopes, (bends[0], bends[1])
+
+
+def _third_derivatives(groups: tuple[ShapeGroup, ...], count: int, q: Array) -> list[Array | None]:
+    """Of all shapes with respect to their coordinates; zero where they go on linearly."""
+    found: list[Array | None] = [None] * count
+    for group in groups:
+        x = q[group.coordinates]
+        inside = np.clip(x, group.breaks[0], group.breaks[-1])
+        piece = np.searchsorted(group.breaks[1:-1], inside, side="right")
+        local = inside - group.breaks[piece]
+        taken = group.coefficients[:, np.arange(len(x))[:, None], piece]
+        degree, value = len(taken) - 1, np.zeros_like(local)
+        for power in range(degree, 2, -1):  # Horner, over powers
+            value = value * local + power * (power - 1) * (power - 2) * taken[degree - power]
+        value = np.where(inside == x, value, 0.0)
+        for row, k in enumerate(group.factors):
+            found[k] = value[row]
+    return found

@@ -1,0 +1,330 @@
+"""Inverse kinematics of all frames at once by sweeps over the tree.
+
+Every marker is a unit point mass: the Gauss-Newton matrix of a marker problem then has the
+structure of a composite rigid-body inertia, and its factorisation that of the articulated-body
+algorithm (Featherstone 2008, ch. 7). One sweep from the leaves to the root eliminates one
+coordinate after the other, one sweep back gives the step; no Jacobian is formed, and the cost
+grows linearly with the number of coordinates. What the markers of a link contribute is held in
+sufficient statistics (weight, centroids, second and cross moments), so an iteration does not
+depend on the number of markers.
+
+Near the minimum the exact second derivatives are used. Moving a joint turns all that lies below it,
+so a marker ``x`` with weighted residual ``r`` has ``d2x/dqi dqj = w_i x (dx/dqj)`` for a joint i above
+j. Summed over the markers below j, this adds to the inertia a symmetric matrix of the same size and
+to its product with a twist half the spatial cross product of twist and residual wrench. Without it,
+the steps shrink slowly along directions that the markers hardly determine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.geometry.clusters import (
+    Clusters,
+    Misfit,
+    clusters_of,
+    curvature_and_wrench,
+    marker_weights,
+    misfit_of,
+)
+from scaling_service.numerics.least_squares.elimination import (
+    Elimination,
+    Limits,
+    PivotDamping,
+    Pull,
+    elimination_of,
+    step,
+    twists,
+)
+from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.tree import Poses, Tree, forward, local_positions
+
+_BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
+_NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
+_LOST = 1e8  # chosen: a damping at which steps no longer move anything
+_TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "not determined"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepSettings:
+    """When to stop, and how strongly to damp.
+
+    Parameters
+    ----------
+    max_steps : int
+    left : float
+        Stop a frame when its step leaves less than this share of its cost to be gained. That step is
+        still taken; if steps go on to promise less at the same rate, what it leaves is
+        ``promise * rate / (1 - rate)``.
+    step_tolerance : float
+        Or when no coordinate moves by more than this (rad or m).
+    longest : float
+        The most by which any coordinate may move in a step (rad or m); beyond the default, chosen, a
+        linearised rotation means little.
+    damping : float
+        First Levenberg-Marquardt damping, as a share of each pivot.
+    quorum : float
+        Share of the frames that must have converged; the others may then stay behind.
+    close : bool
+        Whether the start is near enough for second derivatives from the first step on.
+    """
+
+    max_steps: int = 60
+    left: float = 1e-8
+    step_tolerance: float = 1e-9
+    longest: float = 0.8
+    damping: float = 1e-6
+    quorum: float = 1.0
+    close: bool = False
+
+
+DEFAULT = SweepSettings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionSolution:
+    """Coordinates (n_frames, n_coordinates), weighted squared error per frame (m2), and how it ended."""
+
+    q: Array
+    cost: Array
+    steps: NDArray[np.intp]
+    converged: NDArray[np.bool_]
+
+    def frames(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> MotionSolution:
+        """Only these frames."""
+        return MotionSolution(self.q[rows], self.cost[rows], self.steps[rows], self.converged[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """A block of frames: the statistics of every link, and what bounds and pulls the coordinates."""
+
+    tree: Tree
+    plan: Elimination
+    p: Array
+    signals: Array | None
+    clusters: Clusters  # by row of the plan
+    ground: Array
+    lower: Array  # (c, 1), as upper: bounds by column
+    upper: Array
+    prior: tuple[Array, Array] | None  # value (n_coordinates, n), weight (n_coordinates, 1)
+    floor: Array  # (n,) added to every pivot
+
+    def take(self, rows: NDArray[np.intp]) -> _Problem:
+        return replace(
+            self,
+            clusters=self.clusters.take(rows),
+            signals=None if self.signals is None else self.signals[:, rows],
+            prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1]),
+            ground=self.ground[:, rows],
+            floor=self.floor[rows],
+        )
+
+    def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
+        """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
+        poses = forward(self.tree, q, self.p, self.signals, self.ground)
+        frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
+        misfit = misfit_of(self.clusters, frames[:, :3], frames[:, 3])
+        if self.prior is None:
+            return poses, misfit, misfit.cost
+        value, weight = self.prior
+        return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
+
+    def limits(self, q: Array) -> Limits | None:
+        """How far the columns may move, if not anywhere."""
+        if np.isinf(self.lower).all() and np.isinf(self.upper).all():
+            return None
+        now = q[self.plan.variables]
+        return Limits(self.lower - now, self.upper - now)
+
+    def pull(self, q: Array) -> Pull | None:
+        """The coordinates' own tasks by column."""
+        if self.prior is None:
+            return None
+        columns = self.plan.variables
+        value, weight = self.prior[0][columns], self.prior[1][columns]
+        return Pull(weight, weight * (value - q[columns]))
+
+
+def is_articulated(tree: Tree) -> bool:
+    """Whether every coordinate enters one link only, which the sweeps need.
+
+    Markers whose local position depends on a coordinate break it too.
+    """
+    entered = [v for link in tree.variables for v in link if v < tree.n_coordinates]
+    moving = any(
+        item.term.factor != NONE and tree.factors[item.term.factor].coordinate != NONE
+        for item in tree.marker_terms
+    )
+    return len(entered) == len(set(entered)) and not moving
+
+
+def solve_motion(
+    tree: Tree,
+    measured: Array,
+    weights: Array,
+    q0: Array,
+    p: Array,
+    *,
+    free: NDArray[np.bool_] | None = None,
+    bounds: tuple[Array, Array] | None = None,
+    prior: tuple[Array, Array] | None = None,
+    signals: Array | None = None,
+    settings: SweepSettings = DEFAULT,
+    progress: Callable[[int], None] | None = None,
+) -> MotionSolution:
+    """Coordinates that bring the model's markers nearest to the measured ones, frame by frame.
+
+    Minimises ``sum_m w_m |measured_m - model_m(q)|^2 + sum_c v_c (q_c - prior_c)^2`` in every frame
+    by damped Gauss-Newton steps with projection on the bounds.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (n_frames, n_markers, 3), m
+        NaN where a marker was not seen.
+    weights : ndarray, shape (n_markers,) or (n_frames, n_markers)
+    q0 : ndarray, shape (n_frames, n_coordinates), rad or m
+    p : ndarray, shape (n_parameters,)
+    free : ndarray of bool, shape (n_coordinates,), optional
+        Coordinates to estimate; the others stay at ``q0``.
+    bounds : pair of ndarray, shape (n_coordinates,), optional
+    prior : pair of ndarray (n_frames, n_coordinates) and (n_coordinates,), optional
+        Values and weights of coordinate tasks.
+    signals : ndarray, shape (n_frames, n_signals), optional
+    progress : callable, optional
+        Called with the number of frames done.
+
+    Raises
+    ------
+    ValueError
+        The tree is not articulated (see :func:`is_articulated`).
+    """
+    if not is_articulated(tree):
+        raise ValueError("a coordinate enters several links: use the estimator")
+    n, nq = q0.shape
+    moving = np.ones(nq, dtype=bool) if free is None else np.asarray(free, dtype=bool)
+    limits = (np.full(nq, -np.inf), np.full(nq, np.inf)) if bounds is None else bounds
+    q, cost = np.empty((n, nq)), np.empty(n)
+    steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
+    plan = elimination_of(tree, moving)
+    for start in range(0, n, _BLOCK):
+        rows = slice(start, min(start + _BLOCK, n))
+        known = None if signals is None else signals[rows].T
+        some = weights[rows] if weights.ndim == 2 else weights
+        tasks = None if prior is None else (prior[0][rows], prior[1])
+        block = _block(tree, plan, p, measured[rows], some, known, limits, tasks)
+        found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
+        q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
+        if progress is not None:
+            progress(rows.stop)
+    return MotionSolution(q, cost, steps, converged)
+
+
+def _block(
+    tree: Tree,
+    plan: Elimination,
+    p: Array,
+    measured: Array,
+    weights: Array,
+    signals: Array | None,
+    bounds: tuple[Array, Array],
+    prior: tuple[Array, Array] | None,
+) -> _Problem:
+    heavy = marker_weights(measured, weights)
+    filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
+    total = heavy.sum(axis=0)
+    middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
+    placed = np.moveaxis(filled, 0, -1) - middle
+    carrier = plan.row_of_link[tree.marker_link]
+    clusters = clusters_of(carrier, len(tree.links), local_positions(tree, p, signals), placed, heavy)
+    tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
+    lower, upper = (bound[plan.variables, None] for bound in bounds)
+    floor = _TINY * total + 1e-300
+    return _Problem(tree, plan, p, signals, clusters, -middle, lower, upper, tasks, floor)
+
+
+@dataclass(slots=True, eq=False)
+class _State:
+    """The frames still being solved: each array's last axis."""
+
+    rows: NDArray[np.intp]  # their numbers in the block
+    best: Array  # (n_coordinates, n) the best pose so far, of this cost
+    cost: Array
+    damping: Array
+    near: Array  # 1.0 where second derivatives are used
+    promised: Array  # decrease that the step before promised
+
+    def take(self, rows: NDArray[np.intp]) -> _State:
+        return _State(
+            self.rows[rows],
+            self.best[:, rows],
+            self.cost[rows],
+            self.damping[rows],
+            self.near[rows],
+            self.promised[rows],
+        )
+
+
+def _solve_block(
+    part: _Problem, q: Array, settings: SweepSettings
+) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.bool_]]:
+    """Damped Newton steps on one block; frames leave it as they converge."""
+    n, columns = q.shape[1], part.plan.variables
+    q[columns] = _between(q[columns], part.lower, part.upper)
+    cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
+    close = np.full(n, float(settings.close))
+    unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
+    state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
+    trial = q.copy()
+    for number in range(1, settings.max_steps + 1):
+        poses, misfit, now = part.misfit(trial)
+        worse: NDArray[np.bool_] = np.greater(now, state.cost * (1.0 + 1e-14))
+        if worse.any():
+            trial[:, worse] = state.best[:, worse]
+            poses, misfit, now = part.misfit(trial)
+        state.best, state.cost = trial, now
+        state.damping = np.where(worse, np.maximum(state.damping * 10.0, 1e-4), state.damping * 0.2)
+        state.near *= ~worse
+        delta, promised = _step(part, poses, misfit, state)
+        longest = np.abs(delta).max(axis=0, initial=0.0)
+        delta *= settings.longest / np.maximum(longest, settings.longest)
+        trial = trial.copy()
+        trial[columns] = _between(trial[columns] + delta, part.lower, part.upper)
+        before = np.minimum(np.where(worse, 0.0, state.promised), now)
+        done = promised**2 <= settings.left * now * np.maximum(before - promised, promised)
+        done |= (longest <= settings.step_tolerance) | (state.damping > _LOST)
+        state.near, state.promised = ((promised < _NEAR * now) & ~worse).astype(float), promised
+        if done.any() or number == settings.max_steps:
+            # A last step is too small to be worth a check; a frame that just failed keeps its best pose.
+            taken = done & ~worse
+            q[:, state.rows] = np.where(taken, trial, state.best)
+            cost[state.rows] = np.where(taken, np.maximum(now - promised, 0.0), now)
+            steps[state.rows], converged[state.rows] = number, done
+            keep = np.flatnonzero(~done)
+            if len(keep) <= (1.0 - settings.quorum) * n:
+                break
+            state, trial, part = state.take(keep), trial[:, keep], part.take(keep)
+    return q, cost, steps, converged
+
+
+def _between(value: Array, lower: Array, upper: Array) -> Array:
+    """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
+    bounded: Array = np.minimum(np.maximum(value, lower), upper)
+    return bounded
+
+
+def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
+    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
+    return step(
+        part.plan,
+        curvature_and_wrench(part.clusters, misfit, state.near),
+        twists(part.plan, poses),
+        PivotDamping(state.damping, part.floor),
+        second=state.near,
+        pull=part.pull(state.best),
+        limits=part.limits(state.best),
+    )

@@ -1,0 +1,330 @@
+"""Poses of a tree of joints for all frames at once, and how markers move with every variable.
+
+Inside, frames are the last axis and a rotation is stored by its three axis vectors:
+``axes[j]`` is the j-th axis of a frame, expressed in ground, shape (3, n_frames).
+Variables are the coordinates (per frame) followed by the parameters (shared by all frames).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Array,
+    Factor,
+    ShapeGroup,
+    TermArrays,
+    Values,
+    shape_groups,
+)
+from scaling_service.numerics.multibody.moves import Fixed, Link
+from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
+
+CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+"""The components of a cross product: i from j and k."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkerTerm:
+    """A varying part of one marker's local position."""
+
+    marker: int
+    term: TermArrays
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """A compiled body model: indices and arrays, no names.
+
+    Parameters
+    ----------
+    links : tuple of Link
+        Parents first.
+    factors : tuple of Factor
+    n_coordinates, n_parameters : int
+    marker_link : ndarray of int, shape (n_markers,)
+    marker_local : ndarray, shape (n_markers, 3), m
+        The constant part of the local positions.
+    marker_terms : tuple of MarkerTerm
+    """
+
+    links: tuple[Link, ...]
+    factors: tuple[Factor, ...]
+    n_coordinates: int
+    n_parameters: int
+    marker_link: NDArray[np.intp]
+    marker_local: Array
+    marker_terms: tuple[MarkerTerm, ...] = ()
+
+    @property
+    def n_markers(self) -> int:
+        """The number of markers carried."""
+        return len(self.marker_link)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The order of computation."""
+        return plan_of(self.links, self.factors, self.n_coordinates)
+
+    @cached_property
+    def shape_groups(self) -> tuple[ShapeGroup, ...]:
+        """Shapes that are evaluated together."""
+        return shape_groups(self.factors)
+
+    @cached_property
+    def carried(self) -> tuple[NDArray[np.intp], ...]:
+        """For every link the markers on it and on everything that hangs on it."""
+        below: list[set[int]] = [set(rows.tolist()) for rows in self.marker_rows]
+        for k in reversed(range(len(self.links))):
+            if self.links[k].parent != NONE:
+                below[self.links[k].parent] |= below[k]
+        return tuple(np.array(sorted(s), dtype=np.intp) for s in below)
+
+    @cached_property
+    def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
+        """For every link the markers that sit on it."""
+        return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
+
+    @cached_property
+    def entries_of_link(self) -> tuple[tuple[Entry, ...], ...]:
+        """For every link the varying terms of its moves, in their order."""
+        return tuple(tuple(e for e in self.plan.entries if e.link == k) for k in range(len(self.links)))
+
+    @cached_property
+    def variables(self) -> tuple[tuple[int, ...], ...]:
+        """For every link the variables that enter its moves, ascending."""
+        return tuple(
+            tuple(
+                sorted(
+                    {
+                        v
+                        for move in link.moves
+                        if not isinstance(move, Fixed)
+                        for term in move.terms
+                        for v in variables_of(self, term)
+                    }
+                )
+            )
+            for link in self.links
+        )
+
+    @cached_property
+    def terms_of_marker(self) -> dict[int, tuple[TermArrays, ...]]:
+        """The varying terms of each marker that has any."""
+        terms: dict[int, tuple[TermArrays, ...]] = {}
+        for item in self.marker_terms:
+            terms[item.marker] = (*terms.get(item.marker, ()), item.term)
+        return terms
+
+
+def variables_of(tree: Tree, term: TermArrays) -> list[int]:
+    """The variables that enter a term: its coordinate, its parameter."""
+    found = []
+    if term.factor != NONE and tree.factors[term.factor].coordinate != NONE:
+        found.append(tree.factors[term.factor].coordinate)
+    if term.parameter != NONE:
+        found.append(tree.n_coordinates + term.parameter)
+    return found
+
+
+def rates_of(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Array | float]]:
+    """The variables of a term and the rate of its scalar part with each."""
+    rates: list[tuple[int, Array | float]] = []
+    if term.factor != NONE and tree.factors[term.factor].coordinate != NONE:
+        rates.append((tree.factors[term.factor].coordinate, values.by_coordinate(term)))
+    if term.parameter != NONE:
+        rates.append((tree.n_coordinates + term.parameter, values.by_parameter(term)))
+    return rates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Poses:
+    """Frames of all nodes and links for a block of frames.
+
+    Parameters
+    ----------
+    plan : Plan
+    frames : ndarray, shape (n_nodes, 4, 3, n_frames)
+        ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]`` its origin (m).
+    values : Values
+    """
+
+    plan: Plan
+    frames: Array
+    values: Values
+
+    @property
+    def node_axes(self) -> Array:
+        """Axes of all nodes, shape (n_nodes, 3, 3, n_frames)."""
+        return self.frames[:, :3]
+
+    @property
+    def node_origins(self) -> Array:
+        """Origins of all nodes, shape (n_nodes, 3, n_frames), m."""
+        return self.frames[:, 3]
+
+    @property
+    def axes(self) -> Array:
+        """Axes of all links, shape (n_links, 3, 3, n_frames)."""
+        return self.node_axes[self.plan.link_node]
+
+    @property
+    def origins(self) -> Array:
+        """Origins of all links, shape (n_links, 3, n_frames), m."""
+        return self.node_origins[self.plan.link_node]
+
+    def directions(self, entries: Sequence[Entry]) -> Array:
+        """Axes or shifts of some entries in ground, (n_entries, 3, n_frames)."""
+        parents = self.plan.parent[[entry.node for entry in entries]]
+        local = np.array([entry.direction for entry in entries])
+        return np.asarray(np.einsum("ejan,ej->ean", self.frames[parents, :3], local))
+
+
+def forward(
+    tree: Tree, q: Array, p: Array, signals: Array | None = None, ground: Array | None = None
+) -> Poses:
+    """Poses of all links.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_coordinates, n_frames), rad or m
+    p : ndarray, shape (n_parameters,)
+    signals : ndarray, shape (n_signals, n_frames), optional
+    ground : ndarray, shape (3, n_frames), m, optional
+        Where the ground origin lies; zero unless given. Moving it near the body keeps moments
+        about it small.
+    """
+    plan, n = tree.plan, q.shape[1]
+    values = Values.of(tree.factors, q, p, signals, tree.shape_groups)
+    # One piece of memory: two are given back to the system after every call, and to get them anew takes
+    # longer than the computation.
+    local, frames = np.empty((2, len(plan.parent), 4, 3, n))
+    np.matmul(plan.rotations, _trigonometric(plan.angles.values(q, values)), out=_rotations_of(local))
+    local[:, 3] = plan.shifts.values(q, values).reshape(-1, 3, n)
+    frames[0, :3] = np.eye(3)[:, :, None]
+    frames[0, 3] = 0.0 if ground is None else ground
+    for level, carriers in plan.levels:
+        carrier, reached = frames[carriers], frames[level]
+        np.einsum("gjan,gkjn->gkan", carrier[:, :3], local[level], out=reached)
+        reached[:, 3] += carrier[:, 3]
+    return Poses(plan, frames, values)
+
+
+def _trigonometric(angle: Array) -> Array:
+    """One, sine and cosine of every angle (rows, n), as (rows, 3, n)."""
+    result = np.empty((len(angle), 3, angle.shape[1]))
+    result[:, 0] = 1.0
+    np.sin(angle, out=result[:, 1])
+    np.cos(angle, out=result[:, 2])
+    return result
+
+
+def _rotations_of(frames: Array) -> Array:
+    """The axes of frames (rows, 4, 3, n) as a view, (rows, 9, n)."""
+    return frames.reshape(len(frames), 12, -1)[:, :9]
+
+
+def ground_direction(axes: Array, local: Array) -> Array:
+    """A local vector (3, n_frames or 1) in ground, (3, n_frames), by a frame's axes (3, 3, n_frames)."""
+    result: Array = axes[0] * local[0] + axes[1] * local[1] + axes[2] * local[2]
+    return result
+
+
+def local_positions(tree: Tree, p: Array, signals: Array | None = None) -> Array:
+    """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, n_frames or 1), m."""
+    if not tree.marker_terms:
+        return tree.marker_local[:, :, None]
+    n = 1 if signals is None else signals.shape[1]
+    values = Values.of(tree.factors, np.zeros((tree.n_coordinates, n)), p, signals, tree.shape_groups)
+    result = np.repeat(tree.marker_local[:, :, None].astype(float), n, axis=2)
+    for marker, terms in tree.terms_of_marker.items():
+        result[marker] += values.vector(np.zeros(3), terms)
+    return result
+
+
+def positions(tree: Tree, poses: Poses) -> Array:
+    """Marker positions in ground, shape (n_markers, 3, n_frames), m."""
+    n = poses.frames.shape[-1]
+    result = np.empty((tree.n_markers, 3, n))
+    for k, rows in enumerate(tree.marker_rows):
+        if len(rows):
+            node = poses.plan.link_node[k]
+            spread = tree.marker_local[rows] @ poses.node_axes[node].reshape(3, -1)
+            result[rows] = spread.reshape(-1, 3, n) + poses.node_origins[node]
+    for marker, terms in tree.terms_of_marker.items():
+        node = poses.plan.link_node[tree.marker_link[marker]]
+        result[marker] += ground_direction(poses.node_axes[node], poses.values.vector(np.zeros(3), terms))
+    return result
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the second-last axis (3 components), frames last."""
+    result = np.empty(a.shape if a.shape == b.shape else np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in CYCLE:
+        component = result[..., i, :]
+        np.multiply(a[..., j, :], b[..., k, :], out=component)
+        component -= a[..., k, :] * b[..., j, :]
+    return result
+
+
+def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp]) -> Array:
+    """Derivatives of all marker positions with respect to some variables.
+
+    Parameters
+    ----------
+    placed : ndarray, shape (n_markers, 3, n_frames)
+        As :func:`positions` gives them.
+    variables : ndarray of int, shape (n_variables,)
+        Coordinates first, then ``n_coordinates + parameter``.
+
+    Returns
+    -------
+    ndarray, shape (n_variables, n_markers, 3, n_frames)
+    """
+    row = {int(v): k for k, v in enumerate(variables)}
+    result = np.zeros((len(variables), *placed.shape))
+    for link, rows in enumerate(tree.carried):
+        moving = [e for e in tree.entries_of_link[link] if any(v in row for v in variables_of(tree, e.term))]
+        if not len(rows) or not moving:
+            continue
+        below, motions = run_of(rows), poses.directions(moving)[:, None]
+        turns = [k for k, entry in enumerate(moving) if entry.is_turn]
+        centres = poses.frames[[moving[k].node for k in turns], 3]
+        turned = dict(zip(turns, cross(motions[turns], placed[below] - centres[:, None]), strict=True))
+        for k, entry in enumerate(moving):
+            moved = turned.get(k, motions[k])
+            for variable, rate in rates_of(tree, poses.values, entry.term):
+                if variable in row:
+                    result[row[variable], below] += moved * rate
+    for marker, terms in tree.terms_of_marker.items():
+        axes = poses.node_axes[poses.plan.link_node[tree.marker_link[marker]]]
+        for term in terms:
+            for variable, rate in rates_of(tree, poses.values, term):
+                if variable in row:
+                    result[row[variable], marker] += ground_direction(axes, term.gain[:, None] * rate)
+    return result
+
+
+def marker_positions(tree: Tree, q: Array, p: Array, signals: Array | None = None) -> Array:
+    """Marker positions in ground for coordinates by frame.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n_frames, n_coordinates), rad or m
+    p : ndarray, shape (n_parameters,)
+    signals : ndarray, shape (n_frames, n_signals), optional
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_markers, 3), m
+    """
+    by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
+    known = None if signals is None else np.ascontiguousarray(signals.T)
+    placed = positions(tree, forward(tree, by_frame, np.asarray(p, dtype=float), known))
+    return np.ascontiguousarray(np.moveaxis(placed, -1, 0))

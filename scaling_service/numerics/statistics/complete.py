@@ -1,0 +1,122 @@
+"""A comparison counts every subject under every method: what is missing is named, never passed over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.results import Array
+
+
+class ValueMissing(InputError):
+    """A value that a comparison needs is absent or not a finite number."""
+
+
+class ComparisonImpossible(InputError):
+    """What was given is too little, or too unlike, to be compared."""
+
+
+def checked(
+    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, dimensions: int
+) -> Array:
+    """A complete table of finite numbers as a read-only copy.
+
+    Parameters
+    ----------
+    values : array_like, shape (n_subjects, n_methods) or (n_subjects, n_methods, n_nodes)
+    subjects, methods : sequences of str
+        The names of the first two axes.
+    quantity : str
+        What is compared; it heads the message of an error.
+    dimensions : int
+        2 for scalars, 3 for curves.
+
+    Raises
+    ------
+    ComparisonImpossible
+        A name given twice, fewer than two subjects or methods, or a shape that does not fit the names.
+    ValueMissing
+        A value that is not finite; subject and method are named, and the node of a curve.
+    """
+    table = np.array(values, dtype=np.float64)
+    for kind, names in (("subject", subjects), ("method", methods)):
+        _check_names(kind, names, quantity)
+    if table.ndim != dimensions or table.shape[:2] != (len(subjects), len(methods)) or table.size == 0:
+        raise ComparisonImpossible(
+            f"values of shape {table.shape} do not fit {len(subjects)} subjects and {len(methods)} methods",
+            field=quantity,
+            remedy="Give one row per subject and one column per method",
+        )
+    gaps = np.argwhere(~np.isfinite(table))
+    if len(gaps):
+        _refuse_gap(gaps, table, subjects, methods, quantity)
+    table.setflags(write=False)
+    return table
+
+
+def rows(
+    table: Mapping[str, Mapping[str, float]], methods: Sequence[str], *, quantity: str
+) -> tuple[tuple[str, ...], Array]:
+    """Subjects and their values under the methods, from ``{subject: {method: value}}``.
+
+    Returns
+    -------
+    subjects : tuple of str
+    values : ndarray, shape (n_subjects, n_methods)
+
+    Raises
+    ------
+    ValueMissing
+        A subject without one of the methods; other methods may be there and are left out.
+    """
+    for subject, by_method in table.items():
+        for method in methods:
+            if method not in by_method:
+                raise absent(subject, method, quantity)
+    values = np.array([[by_method[m] for m in methods] for by_method in table.values()], dtype=np.float64)
+    return tuple(table), values.reshape(len(table), len(methods))
+
+
+def absent(subject: str, method: str, quantity: str) -> ValueMissing:
+    """The error for a subject that has nothing at all under a method."""
+    return ValueMissing(
+        f"subject '{subject}' has no value for method '{method}'",
+        field=quantity,
+        remedy="Compute it, or leave the subject or the method out of the comparison",
+    )
+
+
+def _check_names(kind: str, names: Sequence[str], quantity: str) -> None:
+    twice = sorted({name for name in names if list(names).count(name) > 1})
+    if twice:
+        raise ComparisonImpossible(
+            f"two {kind}s are called '{twice[0]}'", field=quantity, remedy="Give each its own name"
+        )
+    if len(names) < 2:
+        raise ComparisonImpossible(
+            f"a comparison needs at least two {kind}s, and there is {len(names)}",
+            field=quantity,
+            remedy=f"Add a {kind}",
+        )
+
+
+def _refuse_gap(
+    gaps: np.ndarray[tuple[int, int], np.dtype[np.intp]],
+    table: Array,
+    subjects: Sequence[str],
+    methods: Sequence[str],
+    quantity: str,
+) -> None:
+    first = gaps[0]
+    place = f"subject '{subjects[first[0]]}', method '{methods[first[1]]}'"
+    if table.ndim == 3:
+        place += f", node {first[2]} of {table.shape[2]}"
+    others = f", and {len(gaps) - 1} more" if len(gaps) > 1 else ""
+    raise ValueMissing(
+        f"no finite value at {place}{others}",
+        field=quantity,
+        remedy="Compute it, or leave the subject or the method out of the comparison",
+    )

@@ -1,0 +1,198 @@
+"""Rearrangements under which a null hypothesis leaves curves alike, and the statistic of each.
+
+Within a subject the labels of the conditions may be exchanged, which holds where conditions scatter
+alike, or the signs of all deviations from the subject's mean, which holds where they scatter evenly to
+both sides; for a paired test these are the same. All rearrangements are taken where they are few, else
+a random sample with the observed one among it, which keeps the test valid (Phipson & Smyth 2010, Stat
+Appl Genet Mol Biol 9:39). Statistics are computed for a batch of rearrangements at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import permutations
+from math import factorial
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.model.results import Array
+
+_BATCH = 2**21
+"""Numbers in the largest array of a batch (16 MB): chosen to stay near the processor's cache."""
+
+_ALONE = 2**18
+"""Multiplications in one matrix product. Chosen: so few run on one thread, where larger ones wait for
+threads that other processes hold (measured: 20 times longer with three processes on two cores)."""
+
+_CERTAIN = 1e-9
+"""Share of the variation that is left to error at least. Chosen: it caps a statistic at t of some 10⁵
+where conditions differ by a constant, so that division by rounding errors decides nothing."""
+
+_NOTHING = 1e-12
+"""Relative to the largest value: chosen. Curves this close at a node are one curve there: statistic 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rearrangements:
+    """Rearrangements of observations, the observed one first.
+
+    Parameters
+    ----------
+    items : ndarray, shape (n, n_subjects, n_conditions) of orders, or (n, n_subjects) of signs
+    exact : bool
+        Whether these are all that can give different statistics, each once.
+    """
+
+    items: NDArray[np.int8]
+    exact: bool
+
+
+class Statistic(Protocol):
+    """Curves of a statistic under rearrangements."""
+
+    def __call__(self, items: NDArray[np.int8]) -> Array:
+        """Shape (n, n_nodes) for a batch of n rearrangements."""
+        ...
+
+
+def orders(n_subjects: int, n_conditions: int, most: int, rng: np.random.Generator) -> Rearrangements:
+    """Orders of the conditions within each subject, at most ``most``.
+
+    Renaming the conditions for all subjects alike changes no statistic, so one subject stands still
+    where all orders are enumerated: (k!)^(n - 1) of them.
+    """
+    observed = np.arange(n_conditions, dtype=np.int8)
+    total = factorial(n_conditions) ** (n_subjects - 1)
+    if total <= most:
+        each = np.array(list(permutations(range(n_conditions))), dtype=np.int8)
+        chosen = np.array(np.unravel_index(np.arange(total), (len(each),) * (n_subjects - 1)))
+        still = np.broadcast_to(observed, (total, 1, n_conditions))
+        return Rearrangements(np.concatenate([still, each[chosen.T]], axis=1), exact=True)
+    items = np.tile(observed, (most, n_subjects, 1))
+    items[1:] = rng.permuted(items[1:], axis=2)
+    return Rearrangements(items, exact=False)
+
+
+def signs(n_subjects: int, most: int, rng: np.random.Generator) -> Rearrangements:
+    """Signs of each subject's difference, at most ``most``.
+
+    Turning all signs changes no two-sided statistic, so one stands still where all are enumerated:
+    2^(n - 1) of them.
+    """
+    total = 2 ** (n_subjects - 1)
+    if total <= most:
+        bits = np.arange(total)[:, None] >> np.arange(n_subjects) & 1
+        return Rearrangements((1 - 2 * bits).astype(np.int8), exact=True)
+    items = np.ones((most, n_subjects), dtype=np.int8)
+    items[1:] -= 2 * rng.integers(0, 2, size=(most - 1, n_subjects), dtype=np.int8)
+    return Rearrangements(items, exact=False)
+
+
+class RepeatedMeasuresF:
+    """F of a one-way analysis of variance with repeated measures, at every node.
+
+    Parameters
+    ----------
+    curves : ndarray, shape (n_subjects, n_conditions, n_nodes)
+
+    Notes
+    -----
+    Exchanging labels within subjects leaves the subjects' own sums of squares as they are, so only the
+    conditions' sums have to be formed anew: one matrix product for a batch.
+    """
+
+    def __init__(self, curves: Array) -> None:
+        self._n, self._k, self._nodes = curves.shape
+        centred = curves - curves.mean(axis=1, keepdims=True)
+        self._rows = centred.reshape(self._n * self._k, self._nodes)
+        self._within = np.sum(self._rows**2, axis=0)
+        self._void = self._within <= self._rows.shape[0] * (_NOTHING * np.abs(curves).max()) ** 2
+
+    @property
+    def degrees_of_freedom(self) -> tuple[int, int]:
+        """Of the conditions and of the error, as under sphericity."""
+        return self._k - 1, (self._n - 1) * (self._k - 1)
+
+    def __call__(self, items: NDArray[np.int8]) -> Array:
+        """F, shape (n, n_nodes), for orders (n, n_subjects, n_conditions) or signs (n, n_subjects).
+
+        A sign turns all of a subject's deviations from the subject's own mean.
+        """
+        found = np.empty((len(items), self._nodes))
+        size = self._k * max(self._n * self._k, self._nodes)
+        for part in _batches(len(items), size):
+            found[part] = self._batch(items[part])
+        return found
+
+    def _batch(self, items: NDArray[np.int8]) -> Array:
+        sums = _products(self._choices(items), self._rows)
+        between = np.einsum("bkq,bkq->bq", sums, sums) / self._n
+        ratio: Array = _ratio(between, self._within, self._void) * (self._n - 1)
+        return ratio
+
+    def _choices(self, items: NDArray[np.int8]) -> Array:
+        """What each condition's sum takes of the rows, shape (n, n_conditions, n_rows)."""
+        choice = np.zeros((len(items), self._k, self._n * self._k))
+        if items.ndim == 3:
+            taken = items + self._k * np.arange(self._n)[:, None]
+            np.put_along_axis(choice, taken.transpose(0, 2, 1), 1.0, axis=2)
+        else:
+            for condition in range(self._k):
+                choice[:, condition, condition :: self._k] = items
+        return choice
+
+
+class PairedT:
+    """Student's t of paired differences, at every node.
+
+    Parameters
+    ----------
+    differences : ndarray, shape (n_subjects, n_nodes)
+    scale : float
+        The largest size of the curves subtracted; what is nothing beside it counts as no difference.
+    """
+
+    def __init__(self, differences: Array, scale: float) -> None:
+        self._rows = differences
+        self._within = np.sum(differences**2, axis=0)
+        self._void = self._within <= len(differences) * (_NOTHING * scale) ** 2
+
+    @property
+    def degrees_of_freedom(self) -> tuple[int]:
+        """Subjects less one."""
+        return (len(self._rows) - 1,)
+
+    def __call__(self, items: NDArray[np.int8]) -> Array:
+        """t, shape (n, n_nodes), for signs of shape (n, n_subjects)."""
+        n = len(self._rows)
+        found = np.empty((len(items), self._rows.shape[1]))
+        for part in _batches(len(items), self._rows.shape[1]):
+            means = _products(items[part, None].astype(np.float64), self._rows)[:, 0] / n
+            squared = _ratio(n * means**2, self._within, self._void) * (n - 1)
+            found[part] = np.copysign(np.sqrt(squared), means)
+        return found
+
+
+def _products(choices: Array, rows: Array) -> Array:
+    """Sums of rows, shape (n, n_sums, n_nodes), for choices of shape (n, n_sums, n_rows)."""
+    count, sums, length = choices.shape
+    together = max(1, _ALONE // (sums * rows.size))
+    whole = count - count % together
+    grouped = choices[:whole].reshape(-1, together * sums, length) @ rows
+    rest = choices[whole:] @ rows
+    return np.concatenate([grouped.reshape(whole, sums, rows.shape[1]), rest])
+
+
+def _ratio(explained: Array, total: Array, void: NDArray[np.bool_]) -> Array:
+    """Explained over unexplained variation; zero where there is none at all."""
+    left = np.maximum(total - explained, _CERTAIN * total)
+    ratio: Array = np.divide(explained, left, out=np.zeros_like(explained), where=~void & (left > 0.0))
+    return ratio
+
+
+def _batches(count: int, size: int) -> Iterator[slice]:
+    step = max(1, _BATCH // size)
+    return (slice(start, start + step) for start in range(0, count, step))

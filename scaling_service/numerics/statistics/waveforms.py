@@ -1,0 +1,236 @@
+"""Joint angles over the gait cycle compared between methods: statistical parametric mapping by permutation.
+
+A one-way analysis of variance with repeated measures along the cycle, then paired two-tailed t tests
+between methods, each at alpha over the number of pairs (Bonferroni), as Puchaud 2019 (section 2.3)
+does with random field theory (Pataky et al. 2015). Here the thresholds come from rearranging the data
+within subjects, which asks neither for smooth nor for normal curves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.comparison.cycles import Curves
+from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.complete import ComparisonImpossible
+from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
+from scaling_service.numerics.statistics.waveform_clusters import CurveTest, curve_test
+
+
+@dataclass(frozen=True, slots=True)
+class WaveformSettings:
+    """How curves are compared.
+
+    Parameters
+    ----------
+    alpha : float
+        Chance of any false finding along a curve; shared by the pairs.
+    rearrangements : int
+        All are taken where they are no more than this, else so many are drawn. Chosen: with 10,000 the
+        level reached has a standard error of 0.2 % at 5 %.
+    exchange : 'labels' or 'signs'
+        What the analysis of variance exchanges within subjects. ``labels`` supposes, like the parametric
+        test, that methods scatter alike; where one scatters three times as much as four others it finds
+        a difference of means that is not there in 25 % of cohorts (the parametric test: 23 %). ``signs``
+        holds there too, but offers few rearrangements: 2^(n - 1). The paired tests always exchange signs.
+    """
+
+    alpha: float = 0.05
+    rearrangements: int = 10_000
+    exchange: Literal["labels", "signs"] = "labels"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.alpha < 1.0:
+            raise ComparisonImpossible(
+                f"a significance level of {self.alpha:g} is not between 0 and 1", field="alpha"
+            )
+        if self.rearrangements < 2:
+            raise ComparisonImpossible(
+                "a permutation test needs at least two rearrangements", field="rearrangements"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairedCurves:
+    """Two methods along the cycle.
+
+    ``difference_mean`` and ``difference_sd`` (n - 1), shape (n_nodes,), are of the first method minus the
+    second over the subjects, in the quantity's unit; a positive t says that the first is larger.
+    """
+
+    methods: tuple[str, str]
+    difference_mean: Array
+    difference_sd: Array
+    test: CurveTest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WaveformComparison:
+    """A curve compared between methods over a cohort.
+
+    Parameters
+    ----------
+    quantity : str
+    subjects, methods : tuples of str
+    mean, sd : mapping
+        Method to its curve over subjects, shape (n_nodes,), in the quantity's unit.
+    anova : CurveTest
+        Between all methods; between two it is the square of their t.
+    pairs : tuple of PairedCurves
+        Empty unless ``anova`` is significant: the post hoc tests are gated by it, as in the paper.
+    n_pairs : int
+        By which alpha was divided.
+    """
+
+    quantity: str
+    subjects: tuple[str, ...]
+    methods: tuple[str, ...]
+    mean: Mapping[str, Array]
+    sd: Mapping[str, Array]
+    anova: CurveTest
+    pairs: tuple[PairedCurves, ...]
+    n_pairs: int
+
+    def pair(self, method: str, reference: str) -> PairedCurves:
+        """The pair of two methods, in either order (KeyError if it was not tested)."""
+        for pair in self.pairs:
+            if set(pair.methods) == {method, reference}:
+                return pair
+        raise KeyError((method, reference))
+
+
+def compare_waveforms(
+    curves: Curves,
+    rng: np.random.Generator,
+    *,
+    reference: str | None = None,
+    settings: WaveformSettings | None = None,
+) -> WaveformComparison:
+    """Compare curves between methods: analysis of variance, then paired tests where it is significant.
+
+    Parameters
+    ----------
+    curves : Curves
+        One per subject and method; several cycles of a subject are averaged before
+        (:func:`~scaling_service.capabilities.scaling.comparison.cycles.mean_curves`).
+    rng : numpy.random.Generator
+        Used only where rearrangements are too many to take all.
+    reference : str, optional
+        Only the pairs with this method are tested, and alpha is shared by those; else all pairs.
+
+    Raises
+    ------
+    ComparisonImpossible
+        A reference that is not among the methods.
+
+    Examples
+    --------
+    >>> from scaling_service.core.streams import stream
+    >>> bump = np.exp(-0.5 * ((np.arange(101) - 50) / 8) ** 2)
+    >>> rng = stream(1, "example")
+    >>> noise = rng.normal(size=(9, 2, 1)) * np.cos(np.arange(101) / 20)
+    >>> values = noise + np.stack([0 * bump, 9 * bump])
+    >>> found = compare_waveforms(Curves("knee", tuple("abcdefghi"), ("MB", "EB"), values), rng)
+    >>> found.anova.significant, len(found.pair("MB", "EB").test.clusters)
+    (True, 1)
+    """
+    chosen = settings or WaveformSettings()
+    pairs = _pairs(curves, reference)
+    anova = repeated_measures_anova(curves.values, rng, chosen)
+    tested = pairs if anova.significant else []
+    return WaveformComparison(
+        quantity=curves.quantity,
+        subjects=curves.subjects,
+        methods=curves.methods,
+        mean=dict(zip(curves.methods, curves.values.mean(axis=0), strict=True)),
+        sd=dict(zip(curves.methods, curves.values.std(axis=0, ddof=1), strict=True)),
+        anova=anova,
+        pairs=tuple(_compared(curves, *pair, len(pairs), rng, chosen) for pair in tested),
+        n_pairs=len(pairs),
+    )
+
+
+def repeated_measures_anova(
+    values: Array, rng: np.random.Generator, settings: WaveformSettings | None = None
+) -> CurveTest:
+    """One-way analysis of variance with repeated measures along curves, by exchange within subjects.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_subjects, n_conditions, n_nodes)
+        Complete: use :class:`~scaling_service.capabilities.scaling.comparison.cycles.Curves` to make sure.
+    """
+    chosen = settings or WaveformSettings()
+    _refuse_gaps(values)
+    statistic = RepeatedMeasuresF(values)
+    n, k = values.shape[:2]
+    if chosen.exchange == "labels":
+        rearranged = orders(n, k, chosen.rearrangements, rng)
+    else:
+        rearranged = signs(n, chosen.rearrangements, rng)
+    return curve_test("F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha)
+
+
+def paired_t_test(
+    first: Array,
+    second: Array,
+    rng: np.random.Generator,
+    settings: WaveformSettings | None = None,
+    *,
+    n_tests: int = 1,
+) -> CurveTest:
+    """Paired two-tailed t test along curves, by exchange of signs.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_subjects, n_nodes)
+    n_tests : int
+        Alpha is divided by it (Bonferroni).
+    """
+    chosen = settings or WaveformSettings()
+    _refuse_gaps(first)
+    _refuse_gaps(second)
+    scale = float(max(np.abs(first).max(), np.abs(second).max()))
+    statistic = PairedT(first - second, scale)
+    rearranged = signs(len(first), chosen.rearrangements, rng)
+    return curve_test("t", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha / n_tests)
+
+
+def _compared(
+    curves: Curves,
+    first: str,
+    second: str,
+    n_pairs: int,
+    rng: np.random.Generator,
+    settings: WaveformSettings,
+) -> PairedCurves:
+    ours, theirs = (curves.values[:, curves.methods.index(name)] for name in (first, second))
+    difference = ours - theirs
+    return PairedCurves(
+        methods=(first, second),
+        difference_mean=difference.mean(axis=0),
+        difference_sd=difference.std(axis=0, ddof=1),
+        test=paired_t_test(ours, theirs, rng, settings, n_tests=n_pairs),
+    )
+
+
+def _pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
+    if reference is None:
+        return list(combinations(curves.methods, 2))
+    if reference not in curves.methods:
+        raise ComparisonImpossible(
+            f"the reference '{reference}' is not among the methods {', '.join(curves.methods)}",
+            field=curves.quantity,
+            remedy="Name one of them",
+        )
+    return [(method, reference) for method in curves.methods if method != reference]
+
+
+def _refuse_gaps(values: Array) -> None:
+    if not np.isfinite(values).all():
+        raise ComparisonImpossible("a curve has a missing node", remedy="Fill it, or leave its subject out")

@@ -1,0 +1,179 @@
+"""Newton-Euler for all frames at once: the wrench that moves a body, and the forces through its joints.
+
+External loads are wrenches in ground axes about the ground origin, frames last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.spatial import Moving, moving, point_acceleration
+from scaling_service.numerics.multibody.tree import cross
+
+GRAVITY = np.array([0.0, -9.80665, 0.0])
+"""Standard gravity (3rd CGPM 1901; also OpenSim's default), Y up, m/s2."""
+
+BLOCK = 256
+"""Frames computed together (chosen: the fastest measured on one thread, 128 and 512 being close)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Wrenches from outside on some links.
+
+    Parameters
+    ----------
+    links : ndarray of int, shape (n_loads,)
+        A link may have several.
+    wrenches : ndarray, shape (n_loads, 6, n)
+        Force (N) and moment about the ground origin (N m) on the body, in ground axes.
+    """
+
+    links: NDArray[np.intp]
+    wrenches: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dynamics:
+    """What inverse dynamics of a motion gives.
+
+    Parameters
+    ----------
+    forces : ndarray, shape (n_coordinates, n), N m or N
+        Generalised forces that the joints must provide beside the external loads.
+    residual : ndarray, shape (6, n)
+        Force (N) and moment about the root link's origin (N m), ground axes, that the motion needs
+        and no external load provides.
+    root : ndarray, shape (3, n), m
+        Where the root link's origin is.
+    """
+
+    forces: Array
+    residual: Array
+    root: Array
+
+
+def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
+    """Slices that cover n frames."""
+    return (slice(start, min(start + size, n)) for start in range(0, n, size))
+
+
+def moment_about(wrench: Array, point: Array) -> Array:
+    """A wrench about the ground origin, (..., 6, n), with its moment about a point (3, n) instead."""
+    result = wrench.copy()
+    result[..., 3:, :] -= cross(point, wrench[..., :3, :])
+    return result
+
+
+def link_wrenches(mechanism: Mechanism, state: Moving, gravity: Array = GRAVITY) -> Array:
+    """The wrench beside gravity that moves each link as it moves.
+
+    Returns
+    -------
+    ndarray, shape (n_links, 6, n)
+        Force and moment about the ground origin, ground axes.
+
+    Notes
+    -----
+    Newton: ``F = m (a - g)``; Euler about the centre of mass: ``I alpha + omega x I omega``, evaluated
+    in the link's axes, where I is constant.
+    """
+    inertias = mechanism.inertias
+    axes = state.poses.axes
+    at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
+    wrench = np.empty(state.twists.shape)
+    force = wrench[:, :3]
+    force[:] = point_acceleration(state.twists, state.accelerations, at) - gravity[:, None]
+    force *= inertias.mass[:, None, None]
+    spin = np.einsum("kjan,kan->kjn", axes, state.twists[:, 3:])
+    pace = np.einsum("kjan,kan->kjn", axes, state.accelerations[:, 3:])
+    euler = inertias.tensor @ pace + cross(spin, inertias.tensor @ spin)
+    wrench[:, 3:] = np.einsum("kjan,kjn->kan", axes, euler) + cross(at, force)
+    return wrench
+
+
+def root_wrench(
+    mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = BLOCK
+) -> tuple[Array, Array]:
+    """The net wrench that moves the whole body, without the forces in the joints.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : Motion
+    p : ndarray, shape (n_parameters,)
+    gravity : ndarray, shape (3,), m/s2
+    size : int
+        Frames at a time.
+
+    Returns
+    -------
+    wrench : ndarray, shape (6, n)
+        Force (N) and moment about the *ground origin* (N m). Subtract the loads and use
+        :func:`moment_about` for the residual.
+    root : ndarray, shape (3, n), m
+        The origin of the first link.
+    """
+    wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
+    for rows in blocks(motion.n, size):
+        state = moving(mechanism, motion.block(rows), p)
+        link_wrenches(mechanism, state, gravity).sum(axis=0, out=wrench[:, rows])
+        root[:, rows] = state.poses.origins[0]
+    return wrench, root
+
+
+def inverse_dynamics(
+    mechanism: Mechanism,
+    motion: Motion,
+    p: Array,
+    loads: Loads | None = None,
+    *,
+    gravity: Array = GRAVITY,
+    size: int = BLOCK,
+) -> Dynamics:
+    """Generalised forces and the residual wrench of a motion.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : Motion
+    p : ndarray, shape (n_parameters,)
+    loads : Loads, optional
+        None: nothing touches the body.
+    gravity : ndarray, shape (3,), m/s2
+    size : int
+        Frames at a time; the result does not depend on it.
+    """
+    forces = np.empty((mechanism.tree.n_coordinates, motion.n))
+    residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
+    for rows in blocks(motion.n, size):
+        state = moving(mechanism, motion.block(rows), p)
+        wrenches = link_wrenches(mechanism, state, gravity)
+        if loads is not None:
+            np.subtract.at(wrenches, loads.links, loads.wrenches[..., rows])
+        root[:, rows] = state.poses.origins[0]
+        residual[:, rows] = moment_about(wrenches.sum(axis=0), root[:, rows])
+        forces[:, rows] = joint_forces(mechanism, state, wrenches)
+    return Dynamics(forces, residual, root)
+
+
+def joint_forces(mechanism: Mechanism, state: Moving, wrenches: Array) -> Array:
+    """Generalised forces that balance wrenches on the links, shape (n_coordinates, n).
+
+    Parameters
+    ----------
+    wrenches : ndarray, shape (n_links, 6, n)
+        About the ground origin.
+    """
+    n = wrenches.shape[-1]
+    through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
+    power = np.einsum("ean,ean->en", state.screws, through) * state.slopes
+    forces: Array = mechanism.gathering @ power
+    return forces

@@ -1,0 +1,127 @@
+"""Forces as a matrix times the inertial parameters, in blocks of frames.
+
+The columns of link k are ``10 k … 10 k + 9``, in the order of
+:meth:`scaling_service.numerics.multibody.mechanism.Inertias.parameters`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Mechanism
+from scaling_service.numerics.multibody.spatial import Moving, moving, point_acceleration
+from scaling_service.numerics.multibody.tree import cross
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY, blocks
+
+REGRESSOR_BLOCK = 64
+"""Frames computed together (chosen: 35 rows by 160 columns by 64 frames are 3 MB)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RegressorBlock:
+    """The regressors of a block of frames, frames first.
+
+    Parameters
+    ----------
+    rows : slice
+        Which frames.
+    ground : ndarray, shape (n, 6, 10 n_links)
+        Force and moment about the root link's origin, ground axes: what all external loads together
+        must provide.
+    joints : ndarray, shape (n, n_coordinates, 10 n_links) or None
+        Generalised forces without external loads; None where not asked for.
+    """
+
+    rows: slice
+    ground: Array
+    joints: Array | None
+
+
+def regressor_blocks(
+    mechanism: Mechanism,
+    motion: Motion,
+    p: Array,
+    *,
+    joints: bool = False,
+    gravity: Array = GRAVITY,
+    size: int = REGRESSOR_BLOCK,
+) -> Iterator[RegressorBlock]:
+    """Regressors of the ground wrench and, if asked, of the generalised forces.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its inertias are not used.
+    motion : Motion
+    p : ndarray, shape (n_parameters,)
+    joints : bool
+    gravity : ndarray, shape (3,), m/s2
+    size : int
+        Frames at a time: bounds the memory.
+
+    Yields
+    ------
+    RegressorBlock
+        In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
+    """
+    for rows in blocks(motion.n, size):
+        state = moving(mechanism, motion.block(rows), p)
+        links = _link_regressors(state, gravity)
+        yield RegressorBlock(
+            rows, _ground(state, links), _joint_regressor(mechanism, state, links) if joints else None
+        )
+
+
+def _link_regressors(state: Moving, gravity: Array) -> Array:
+    """Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)."""
+    axes, origins = state.poses.axes, state.poses.origins
+    spin, pace = state.twists[:, 3:], state.accelerations[:, 3:]
+    lift = point_acceleration(state.twists, state.accelerations, origins) - gravity[:, None]
+    result = np.zeros((len(axes), N_PARAMETERS, 6, axes.shape[-1]))
+    result[:, 0, :3] = lift
+    for j in range(3):  # a unit first moment along axis j
+        arm = axes[:, j]
+        result[:, 1 + j, :3] = cross(pace, arm) + cross(spin, cross(spin, arm))
+        result[:, 1 + j, 3:] = cross(arm, lift)
+    result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
+    result[:, 4:, 3:] = _tensor_columns(axes, spin, pace)
+    return result
+
+
+def _tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:
+    """Moment per number of the tensor, (n_links, 6, 3, n)."""
+    w = np.einsum("kjan,kan->kjn", axes, spin)
+    a = np.einsum("kjan,kan->kjn", axes, pace)
+    local = np.zeros((len(axes), len(TENSOR), 3, axes.shape[-1]))
+    for column, (i, j) in enumerate(TENSOR):
+        turned = np.zeros_like(w)
+        local[:, column, i] += a[:, j]
+        turned[:, i] += w[:, j]
+        if i != j:
+            local[:, column, j] += a[:, i]
+            turned[:, j] += w[:, i]
+        local[:, column] += cross(w, turned)
+    moments: Array = np.einsum("kjan,kcjn->kcan", axes, local)
+    return moments
+
+
+def _ground(state: Moving, links: Array) -> Array:
+    moved = links.reshape(-1, 6, links.shape[-1]).copy()
+    moved[:, 3:] -= cross(state.poses.origins[0], moved[:, :3])
+    return np.ascontiguousarray(np.moveaxis(moved, -1, 0).transpose(0, 2, 1))
+
+
+def _joint_regressor(mechanism: Mechanism, state: Moving, links: Array) -> Array:
+    n = links.shape[-1]
+    screws = state.screws * state.slopes[:, None]
+    result = np.zeros((n, mechanism.tree.n_coordinates, N_PARAMETERS * mechanism.n_links))
+    for k, columns in enumerate(links):
+        above = np.flatnonzero(mechanism.carriers[:, k])
+        power = np.einsum("ean,can->nec", screws[above], columns)
+        result[:, :, N_PARAMETERS * k : N_PARAMETERS * (k + 1)] = mechanism.gathering[:, above] @ power
+    return result

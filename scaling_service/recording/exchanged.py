@@ -1,0 +1,180 @@
+"""Labels that look exchanged: the lateral landmark on the inner side, or the right side on the left.
+
+Nothing is corrected: which of two labels a marker deserves is for those to say who saw the person.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.model.trial import Array, Trial
+from scaling_service.numerics.signals.filters import runs
+
+LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
+"""Lateral and medial landmarks that face outwards in every posture: thigh and shank turn less than a right
+angle about their length against the pelvis (circumduction in real recordings: 52 deg at the ankle)."""
+
+ARM_PAIRS = (("ELB", "MEL"),)
+"""The upper arm turns further than that (142 deg in a real recording, arms held off the hips), so
+that only a jump tells anything about them."""
+
+_LEGS = {lateral for lateral, _ in LEG_PAIRS}
+
+SHORTEST_S = 0.1
+"""A stretch shorter than this is a flicker that smoothing and robust fits survive (chosen)."""
+
+ABRUPT = 0.5
+"""Share of the distance between two markers by which the line between them must change from one frame to the
+next to count as a jump (chosen: exchanged labels give 2, and 100 frames per second of a fast kick 0.2)."""
+
+CLEAR = 0.5
+"""Cosine beyond which a direction counts as opposite throughout a trial (chosen: within 60 deg of it)."""
+
+_PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
+_BELOW = (("RLM", "LLM"), ("RLFE", "LLFE"))
+_REMEDY = "correct the labels in the recording"
+_Places = Mapping[str, tuple[str, Array]]
+"""Landmark to its label and its trajectory, (n_frames, 3)."""
+
+
+def exchanged(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
+    """Say where the labels of two landmarks look exchanged, for a while or throughout.
+
+    Parameters
+    ----------
+    trial : Trial
+        In any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
+    roles : mapping, optional
+        Label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
+
+    Notes
+    -----
+    The line from the medial to the lateral landmark is followed from frame to frame. Where it jumps to
+    the opposite direction the labels changed places; the stretches in which it points inwards, seen along
+    the pelvis, are the wrong ones. Of arms, and where nothing tells the body's right from its left, the
+    shorter stretches are taken for the wrong ones.
+    """
+    named = roles if roles is not None else {label: label for label in trial.labels}
+    places = {named[label]: (label, trial.position(label)) for label in trial.labels if label in named}
+    pairs = [
+        (f"{side}{lateral}", f"{side}{medial}")
+        for side in "RL"
+        for lateral, medial in (*LEG_PAIRS, *ARM_PAIRS)
+        if f"{side}{lateral}" in places and f"{side}{medial}" in places
+    ]
+    lines = {lateral: _rightward_line(places, lateral, medial) for lateral, medial in pairs}
+    texts = list(_sides(trial, places))
+    for lateral, medial in pairs:
+        others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
+        rightwards = _rightwards(places, others) if lateral[1:] in _LEGS else None
+        labels = f"{places[lateral][0]} and {places[medial][0]}"
+        texts += [
+            f"{trial.name}: the labels {labels} look exchanged {span}: {_REMEDY}"
+            for span in _spans(_wrong(lines[lateral], rightwards, trial.times), trial)
+        ]
+    return tuple(texts)
+
+
+def _rightward_line(places: _Places, lateral: str, medial: str) -> Array:
+    """From the inner to the outer landmark of a right limb, the other way of a left one."""
+    line: Array = places[lateral][1] - places[medial][1]
+    return line if lateral[0] == "R" else -line
+
+
+def _unit(vectors: Array) -> Array:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        directions: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return directions
+
+
+def _rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
+    """The body's direction to the right in every frame, NaN where it is not known."""
+    choices = [places[r][1] - places[left][1] for r, left in _PELVIS if r in places and left in places]
+    if len(lines) > 1:  # one alone may be the wrong one
+        mean = np.mean([_unit(line) for line in lines], axis=0)
+        agreed = np.linalg.norm(mean, axis=1, keepdims=True) > CLEAR
+        choices.append(np.where(agreed, mean, np.nan))
+    if not choices:
+        return None
+    found = choices[0].copy()
+    for choice in choices[1:]:
+        found = np.where(np.isfinite(found), found, choice)
+    return _unit(found)
+
+
+def _wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[np.bool_]:
+    """The frames in which a line that should point to the right looks exchanged, (n_frames,)."""
+    wrong = np.zeros(len(line), dtype=bool)
+    rows = np.flatnonzero(np.isfinite(line).all(axis=1) & (np.linalg.norm(line, axis=1) > 0.0))
+    if not len(rows):
+        return wrong
+    seen = line[rows]
+    outwards = np.full(len(rows), np.nan) if rightwards is None else _cosines(seen, rightwards[rows])
+    turned = np.cumsum(np.concatenate(([False], _jumps(seen, outwards, times[rows])))) % 2 == 1
+    inside = [_typical(outwards[turned == part]) for part in (False, True)]
+    if not turned.any():
+        guilty = np.full(len(rows), inside[0] < -CLEAR)
+    elif np.isfinite(inside).all():
+        worse = turned if inside[1] < inside[0] else ~turned
+        guilty = worse & (min(inside) < 0.0 < max(inside))
+    else:
+        guilty = turned if turned.sum() <= len(turned) / 2 else ~turned
+    # A frame in which one of them is not seen goes with the frame before it.
+    wrong[rows[0] :] = guilty[np.searchsorted(rows, np.arange(rows[0], len(line)), side="right") - 1]
+    wrong[rows[-1] + 1 :] = False
+    return wrong
+
+
+def _cosines(line: Array, rightwards: Array) -> Array:
+    cosines: Array = np.einsum("fi,fi->f", _unit(line), rightwards)
+    return cosines
+
+
+def _typical(values: Array) -> float:
+    """Median of what is known, NaN if nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
+    """Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)."""
+    change = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    turns = np.einsum("fi,fi->f", line[1:], line[:-1]) < 0.0
+    abrupt = change > ABRUPT * float(np.median(np.linalg.norm(line, axis=1)))
+    # Over a longer time unseen a person may turn round; then the change against the pelvis tells.
+    soon = np.diff(times) <= SHORTEST_S
+    return np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
+
+
+def _spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
+    """Each stretch that lasts, in words."""
+    for first, stop in runs(wrong).tolist():
+        end = f"{trial.times[stop - 1]:.2f} s{', the end' if stop == trial.n_frames else ''}"
+        if wrong.all():
+            yield "throughout"
+        elif stop - first >= SHORTEST_S * trial.rate_hz:
+            yield f"from {trial.times[first]:.2f} s to {end}"
+
+
+def _sides(trial: Trial, places: _Places) -> Iterator[str]:
+    """Whether right and left are exchanged: seen from above, the pelvis then has its right side left."""
+    names = [name for pair in _PELVIS for name in pair]
+    below = next((pair for pair in _BELOW if all(name in places for name in pair)), None)
+    if below is None or any(name not in places for name in names):
+        return
+    r_asis, l_asis, r_psis, l_psis = (places[name][1] for name in names)
+    forwards = _unit(r_asis + l_asis - r_psis - l_psis)
+    upwards = _unit(r_asis + l_asis - places[below[0]][1] - places[below[1]][1])
+    if _typical(_cosines(np.cross(forwards, upwards), _unit(r_asis - l_asis))) < -CLEAR:
+        yield (
+            f"{trial.name}: right and left look exchanged, or the recording is mirrored "
+            f"({places['RASIS'][0]} lies to the left of {places['LASIS'][0]}): {_REMEDY}"
+        )

@@ -1,0 +1,345 @@
+"""Which way is up and forward in a laboratory, and whether the stated unit can be true.
+
+The decision is one rotation by right angles, so that lab axes stay lab axes and force plates stay aligned.
+It is taken on one recording and holds for all recordings and forces of the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.recording.units import extremes, given_unit, unit_factor
+
+CLEAR_SHARE = 0.75
+"""Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
+
+WALKED_M = 0.5
+"""Chosen: displacement that counts as walking; sway and squats stay below."""
+
+FLOOR_M = 0.25
+"""Chosen: the lowest marker of a standing or walking body is this close to the lab's zero height."""
+
+_HEIGHT_GROUPS: tuple[frozenset[str], ...] = (
+    frozenset({"RASIS", "LASIS", "RPSIS", "LPSIS", "SACR", "SACRUM"}),
+    frozenset({"RLFE", "RMFE", "RFH", "LLFE", "LMFE", "LFH"}),
+    frozenset({"RLM", "RMM", "LLM", "LMM"}),
+)
+"""Pelvis, knees, ankles: from high to low in any posture on the feet."""
+
+_FRONT = (frozenset({"RASIS", "LASIS"}),)
+_BACK = (frozenset({"RPSIS", "LPSIS"}), frozenset({"SACR"}), frozenset({"SACRUM"}))
+"""Sets that are symmetric about the midline: one side alone would point sideways."""
+
+_PAIRS = (
+    ("RASIS", "LASIS"),
+    ("RPSIS", "LPSIS"),
+    ("RLFE", "LLFE"),
+    ("RLM", "LLM"),
+    ("RMFE", "LMFE"),
+    ("RMM", "LMM"),
+)
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Orientation:
+    """How the axes of a laboratory become X forward, Y up, Z right.
+
+    Parameters
+    ----------
+    R_new_old : (3, 3)
+        Signed permutation; maps laboratory vectors to ours.
+    scale : float or None
+        Factor that corrects a wrongly stated unit of length; None means that every recording is judged by its
+        own extent.
+    description : str
+        ``"up +z, forward -y"``.
+    repairs : tuple of Repair
+        What was decided and from what.
+    """
+
+    R_new_old: Array
+    scale: float | None
+    description: str
+    repairs: tuple[Repair, ...] = ()
+
+    @property
+    def up(self) -> str:
+        """The laboratory axis that points up, such as ``"+z"``."""
+        return _name(self.R_new_old[1])
+
+    @property
+    def forward(self) -> str:
+        """The laboratory axis that points forward."""
+        return _name(self.R_new_old[0])
+
+    def rotate(self, vectors: ArrayLike) -> Array:
+        """Vectors (forces, moments, points) in our axes; no change of unit.
+
+        Parameters
+        ----------
+        vectors : (..., 3)
+
+        Returns
+        -------
+        (..., 3)
+        """
+        rotated: Array = np.asarray(vectors, float) @ self.R_new_old.T
+        return rotated
+
+
+def orient(
+    trial: Trial, *, up: str | None = None, forward: str | None = None, roles: Mapping[str, str] | None = None
+) -> Trial:
+    """Decide on a recording's axes and unit, and apply the decision to it.
+
+    See :func:`decide` and :func:`apply`.
+    """
+    return apply(decide(trial, roles=roles, up=up, forward=forward), trial)
+
+
+def decide(
+    trial: Trial,
+    *,
+    roles: Mapping[str, str] | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    scale: float | None = None,
+) -> Orientation:
+    """Find which axes of the laboratory point up and forward.
+
+    Parameters
+    ----------
+    trial : Trial
+        Preferably standing; walking will do.
+    roles : mapping, optional
+        Label to canonical marker name (``RASIS``, ``LPSIS``, ``RLFE``, ``RLM`` …). Labels without a role are
+        used for extents only.
+    up, forward : str, optional
+        Overrides such as ``"+z"``, ``"z"`` or ``"-x"``.
+    scale : float, optional
+        Override of the correction of the unit.
+
+    Returns
+    -------
+    Orientation
+
+    Raises
+    ------
+    InputError
+        If an override is not an axis, or both name the same one.
+    TrialUnusable
+        If no marker is seen at all, or the unit cannot be told.
+
+    Notes
+    -----
+    Up: pelvis above knees above ankles, where these are known and clear of 45 degrees; else the longest
+    extent of the body, ties decided by which side stands still near height zero (the floor). Forward: from
+    PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.
+    """
+    factor, unit_repairs = (scale, ()) if scale is not None else unit_factor(trial)
+    positions = trial.markers * factor
+    where = _positions_by_role(positions, trial.labels, roles or {})
+    up_vector, forward_vector = check_axes(up, forward)
+    if up_vector is None:
+        up_vector, why_up = _find_up(positions, where, forward_vector)
+    else:
+        why_up = "given"
+    if forward_vector is None:
+        forward_vector, why_forward = _find_forward(positions, where, up_vector)
+    else:
+        why_forward = "given"
+    rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
+    names = _name(up_vector), _name(forward_vector)
+    repairs = (
+        Repair("up_axis", trial.name, f"up is {names[0]} of the laboratory ({why_up})"),
+        Repair("forward_axis", trial.name, f"forward is {names[1]} of the laboratory ({why_forward})"),
+    )
+    return Orientation(rotation, scale, f"up {names[0]}, forward {names[1]}", (*repairs, *unit_repairs))
+
+
+def apply(orientation: Orientation, trial: Trial) -> Trial:
+    """Turn a recording into X forward, Y up, Z right, and m where its stated unit cannot be true.
+
+    Parameters
+    ----------
+    orientation : Orientation
+    trial : Trial
+        Any recording of the same session, as read.
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    TrialUnusable
+        If no marker is seen at all, or the unit cannot be told.
+    """
+    if orientation.scale is None:
+        factor, unit_repairs = unit_factor(trial)
+    else:
+        factor, unit_repairs = orientation.scale, given_unit(orientation.scale, trial)
+    axes = tuple(r for r in orientation.repairs if r.what != "unit")
+    return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
+
+
+def _positions_by_role(
+    positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]
+) -> dict[str, Array]:
+    return {roles[label]: positions[:, k] for k, label in enumerate(labels) if label in roles}
+
+
+def _mean(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:
+    """Mean of the named markers in every frame, NaN where one of them is missing; None if none exists."""
+    present = [where[name] for name in sorted(names) if name in where and np.isfinite(where[name]).any()]
+    return np.mean(present, axis=0) if present else None
+
+
+def _midpoint(where: Mapping[str, Array], choices: tuple[frozenset[str], ...]) -> Array | None:
+    """Mean of the first set of which every marker is seen at some time."""
+    for names in choices:
+        if all(name in where and np.isfinite(where[name]).any() for name in names):
+            return _mean(where, names)
+    return None
+
+
+def _typical(vectors: Array) -> Array | None:
+    """Mean of the rows that are complete; None if none is."""
+    complete = vectors[np.isfinite(vectors).all(axis=-1)]
+    return complete.mean(axis=0) if len(complete) else None
+
+
+def _find_up(positions: Array, where: Mapping[str, Array], forward: Array | None) -> tuple[Array, str]:
+    allowed = np.ones(3, bool) if forward is None else forward == 0
+    centres = [centre for group in _HEIGHT_GROUPS if (centre := _mean(where, group)) is not None]
+    if len(centres) > 1:
+        rise = _typical(centres[0] - centres[-1])
+        if rise is not None and np.linalg.norm(rise) > 0:
+            share = np.abs(rise) / np.linalg.norm(rise)
+            if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
+                return _snapped(rise), f"pelvis, knees and ankles lie {_off_axis(rise)} off it"
+    return _find_up_by_shape(positions, allowed)
+
+
+def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Array, str]:
+    low, high = extremes(positions)
+    seen = np.isfinite(low).all(axis=1)
+    low, high = low[seen], high[seen]
+    extent = np.where(allowed, np.median(high - low, axis=0), -1.0)
+    floor = np.stack((_floor_misfit(low), _floor_misfit(-high)))  # up positive, up negative
+    near = extent >= CLEAR_SHARE * extent.max()
+    axis = int(np.argmin(np.where(near, floor.min(axis=0), np.inf)))
+    sign = 1.0 if floor[0, axis] <= floor[1, axis] else -1.0
+    reason = (
+        "the longest extent of the body"
+        if near.sum() == 1
+        else "a long extent of the body, standing on a floor"
+    )
+    return _unit(axis, sign), reason
+
+
+def _floor_misfit(lowest: Array) -> Array:
+    """How badly the lowest markers fit a floor at zero: distance beyond reach of it plus change over time."""
+    middle = np.median(lowest, axis=0)
+    change = np.subtract(*np.percentile(lowest, [95, 5], axis=0))
+    misfit: Array = np.clip(np.abs(middle) - FLOOR_M, 0.0, None) + np.clip(-middle, 0.0, None) + change
+    return misfit
+
+
+def _find_forward(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array, str]:
+    front, back = _midpoint(where, _FRONT), _midpoint(where, _BACK)
+    if front is not None and back is not None:
+        facing = _horizontal(_typical(front - back), up)
+        if facing is not None:
+            return _snapped(facing), f"from PSIS to ASIS, {_off_axis(facing)} off it"
+    pairs = [where[right] - where[left] for right, left in _PAIRS if right in where and left in where]
+    if pairs:
+        rightwards = [mean for pair in pairs if (mean := _typical(pair)) is not None]
+        facing = _horizontal(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
+        if facing is not None:
+            return _snapped(facing), f"square to right and left markers, {_off_axis(facing)} off it"
+    way = _horizontal(_displacement(positions), up)
+    if way is not None and np.linalg.norm(way) >= WALKED_M:
+        return _snapped(way), f"displacement of {np.linalg.norm(way):.1f} m, {_off_axis(way)} off it"
+    return _unit(
+        0 if up[0] == 0 else 1, 1.0
+    ), "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
+
+
+def _horizontal(vector: Array | None, up: Array) -> Array | None:
+    """The part square to ``up``; None where there is none to speak of."""
+    if vector is None:
+        return None
+    flat = vector - (vector @ up) * up
+    return flat if np.linalg.norm(flat) > 1e-2 * max(float(np.linalg.norm(vector)), 1e-9) else None
+
+
+def _displacement(positions: Array) -> Array | None:
+    """Last minus first seen position, mean over the markers seen over most of the trial."""
+    seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
+    n = len(positions)
+    first, last = seen.argmax(axis=0), n - 1 - seen[::-1].argmax(axis=0)
+    lasting = seen.any(axis=0) & (last - first >= n // 2)
+    if n < 2 or not lasting.any():
+        return None
+    columns = np.flatnonzero(lasting)
+    travel: Array = (positions[last[columns], columns] - positions[first[columns], columns]).mean(axis=0)
+    return travel
+
+
+def _snapped(vector: Array) -> Array:
+    """The lab axis, with sign, nearest to a vector."""
+    axis = int(np.argmax(np.abs(vector)))
+    return _unit(axis, float(np.sign(vector[axis])))
+
+
+def _off_axis(vector: Array) -> str:
+    share = float(np.abs(vector).max() / np.linalg.norm(vector))
+    return f"{np.degrees(np.arccos(min(share, 1.0))):.0f} deg"
+
+
+def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array | None]:
+    """The laboratory's directions that were given as ``"+z"``, ``"z"`` or ``"-x"``.
+
+    Raises
+    ------
+    InputError
+        One is no axis, or both name the same one.
+    """
+    up_vector = _axis(up, "up") if up is not None else None
+    forward_vector = _axis(forward, "forward") if forward is not None else None
+    if up_vector is not None and forward_vector is not None and up_vector @ forward_vector:
+        raise InputError(
+            "up and forward name the same axis", field="forward", remedy="Give two different axes"
+        )
+    return up_vector, forward_vector
+
+
+def _axis(text: str, field: str) -> Array:
+    word = text.strip().lower()
+    sign, name = (word[0], word[1:]) if word[:1] in ("+", "-") else ("+", word)
+    if len(name) != 1 or name not in _AXES:
+        raise InputError(
+            f"'{text}' is no axis",
+            field=field,
+            remedy="Give x, y or z with an optional sign, such as +z or -x",
+        )
+    return _unit(_AXES.index(name), 1.0 if sign == "+" else -1.0)
+
+
+def _unit(axis: int, sign: float) -> Array:
+    vector = np.zeros(3)
+    vector[axis] = sign
+    return vector
+
+
+def _name(vector: Array) -> str:
+    axis = int(np.argmax(np.abs(vector)))
+    return ("+" if vector[axis] > 0 else "-") + _AXES[axis]

@@ -1,0 +1,180 @@
+"""From what the sensors of a force plate show to the wrench on the body, in the laboratory and in our axes.
+
+The C3D user guide ("Force plate types") is followed: the numbers are the *reaction* on the body, in the
+plate's axes with z into the floor. Some files hold the action on the plate instead: it pulls the body down,
+which shows once the axes are known (:func:`orient_forces`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, plate_names
+from scaling_service.model.trial import Array, Repair
+from scaling_service.recording.orientation import Orientation
+
+BEYOND_M = 0.1
+"""Chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets."""
+
+MOSTLY = 0.5
+"""Chosen: share of the loaded samples that decides."""
+
+
+def ground_forces(recording: PlateRecording) -> GroundForces:
+    """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
+
+    Parameters
+    ----------
+    recording : PlateRecording
+
+    Returns
+    -------
+    GroundForces
+
+    Raises
+    ------
+    TrialUnusable
+        If a loaded plate's centre of pressure lies mostly off the plate: units or corners are wrong.
+    """
+    repairs = list(recording.repairs)
+    parts = [
+        _in_laboratory(plate, name, recording.name, repairs)
+        for plate, name in zip(recording.plates, plate_names(len(recording.plates)), strict=True)
+    ]
+    force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
+    return GroundForces(
+        recording.name,
+        recording.times,
+        plate_names(len(recording.plates)),
+        np.ascontiguousarray(force.swapaxes(0, 1)),
+        np.ascontiguousarray(moment.swapaxes(0, 1)),
+        middles,
+        normals,
+        tuple(repairs),
+    )
+
+
+def _in_laboratory(
+    plate: RawPlate, name: str, file: str, repairs: list[Repair]
+) -> tuple[Array, Array, Array, Array]:
+    """Force, moment about the laboratory's origin, middle and upward normal of one plate."""
+    force, moment = _KINDS[plate.kind](plate, False)
+    size = np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
+    inside = _share_inside(force, moment, size)
+    if inside < MOSTLY:
+        turned = _KINDS[plate.kind](plate, True)
+        if _share_inside(*turned, size) > inside:
+            force, moment = turned
+            inside = _share_inside(force, moment, size)
+            repairs.append(
+                Repair(
+                    "plate_origin",
+                    name,
+                    "ORIGIN was taken with the opposite sign: else pressure is off the plate",
+                )
+            )
+    if inside < MOSTLY:
+        raise TrialUnusable(
+            f"the centre of pressure lies off {name} in {1 - inside:.0%} of its loaded samples",
+            file=file,
+            field="FORCE_PLATFORM",
+            remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
+        )
+    R_lab_plate = plate_axes(plate.corners)
+    middle = plate.corners.mean(axis=0)
+    force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
+    return force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]
+
+
+def plate_axes(corners: Array) -> Array:
+    """Axes of a plate in the laboratory from its corners (4, 3), as columns, (3, 3); z into the floor."""
+    x = corners[0] - corners[1]
+    z = np.cross(x, corners[0] - corners[3])
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _share_inside(force: Array, moment: Array, size: Array) -> float:
+    """Share of the loaded samples whose centre of pressure is on the plate; 1 if it is never loaded."""
+    loaded = np.abs(force[:, 2]) > CONTACT_N
+    if not loaded.any():
+        return 1.0
+    centre = np.stack([-moment[loaded, 1], moment[loaded, 0]], axis=1) / force[loaded, 2:]
+    return float((np.abs(centre) <= size / 2 + BEYOND_M).all(axis=1).mean())
+
+
+def _type_1(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+    """Force, its point on the surface and the vertical moment there."""
+    force = plate.signals[:, :3]
+    point = np.concatenate([plate.signals[:, 3:5], np.zeros((len(force), 1))], axis=1)
+    unloaded = np.isfinite(force).all(axis=1) & (force == 0).all(axis=1)
+    point[unloaded] = 0.0  # no force acts nowhere, whatever the file says
+    free = np.concatenate([np.zeros((len(force), 2)), plate.signals[:, 5:6]], axis=1)
+    return force, free + np.cross(-point if turned else point, force)
+
+
+def _type_2(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+    """Force and moment about the sensors' origin; type 4 after its calibration matrix, too."""
+    force, moment = plate.signals[:, :3], plate.signals[:, 3:]
+    to_middle = plate.origin if plate.origin[2] <= 0 else -plate.origin  # sensors lie below, z points down
+    return force, moment - np.cross(-to_middle if turned else to_middle, force)
+
+
+def _type_3(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+    """Eight piezo-electric sensors: x12, x34, y14, y23, z1, z2, z3, z4 at (±a, ±b)."""
+    x12, x34, y14, y23, z1, z2, z3, z4 = plate.signals.T
+    a, b, height = plate.origin
+    force = np.stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4], axis=1)
+    moment = np.stack(
+        [b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (-x12 + x34) + a * (y14 - y23)], axis=1
+    )
+    to_middle = np.array([0.0, 0.0, height if turned else -abs(height)])
+    return force, moment - np.cross(to_middle, force)
+
+
+_KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
+    1: _type_1,
+    2: _type_2,
+    3: _type_3,
+    4: _type_2,
+}
+"""Force and moment about the middle of the surface, in the plate's axes; the flag turns the origin round."""
+
+
+def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
+    """Wrenches in X forward, Y up, Z right, pushing the body up.
+
+    Parameters
+    ----------
+    axes : Orientation
+        As decided for the markers of the session.
+    forces : GroundForces
+        In the laboratory's axes.
+
+    Raises
+    ------
+    TrialUnusable
+        If the markers' unit of length had to be corrected: the plates' corners then have no sure unit.
+    """
+    if axes.scale is not None and axes.scale != 1.0:
+        raise TrialUnusable(
+            "the markers' unit of length was corrected, so the plates' places are not sure",
+            file=forces.name,
+            field="POINT:UNITS",
+            remedy="State the right unit of length in the recording and export it again",
+        )
+    normals = axes.rotate(forces.normals)
+    normals = np.where(normals[:, 1:2] < 0, -normals, normals)
+    force, moment = axes.rotate(forces.force), axes.rotate(forces.moment)
+    repairs = [r for r in axes.repairs if r.what in ("up_axis", "forward_axis")]
+    turned = forces.changed(
+        *repairs, force=force, moment=moment, surfaces=axes.rotate(forces.surfaces), normals=normals
+    )
+    pressing = turned.pressing
+    if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:
+        note = Repair("force_sign", forces.name, "forces pull the body down; they were turned round")
+        return turned.changed(note, force=-force, moment=-moment)
+    return turned

@@ -1,0 +1,299 @@
+"""Which foot stands on which plate, when, and whether that can be true.
+
+A contact (a run of loaded samples of one plate) belongs to the foot that the centre of pressure stays
+under. A foot that the markers show on the floor must bear a load, and one that they show in swing must not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.model.forces import CONTACT_N, GroundForces, SegmentLoads
+from scaling_service.model.trial import Array, Repair
+from scaling_service.numerics.signals.filters import runs
+
+NOBODY = -1
+"""No foot."""
+
+REACH_M = 0.12
+"""How far the centre of pressure may lie from the lines between a foot's markers (chosen: half a shoe's
+width, 5 cm, and toes up to 8 cm before a metatarsal marker; two feet in walking stand farther apart)."""
+
+SOLE_M = 0.07
+"""How far pressure may leave a foot's markers while the other foot stands unloaded (chosen: half a shoe's
+width and 2 cm for the markers)."""
+
+LIFTED_M = 0.05
+"""Height of a foot's lowest marker above its usual place on the floor that means swing (chosen: toe
+clearance in walking is smaller, but the heel then is high and the foot fast)."""
+
+FAST_M_S = 0.5
+"""Horizontal speed of a foot's slowest marker that means swing (chosen: a swinging foot reaches 3 to 4 m/s,
+a standing one stays under 0.3 m/s with skin motion)."""
+
+BRIEF_S = 0.03
+"""Loads briefer than this are knocks (chosen)."""
+
+TOLERATED = 0.2
+"""Share of a contact in which the markers may disagree before it is told (chosen: rolling at both ends)."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FootContacts:
+    """Who stands where.
+
+    Parameters
+    ----------
+    feet : tuple of str
+    foot : ndarray of int, shape (n, n_plates)
+        The row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
+    on_floor : ndarray of bool, shape (n, n_feet)
+        By the markers alone.
+    supported : ndarray of bool, shape (n,)
+        Frames whose forces are all known: every loaded plate bears a known foot, and no foot stands
+        beside the plates.
+    repairs : tuple of Repair
+        ``plate_foot`` for every contact; ``two_feet``, ``two_plates``, ``in_swing``, ``no_plate``,
+        ``no_foot`` where markers and forces disagree.
+    """
+
+    feet: tuple[str, ...]
+    foot: NDArray[np.intp]
+    on_floor: Mask
+    supported: Mask
+    repairs: tuple[Repair, ...]
+
+
+def assign_plates(
+    forces: GroundForces,
+    feet: Mapping[str, Array],
+    *,
+    override: Mapping[str, str] | None = None,
+    threshold_n: float = CONTACT_N,
+) -> FootContacts:
+    """Find the foot that each plate bears in each contact.
+
+    Parameters
+    ----------
+    forces : GroundForces
+        At the times of the markers, Y up.
+    feet : mapping
+        Foot (any name, usually its segment) to markers on it, shape (n, m, 3), m; heel and toe at
+        least, NaN where not seen.
+    override : mapping, optional
+        Plate to foot, for all its contacts. The checks still speak.
+    threshold_n : float
+        Force above which a plate is loaded.
+
+    Raises
+    ------
+    InputError
+        The override names a plate or foot that does not exist.
+    TrialUnusable
+        Plates are loaded but none of the loads is near a foot.
+    """
+    names = tuple(feet)
+    _check_override(override or {}, forces, names)
+    loaded = forces.in_contact(threshold_n)
+    away = np.stack([_distances(forces.centre_of_pressure(threshold_n), feet[f]) for f in names])
+    on_floor, notes = _on_floor([feet[f] for f in names], forces.times, forces.name)
+    foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
+    for k, plate in enumerate(forces.plates):
+        for start, stop in _contacts(loaded[:, k], forces.times):
+            rows = slice(start, stop)
+            chosen = _foot_of(away[:, rows, k], names, (override or {}).get(plate))
+            foot[rows, k] = chosen
+            notes += _notes(plate, names, chosen, on_floor[rows], forces.times[rows])
+    if loaded.any() and (foot == NOBODY).all():
+        raise TrialUnusable(
+            "no load is near a foot",
+            file=forces.name,
+            field="forces",
+            remedy="Check that forces and markers are of one recording, in one system of axes and unit",
+        )
+    foot[~loaded] = NOBODY
+    notes += _two_feet(foot, away, on_floor, forces) + _two_plates(foot, names)
+    supported, more = _supported(foot, loaded, on_floor, names, forces)
+    return FootContacts(names, foot, on_floor, supported, (*notes, *more))
+
+
+def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]) -> SegmentLoads:
+    """The wrench that each foot's segment receives from all plates it stands on.
+
+    Parameters
+    ----------
+    forces : GroundForces
+    contacts : FootContacts
+        Of these forces.
+    segments : mapping
+        Foot to the model's segment.
+
+    Returns
+    -------
+    SegmentLoads
+        NaN where a plate's force is not known: it might bear any foot. Loads below the threshold count for
+        nobody.
+    """
+    owns = contacts.foot[:, None, :] == np.arange(len(contacts.feet))[None, :, None]
+    unknown = ~forces.known
+    force = np.einsum("nfk,nka->nfa", owns, np.where(unknown[..., None], 0.0, forces.force))
+    moment = np.einsum("nfk,nka->nfa", owns, np.where(unknown[..., None], 0.0, forces.moment))
+    lost = unknown.any(axis=1)
+    force[lost], moment[lost] = np.nan, np.nan
+    return SegmentLoads(forces.times, tuple(segments[f] for f in contacts.feet), force, moment)
+
+
+def _check_override(override: Mapping[str, str], forces: GroundForces, feet: tuple[str, ...]) -> None:
+    for plate, foot in override.items():
+        for value, known, what in ((plate, forces.plates, "plate"), (foot, feet, "foot")):
+            if value not in known:
+                raise InputError(
+                    f"there is no {what} '{value}'",
+                    file=forces.name,
+                    field=f"plates.{plate}",
+                    remedy=f"Use one of {', '.join(known)}",
+                )
+
+
+def _distances(centre: Array, markers: Array) -> Array:
+    """Horizontal distance from centres of pressure to the lines between a foot's markers, (n, n_plates)."""
+    flat, at = markers[..., (0, 2)], centre[..., (0, 2)]
+    pairs = [(i, j) for i in range(flat.shape[1]) for j in range(i, flat.shape[1])]
+    best = np.full(at.shape[:2], np.inf)
+    for i, j in pairs:
+        start, along = flat[:, i, None], (flat[:, j] - flat[:, i])[:, None]
+        square = (along**2).sum(axis=-1)
+        share = ((at - start) * along).sum(axis=-1) / np.where(square > 0, square, 1.0)
+        nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+        best = np.fmin(best, np.linalg.norm(at - nearest, axis=-1))
+    return best
+
+
+def _on_floor(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
+    """Whether each foot rests, (n, n_feet): a marker near the floor, and one that moves with it.
+
+    The floor is where the lower foot stands, for a foot may be in the air all the time. It moves on a
+    treadmill: with the lowest marker of both feet.
+    """
+    usual = [_usual_heights(markers) for markers in feet]
+    floor = min(float(heights.min()) for heights in usual)
+    above = [m[..., 1] - (h - h.min() + floor) for m, h in zip(feet, usual, strict=True)]
+    heights = [np.where(np.isfinite(x), x, np.inf) for x in above]
+    velocities = [_velocities(markers, times) for markers in feet]
+    belt = _belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
+    notes = []
+    if belt.any():
+        detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
+        notes.append(Repair("belt", name, detail))
+    resting = []
+    for height, velocity in zip(heights, velocities, strict=True):
+        speed = np.linalg.norm(velocity - belt, axis=2)
+        slowest = np.where(np.isfinite(speed), speed, np.inf).min(axis=1)
+        resting.append((height.min(axis=1) < LIFTED_M) & (slowest < FAST_M_S))
+    return np.stack(resting, axis=1), notes
+
+
+def _velocities(markers: Array, times: Array) -> Array:
+    """Horizontal velocities, (n, m, 2), m/s; zero for a single frame."""
+    flat = markers[..., (0, 2)]
+    return np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat)
+
+
+def _belt(heights: Array, velocities: Array) -> Array:
+    """Median velocity of the lowest marker, (2,); zero below the speed of a swinging foot."""
+    lowest = heights.argmin(axis=1)
+    velocity = velocities[np.arange(len(lowest)), lowest]
+    velocity = velocity[np.isfinite(velocity).all(axis=1)]
+    belt = np.median(velocity, axis=0) if len(velocity) else np.zeros(2)
+    return belt if np.linalg.norm(belt) > FAST_M_S else np.zeros(2)
+
+
+def _usual_heights(markers: Array) -> Array:
+    """Height of each marker while its foot stands, (m,); infinite where it is never seen."""
+    heights = [h[np.isfinite(h)] for h in markers[..., 1].T]
+    return np.array([np.percentile(h, 5) if len(h) else np.inf for h in heights])
+
+
+def _contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    return [(a, b) for a, b in runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
+
+
+def _foot_of(away: Array, names: tuple[str, ...], told: str | None) -> int:
+    """The foot of one contact from distances (n_feet, n)."""
+    if told is not None:
+        return names.index(told)
+    typical = np.array([np.median(d[np.isfinite(d)]) if np.isfinite(d).any() else np.inf for d in away])
+    nearest = int(np.argmin(typical))
+    return nearest if typical[nearest] < REACH_M else NOBODY
+
+
+def _notes(plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, times: Array) -> list[Repair]:
+    """What to say about one contact."""
+    span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
+    if chosen == NOBODY:
+        return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", n)]
+    notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", n)]
+    swinging = ~on_floor[:, chosen]
+    if swinging.mean() > TOLERATED:
+        detail = (
+            f"bears {names[chosen]} {span}, but the markers show it in swing in {swinging.mean():.0%} of it"
+        )
+        notes.append(Repair("in_swing", plate, detail, int(swinging.sum())))
+    return notes
+
+
+def _two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: GroundForces) -> list[Repair]:
+    """Plates whose pressure leaves the foot they bear towards one that stands and bears nothing."""
+    notes = []
+    for k, plate in enumerate(forces.plates):
+        shared = np.zeros(len(foot), dtype=bool)
+        for f in range(away.shape[0]):
+            others = [g for g in range(away.shape[0]) if g != f]
+            idle = [on_floor[:, g] & (foot != g).all(axis=1) for g in others]
+            nearer = np.min([away[g, :, k] for g in others], axis=0, initial=np.inf) < away[f, :, k]
+            leaves = (away[f, :, k] > SOLE_M) | nearer
+            shared |= (foot[:, k] == f) & np.any(idle, axis=0) & leaves
+        if shared.sum() > TOLERATED * max(1, int((foot[:, k] != NOBODY).sum())):
+            detail = (
+                "bears two feet at once: pressure lies between them, so their forces cannot be told apart"
+            )
+            notes.append(Repair("two_feet", plate, detail, int(shared.sum())))
+    return notes
+
+
+def _two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Repair]:
+    notes = []
+    for k, name in enumerate(names):
+        count = int(((foot == k).sum(axis=1) > 1).sum())
+        if count:
+            notes.append(Repair("two_plates", name, "stands on two plates at once; both loads count", count))
+    return notes
+
+
+def _supported(
+    foot: NDArray[np.intp], loaded: Mask, on_floor: Mask, names: tuple[str, ...], forces: GroundForces
+) -> tuple[Mask, list[Repair]]:
+    """Frames without an unknown contact, and who stands beside the plates."""
+    known = np.asarray(forces.known.all(axis=1))
+    bears = np.stack([(foot == k).any(axis=1) for k in range(len(names))], axis=1)
+    beside = np.asarray(on_floor & ~bears & known[:, None])
+    step = float(np.median(np.diff(forces.times))) if len(forces.times) > 1 else 0.0
+    lasting = np.zeros_like(beside)
+    notes = []
+    for k, name in enumerate(names):
+        for start, stop in runs(beside[:, k]).tolist():
+            # The foot comes down and rolls off for some frames without load.
+            lasting[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
+        if lasting[:, k].any():
+            detail = "stands beside the plates; dynamics cannot be told in these frames"
+            notes.append(Repair("no_plate", name, detail, int(lasting[:, k].sum())))
+    stray = (loaded & (foot == NOBODY)).any(axis=1)
+    return known & ~stray & ~lasting.any(axis=1), notes

@@ -1,0 +1,78 @@
+"""Smoothing of marker trajectories, each run of seen frames by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.trial import Repair, Trial
+from scaling_service.numerics.signals.filters import butterworth, moving_average
+
+WINDOW = 5
+"""Frames; Puchaud et al. 2019, sec. 2.1."""
+
+PASSES = 2
+"""In opposite directions; Puchaud et al. 2019, sec. 2.1."""
+
+ORDER = 4
+"""Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
+
+
+def smooth_by_average(trial: Trial, *, window: int = WINDOW, passes: int = PASSES) -> Trial:
+    """Central moving average in several passes.
+
+    Parameters
+    ----------
+    trial : Trial
+    window, passes : int
+        Odd number of frames, and how often.
+
+    Returns
+    -------
+    Trial
+        Missing where it was missing. One Repair, ``smoothing``.
+    """
+    detail = f"central moving average of {window} frames in {passes} passes"
+    return trial.with_markers(
+        moving_average(trial.markers, window=window, passes=passes),
+        Repair("smoothing", trial.name, detail, trial.n_frames),
+    )
+
+
+def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> Trial:
+    """Zero-phase low-pass Butterworth filter with half power at the cutoff.
+
+    Parameters
+    ----------
+    trial : Trial
+    cutoff_hz : float
+    order : int
+        Effective order of both passes together.
+
+    Returns
+    -------
+    Trial
+        Missing where it was missing. One Repair, ``smoothing``, and one ``not_smoothed`` for each marker with
+        runs too short to filter, which are left as measured.
+
+    Raises
+    ------
+    InputError
+        If the cutoff is not between 0 and half the frame rate.
+    """
+    if not 0 < cutoff_hz < 0.5 * trial.rate_hz:
+        raise InputError(
+            f"a cutoff of {cutoff_hz:g} Hz does not suit {trial.rate_hz:g} frames per second",
+            file=trial.name,
+            field="cutoff_hz",
+            remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
+        )
+    result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=order)
+    detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
+    counts = np.any(result.unfiltered, axis=-1).sum(axis=0).tolist()
+    short = [
+        Repair("not_smoothed", label, "seen too briefly between gaps to be filtered; left as measured", n)
+        for label, n in zip(trial.labels, counts, strict=True)
+        if n
+    ]
+    return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)

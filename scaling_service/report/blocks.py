@@ -1,0 +1,221 @@
+"""What a page is built of: text, lists, tables, callouts and grids, each giving its own HTML.
+
+A block is a frozen value with one method, :meth:`Block.html`. Every text is escaped here, so that callers
+hand over what files and labels say as it is. Figures are in :mod:`scaling_service.report.figures`, the
+interactive overlay in :mod:`scaling_service.report.scene`, and :mod:`scaling_service.report.page` puts
+blocks together. A report of a cohort or a study needs no block of its own: it is a function from results
+to a list of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Literal, Protocol
+
+Tone = Literal["good", "fair", "poor", "unknown", "plain"]
+
+
+class Block(Protocol):
+    """A piece of a page."""
+
+    def html(self) -> str:
+        """Its HTML, all text escaped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A paragraph.
+
+    Examples
+    --------
+    >>> Text("a < b").html()
+    '<p>a &lt; b</p>'
+    """
+
+    text: str
+    quiet: bool = False
+
+    def html(self) -> str:
+        """One ``p``."""
+        return f"<p{_named('quiet' if self.quiet else '')}>{escape(self.text)}</p>"
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """A heading within a section."""
+
+    text: str
+
+    def html(self) -> str:
+        """One ``h3``."""
+        return f"<h3>{escape(self.text)}</h3>"
+
+
+@dataclass(frozen=True, slots=True)
+class Bullets:
+    """A list of sentences."""
+
+    items: Sequence[str]
+    numbered: bool = False
+
+    def html(self) -> str:
+        """One ``ul`` or ``ol``; nothing where there is no item."""
+        if not self.items:
+            return ""
+        tag = "ol" if self.numbered else "ul"
+        return f"<{tag}>{''.join(f'<li>{escape(item)}</li>' for item in self.items)}</{tag}>"
+
+
+@dataclass(frozen=True, slots=True)
+class Callout:
+    """What must not be overlooked: a headline and what belongs to it."""
+
+    headline: str
+    blocks: Sequence[Block] = ()
+    tone: Tone = "plain"
+
+    def html(self) -> str:
+        """One ``div`` of the tone's class."""
+        inside = "".join(block.html() for block in self.blocks)
+        return (
+            f'<div class="callout {self.tone}"><p class="headline">{escape(self.headline)}</p>{inside}</div>'
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A table's cell.
+
+    Parameters
+    ----------
+    text : str
+    shade : float, optional
+        0 to 1: how dark its background is, so that a table reads as a heat map. The number stays readable.
+    tone : Tone
+        A coloured mark before the text; the text itself must say the same.
+    colour : str, optional
+        CSS colour of a chip before the text, as of a method.
+    """
+
+    text: str
+    shade: float | None = None
+    tone: Tone = "plain"
+    colour: str | None = None
+
+    def html(self, tag: str = "td", attributes: str = "") -> str:
+        """One cell."""
+        named = _named("" if self.tone == "plain" else f"tone {self.tone}")
+        style = "" if self.shade is None else f' style="--shade:{min(max(self.shade, 0.0), 1.0):.2f}"'
+        chip = "" if self.colour is None else f'<i class="chip" style="background:{escape(self.colour)}"></i>'
+        return f"<{tag}{attributes}{named}{style}>{chip}{escape(self.text)}</{tag}>"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row: its header and its cells. A row without cells is a title of the rows below it."""
+
+    header: str | Cell
+    cells: Sequence[str | Cell] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table with headers for its columns and rows.
+
+    Parameters
+    ----------
+    caption : str
+    columns : sequence of str or Cell
+        The first is above the row headers.
+    rows : sequence of Row
+    note : str
+        Below the table.
+    words : bool
+        Whether cells hold sentences, not numbers: they are then aligned left and may wrap, and on a narrow
+        screen each row is a block of its own.
+    long : bool
+        Whether it has many short rows: it then runs on in a second column where there is room.
+    """
+
+    caption: str
+    columns: Sequence[str | Cell]
+    rows: Sequence[Row]
+    note: str = ""
+    words: bool = False
+    long: bool = False
+
+    def html(self) -> str:
+        """One ``figure`` with a ``table`` that scrolls sideways where it is wider than the page."""
+        head = "".join(_cell(column).html("th", ' scope="col"') for column in self.columns)
+        body = "".join(self._row(row) for row in self.rows)
+        note = f'<p class="note">{escape(self.note)}</p>' if self.note else ""
+        kinds = ["table", *(["words"] if self.words else []), *(["long"] if self.long else [])]
+        return (
+            f'<figure class="tabular"><figcaption class="caption">{escape(self.caption)}</figcaption>'
+            f'<div{_named(" ".join(kinds))} role="region" tabindex="0" aria-label="{escape(self.caption)}">'
+            f'<table aria-label="{escape(self.caption)}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody>'
+            f"</table></div>{note}</figure>"
+        )
+
+    def _row(self, row: Row) -> str:
+        if not row.cells:
+            span = f' scope="rowgroup" colspan="{len(self.columns)}"'
+            return f'<tr class="title">{_cell(row.header).html("th", span)}</tr>'
+        cells = "".join(_cell(cell).html() for cell in row.cells)
+        header = _cell(row.header).html("th", ' scope="row"')
+        return f"<tr>{header}{cells}</tr>"
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Blocks side by side where there is room, one below the other where there is not."""
+
+    blocks: Sequence[Block]
+
+    def html(self) -> str:
+        """One ``div``."""
+        return f'<div class="grid">{"".join(block.html() for block in self.blocks)}</div>'
+
+
+@dataclass(frozen=True, slots=True)
+class Details:
+    """What is hidden until it is asked for; printed open."""
+
+    summary: str
+    blocks: Sequence[Block]
+
+    def html(self) -> str:
+        """One ``details``."""
+        inside = "".join(block.html() for block in self.blocks)
+        return f"<details><summary>{escape(self.summary)}</summary>{inside}</details>"
+
+
+@dataclass(frozen=True, slots=True)
+class Legend:
+    """What the colours of the figures around it mean.
+
+    Parameters
+    ----------
+    entries : sequence of (name, colour, dash)
+        ``dash`` is ``solid``, ``dash``, ``dot`` or ``dashdot``.
+    """
+
+    entries: Sequence[tuple[str, str, str]]
+
+    def html(self) -> str:
+        """One ``ul``."""
+        items = "".join(
+            f'<li><i class="line {escape(dash)}" style="color:{escape(colour)}"></i>{escape(name)}</li>'
+            for name, colour, dash in self.entries
+        )
+        return f'<ul class="legend">{items}</ul>'
+
+
+def _named(classes: str) -> str:
+    return f' class="{classes}"' if classes else ""
+
+
+def _cell(cell: str | Cell) -> Cell:
+    return cell if isinstance(cell, Cell) else Cell(cell)

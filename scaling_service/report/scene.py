@@ -1,0 +1,212 @@
+"""The overlay: several models of a person in one space over time, with what was measured and bones."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.model.images import Array, Bone
+from scaling_service.report.figures import to_data
+from scaling_service.report.flat import flat_views
+from scaling_service.report.palette import BONE, INK
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """One model as drawn.
+
+    Parameters
+    ----------
+    name : str
+    colour : str
+    points : (n_frames, n_points, 3), m
+        In the laboratory: X forward, Y up, Z right. NaN where a frame does not determine a point.
+    centres : sequence of (point, label)
+        Joint centres.
+    sticks, axes : sequence of (point, point)
+        Segments, and the axes of joints.
+    markers : sequence of (point, label, measured)
+        The model's markers, and the place of each among the measured ones.
+    bones : mapping
+        Surface to where it is: (n_frames, 12), the rotation by rows, then the origin, m.
+    shown : bool
+        Whether it is seen at first.
+    """
+
+    name: str
+    colour: str
+    points: Array
+    centres: Sequence[tuple[int, str]] = ()
+    sticks: Sequence[Pair] = ()
+    axes: Sequence[Pair] = ()
+    markers: Sequence[tuple[int, str, int]] = ()
+    bones: Mapping[str, Array] = field(default_factory=dict)
+    shown: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A block that shows bodies in space; two flat views stand in for it on paper and without WebGL.
+
+    Parameters
+    ----------
+    caption, description : str
+    times : (n_frames,), s
+    labels : sequence of str
+    measured : (n_frames, n_labels, 3), m
+    bodies : sequence of Body
+    surfaces : mapping
+        Name to a surface in a frame of its own; at most 65,536 corners each.
+    rate_hz : float
+        Frames shown per second when played.
+    """
+
+    caption: str
+    description: str
+    times: Array
+    labels: Sequence[str]
+    measured: Array
+    bodies: Sequence[Body]
+    surfaces: Mapping[str, Bone] = field(default_factory=dict)
+    rate_hz: float = 12.0
+
+    def html(self) -> str:
+        """One ``figure`` with its controls, its data and its flat views."""
+        middle = len(self.times) // 2
+        return (
+            f'<figure class="scene"><figcaption>{escape(self.caption)}</figcaption>{self._controls(middle)}'
+            f'<div class="stage" role="img" aria-label="{escape(self.description)}"></div>'
+            f'<div class="flat">{flat_views(self, middle)}'
+            f'<p class="note">At {self.times[middle]:.2f} s.</p></div>{to_data(self._data())}</figure>'
+        )
+
+    def _controls(self, middle: int) -> str:
+        methods = "".join(
+            f'<label><input type="checkbox" data-method="{escape(body.name)}"{_checked(body.shown)}>'
+            f'<i class="chip" style="background:{escape(body.colour)}"></i>{escape(body.name)}</label>'
+            for body in self.bodies
+        )
+        kinds = [("gaps", "lines to measured markers", True), ("axes", "knee axes", True)]
+        if self.surfaces:
+            kinds.insert(0, ("bones", "bones", True))
+        parts = "".join(
+            f'<label><input type="checkbox" data-kind="{kind}"{_checked(on)}>{name}</label>'
+            for kind, name, on in kinds
+        )
+        views = "".join(
+            f'<button type="button" data-view="{view}">{name}</button>'
+            for view, name in (
+                ("oblique", "Oblique"),
+                ("right", "From the right"),
+                ("front", "From the front"),
+            )
+        )
+        return (
+            f'<div class="controls"><fieldset><legend>Models</legend>{methods}</fieldset></div>'
+            f'<div class="controls"><fieldset><legend>Show</legend>{parts}</fieldset>{views}</div>'
+            '<div class="controls"><button type="button" data-play>Play</button>'
+            f'<input type="range" min="0" max="{len(self.times) - 1}" value="{middle}" aria-label="Frame">'
+            "<output></output></div>"
+        )
+
+    def _data(self) -> dict[str, Any]:
+        return {
+            "times": [round(float(t), 4) for t in self.times],
+            "pause_ms": round(1e3 / self.rate_hz),
+            "ink": INK,
+            "bone": BONE,
+            "measured": {"labels": [escape(label) for label in self.labels], "points": packed(self.measured)},
+            "methods": [_body(body) for body in self.bodies],
+            "bones": {name: _surface(surface) for name, surface in self.surfaces.items()},
+            "box": self._box(),
+            "floor": self._floor(),
+        }
+
+    def _limits(self) -> tuple[Array, Array]:
+        """The corners of what is seen over all frames, with some room around, (3,) each, m."""
+        points = [self.measured.reshape(-1, 3), *(body.points.reshape(-1, 3) for body in self.bodies)]
+        points += [_reach(self.surfaces[name], pose) for b in self.bodies for name, pose in b.bones.items()]
+        seen = np.concatenate(points)
+        return np.nanmin(seen, axis=0) - 0.05, np.nanmax(seen, axis=0) + 0.05
+
+    def _box(self) -> dict[str, list[float]]:
+        low, high = self._limits()
+        return {
+            "x": [float(low[0]), float(high[0])],
+            "y": [float(-high[2]), float(-low[2])],
+            "z": [float(min(low[1], self._ground())) - 0.01, float(high[1])],
+        }
+
+    def _ground(self) -> float:
+        """The laboratory's floor, if the lowest point is near it; else that point."""
+        lowest = float(self._limits()[0][1])
+        return 0.0 if -0.1 < lowest < 0.3 else lowest
+
+    def _floor(self) -> dict[str, list[float | None]]:
+        """A grid on the floor, lines 25 cm apart."""
+        low, high = self._limits()
+        xs, ys = _ticks(low[0], high[0]), _ticks(-high[2], -low[2])
+        lines = [((x, ys[0]), (x, ys[-1])) for x in xs] + [((xs[0], y), (xs[-1], y)) for y in ys]
+        x: list[float | None] = []
+        y: list[float | None] = []
+        for start, end in lines:
+            x += [start[0], end[0], None]
+            y += [start[1], end[1], None]
+        ground = self._ground()
+        return {"x": x, "y": y, "z": [None if v is None else ground for v in x]}
+
+
+def packed(values: Array) -> str:
+    """Numbers as base64 of 32 bit floats: 0.1 µm at 1 m."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
+
+
+def _indices(values: NDArray[np.integer[Any]]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<u2").tobytes()).decode()
+
+
+def _surface(surface: Bone) -> dict[str, str]:
+    if len(surface.vertices) > 2**16:
+        raise ValueError("a surface within a page has at most 65,536 corners: coarsen it first")
+    return {"vertices": packed(surface.vertices), "faces": _indices(surface.faces)}
+
+
+def _body(body: Body) -> dict[str, Any]:
+    return {
+        "name": body.name,
+        "colour": body.colour,
+        "count": body.points.shape[1],
+        "points": packed(body.points),
+        "centres": [[k, escape(label)] for k, label in body.centres],
+        "sticks": [list(pair) for pair in body.sticks],
+        "axes": [list(pair) for pair in body.axes],
+        "markers": [[k, escape(label), measured] for k, label, measured in body.markers],
+        "bones": [{"name": name, "pose": packed(pose)} for name, pose in body.bones.items()],
+    }
+
+
+def _reach(surface: Bone, poses: Array) -> Array:
+    """The corners of the box around a surface in every frame, (8 n_frames, 3), m."""
+    ends = np.stack([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
+    corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    rotations, origins = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
+    reached: Array = (corners @ np.transpose(rotations, (0, 2, 1)) + origins[:, None]).reshape(-1, 3)
+    return reached
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    step = 0.25
+    first, last = int(np.floor(low / step)), int(np.ceil(high / step))
+    return [step * k for k in range(first, last + 1)]
+
+
+def _checked(on: bool) -> str:
+    return " checked" if on else ""

@@ -1,0 +1,92 @@
+"""What a client sends: a JSON document with bounds, or the chunks of a file."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from typing import Any
+
+from fastapi import Request
+
+from scaling_service.documents.reading import MAX_BYTES
+from scaling_service.service.http.problems import BodyUnreadable, TooSlow, WrongMediaType
+from scaling_service.service.store.errors import TooLarge
+
+SILENCE_S = 60.0
+"""Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
+
+CHUNK_BYTES = 1 << 20
+"""Handed on at once. Chosen: few hand-overs to threads, and little memory for each upload."""
+
+
+async def read_json(request: Request) -> dict[str, Any]:
+    """The body as a JSON object.
+
+    Raises
+    ------
+    WrongMediaType
+        It is announced as something else.
+    TooLarge, TooSlow
+    BodyUnreadable
+        It is no JSON, or no object, or has texts that are no Unicode.
+    """
+    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media_type != "application/json":
+        raise WrongMediaType(
+            f"the body is '{media_type[:60]}', not JSON",
+            field="Content-Type",
+            remedy="Send JSON with `Content-Type: application/json`",
+        )
+    parts: list[bytes] = []
+    size = 0
+    async for chunk in chunks(request):
+        size += len(chunk)
+        if size > MAX_BYTES:
+            raise TooLarge(
+                f"the document is larger than {MAX_BYTES / 1e6:g} MB",
+                remedy="Upload recordings as files, and name them in the document",
+            )
+        parts.append(chunk)
+    return _parsed(b"".join(parts))
+
+
+def _parsed(content: bytes) -> dict[str, Any]:
+    try:
+        found = json.loads(content.decode("utf-8"), parse_constant=_no_number)
+        json.dumps(found, ensure_ascii=False).encode("utf-8")  # halves of characters cannot be kept
+    except (ValueError, RecursionError) as error:  # decoding errors are ValueErrors
+        said = error.msg if isinstance(error, json.JSONDecodeError) else "it is nested too deeply or no text"
+        raise BodyUnreadable(f"the body is not valid JSON: {said}", remedy="Correct it") from None
+    if not isinstance(found, dict):
+        raise BodyUnreadable("the body is not a JSON object", remedy='Send `{"key": value, …}`')
+    return found
+
+
+def _no_number(text: str) -> float:
+    raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
+
+
+async def chunks(request: Request) -> AsyncIterator[bytes]:
+    """The body in pieces of about a megabyte.
+
+    Raises
+    ------
+    TooSlow
+        Nothing comes any more.
+    """
+    stream = request.stream().__aiter__()
+    waiting = bytearray()
+    while True:
+        try:
+            piece = await asyncio.wait_for(stream.__anext__(), SILENCE_S)
+        except StopAsyncIteration:
+            break
+        except TimeoutError:
+            raise TooSlow(f"nothing came for {SILENCE_S:g} s", remedy="Try again") from None
+        waiting += piece
+        if len(waiting) >= CHUNK_BYTES:
+            yield bytes(waiting)
+            waiting.clear()
+    if waiting:
+        yield bytes(waiting)

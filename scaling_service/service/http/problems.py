@@ -1,0 +1,168 @@
+"""Errors as problem documents (RFC 9457), with the texts that the command line prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+
+from scaling_service.core.errors import InputError
+from scaling_service.documents.service import Problem
+from scaling_service.service.http.ranges import RangeUnsatisfiable
+from scaling_service.service.jobs.example import ExampleFailed
+from scaling_service.service.jobs.ledger import QueueFull
+from scaling_service.service.jobs.submission import RequestInvalid
+from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
+
+MEDIA_TYPE = "application/problem+json"
+
+_METHODS = ("DELETE", "GET", "HEAD", "PATCH", "POST", "PUT")
+
+RETRY_S = {429: 5, 503: 5, 507: 60}
+"""Status to the seconds of ``Retry-After``. Chosen: soon where it may pass by itself, later where
+somebody must make room."""
+
+
+class KeyNeeded(InputError):
+    """The request comes without a key, or with one that opens nothing."""
+
+
+class TooManyRequests(InputError):
+    """A caller asks faster than is allowed."""
+
+    def __init__(self, wait_s: float) -> None:
+        super().__init__(
+            "requests come faster than is allowed", remedy=f"Wait {wait_s:.1f} s, and ask less often"
+        )
+        self.wait_s = wait_s
+
+
+class BodyUnreadable(InputError):
+    """The body is not JSON that can be used."""
+
+
+class WrongMediaType(InputError):
+    """The body is announced as something else than what is wanted."""
+
+
+class TooSlow(InputError):
+    """The body does not come."""
+
+
+class WrongHost(InputError):
+    """The request was meant for another server."""
+
+
+_STATUS: tuple[tuple[type[InputError], int], ...] = (
+    (NotFound, 404),
+    (InUse, 409),
+    (TooLarge, 413),
+    (QueueFull, 429),
+    (TooManyRequests, 429),
+    (StoreFull, 507),
+    (StoreUnavailable, 503),
+    (KeyNeeded, 401),
+    (BodyUnreadable, 400),
+    (WrongMediaType, 415),
+    (TooSlow, 408),
+    (WrongHost, 421),
+    (RangeUnsatisfiable, 416),
+    (ExampleFailed, 500),
+    (InputError, 422),
+)
+"""The first that fits counts."""
+
+
+def status_of(error: InputError) -> int:
+    """The HTTP status of an error."""
+    return next(status for kind, status in _STATUS if isinstance(error, kind))
+
+
+def problem_response(error: InputError, status: int | None = None) -> JSONResponse:
+    """An error as the answer to a request."""
+    name = type(error).__name__
+    code = status_of(error) if status is None else status
+    if isinstance(error, StoreUnavailable):  # where it lies on this machine is no client's business
+        error = StoreUnavailable(error.problem, remedy=error.remedy)
+    document = Problem(
+        type=f"urn:scaling-service:{name}",
+        title=HTTPStatus(code).phrase,
+        status=code,
+        detail=str(error),
+        problem=error.problem,
+        file=error.file,
+        field=error.field,
+        remedy=error.remedy,
+    )
+    return JSONResponse(
+        document.model_dump(mode="json"), code, headers=_headers(error, code), media_type=MEDIA_TYPE
+    )
+
+
+def _headers(error: InputError, status: int) -> dict[str, str]:
+    headers = {"Cache-Control": "no-store"}
+    if status in RETRY_S:
+        wait_s = error.wait_s if isinstance(error, TooManyRequests) else RETRY_S[status]
+        headers["Retry-After"] = str(max(1, round(wait_s + 0.5)))
+    if isinstance(error, RangeUnsatisfiable):
+        headers["Content-Range"] = f"bytes */{error.size}"
+    if status == HTTPStatus.UNAUTHORIZED:
+        headers["WWW-Authenticate"] = "Bearer"
+    return headers
+
+
+Responses = dict[int | str, dict[str, Any]]
+"""Of a route, by status."""
+
+
+def described(*statuses: int) -> Responses:
+    """The problems that a route can answer with, for the OpenAPI document."""
+    always = (401, 421, 422, 429, 500, 503)
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        code: {"description": HTTPStatus(code).phrase, "content": content}
+        for code in sorted({*statuses, *always})
+    }
+
+
+def install(app: FastAPI) -> None:
+    """Let every error leave as a problem document."""
+
+    async def refused(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, InputError)
+        return problem_response(error)
+
+    async def invalid(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        first = error.errors()[0]
+        where, said = ".".join(str(part) for part in first["loc"][1:]), str(first["msg"])
+        return problem_response(RequestInvalid(said, field=where, remedy="Correct it; /docs shows examples"))
+
+    async def no_route(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        phrase = HTTPStatus(error.status_code).phrase
+        answer = problem_response(
+            InputError(phrase.lower(), remedy="/docs shows what there is"), error.status_code
+        )
+        if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+            answer.headers["Allow"] = ", ".join(sorted(allowed_methods(request.app, request.scope)))
+        return answer
+
+    app.add_exception_handler(InputError, refused)
+    app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(HTTPException, no_route)
+
+
+def allowed_methods(app: FastAPI, scope: Mapping[str, Any]) -> set[str]:
+    """All methods that some route answers at the path of a request."""
+    return {
+        method
+        for method in _METHODS
+        if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in app.routes)
+    }

@@ -1,0 +1,200 @@
+"""From settings to a server that runs with its runner, and to its end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import socket
+import ssl
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from scaling_service.core.errors import InputError
+from scaling_service.service.http.app import create_app
+from scaling_service.service.jobs.configuration import SettingsRefused, is_here
+from scaling_service.service.jobs.logs import JsonLines, log_as_json
+from scaling_service.service.jobs.process import RunnerProcess
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.store import keys
+
+log = logging.getLogger(__name__)
+
+ENDING_S = 10
+"""How long requests under way may take at the end. Chosen: uploads that are nearly there get through."""
+
+MOST_OPEN = 1000
+"""Connections at the same time; more are told to come back. Chosen: under the usual 1024 open files."""
+
+_BACKLOG = 512
+
+
+def serve(settings: ServiceSettings) -> None:
+    """Serve until SIGTERM or SIGINT; then end tidily.
+
+    Jobs that run are given back to the queue, and go on at the next start.
+
+    Raises
+    ------
+    SettingsRefused
+        Others could reach the service, and there is no key.
+    InputError
+        The address cannot be listened on.
+    StoreUnavailable
+        The data directory or the database does not answer.
+    """
+    service = Service.open(settings)
+    try:
+        refuse_open(service)
+        with _listening(settings) as listener:
+            log_as_json()
+            if not is_here(settings.host) and settings.tls_key is None:
+                log.warning("keys and data go unencrypted unless a proxy speaks HTTPS")
+            runner = RunnerProcess(settings)
+            runner.start()
+            try:
+                _run(service, listener)
+            finally:
+                runner.stop()
+    finally:
+        service.close()
+
+
+def refuse_open(service: Service) -> None:
+    """Stop before everyone in the network can see everything.
+
+    Raises
+    ------
+    SettingsRefused
+        The address is not this machine's own, and there is no key; or HTTPS cannot be spoken.
+    """
+    settings = service.settings
+    _check_tls(settings)
+    if is_here(settings.host):
+        return
+    if not keys.any_valid(service.store.database):
+        raise SettingsRefused(
+            f"whoever reaches {settings.host} could see and change everything, for there is no API key",
+            field="host",
+            remedy="Make one by `scaling-service keys create OWNER`, or listen on 127.0.0.1",
+        )
+
+
+def _check_tls(settings: ServiceSettings) -> None:
+    """Whether what HTTPS needs is there and can be used."""
+    certificate, key = settings.tls_certificate, settings.tls_key
+    if certificate is None and key is None:
+        return
+    try:
+        if certificate is None or key is None:
+            raise OSError("a certificate and its key are needed")
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
+    except OSError as error:  # ssl.SSLError is one
+        raise SettingsRefused(
+            f"HTTPS cannot be spoken: {error}",
+            file=certificate,
+            field="tls_certificate",
+            remedy="Give tls_certificate and tls_key as PEM files, or neither",
+        ) from None
+
+
+@contextmanager
+def _listening(settings: ServiceSettings) -> Iterator[socket.socket]:
+    try:
+        family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
+        listener = socket.create_server(
+            (settings.host, settings.port), family=family, backlog=_BACKLOG, reuse_port=False
+        )
+    except (OSError, UnicodeError) as error:
+        raise InputError(
+            f"{settings.host}:{settings.port} cannot be listened on: {error}",
+            field="port",
+            remedy="Choose another port or host, or end the program that uses it",
+        ) from None
+    with listener:
+        # The event loop does so for sockets that it makes itself; else small answers wait 40 ms for company.
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        yield listener
+
+
+class Server(uvicorn.Server):
+    """A server that tells open event streams to end, and ends on a signal without passing it on.
+
+    Parameters
+    ----------
+    config : uvicorn.Config
+    ready : str
+        Printed when it answers.
+    """
+
+    def __init__(self, config: uvicorn.Config, ready: str) -> None:
+        super().__init__(config)
+        self._ready = ready
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Handle the signals that mean the end."""
+        before = {
+            number: signal.signal(number, self.handle_exit) for number in (signal.SIGTERM, signal.SIGINT)
+        }
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End soon; at the second signal at once."""
+        super().handle_exit(sig, frame)
+        stopping: asyncio.Event = self.config.loaded_app.state.stopping
+        asyncio.get_running_loop().call_soon_threadsafe(stopping.set)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer, and say so."""
+        await super().startup(sockets)
+        if self.started:
+            sys.stdout.write(self._ready + "\n")
+            sys.stdout.flush()
+
+
+def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
+    """How the server behaves: bounds on connections, no word about itself."""
+    return uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=MOST_OPEN,
+        timeout_graceful_shutdown=ENDING_S,
+        ssl_certfile=settings.tls_certificate,
+        ssl_keyfile=settings.tls_key,
+        ws="none",
+    )
+
+
+def _run(service: Service, listener: socket.socket) -> None:
+    settings = service.settings
+    app = create_app(service, loopback=is_here(settings.host))
+    config = server_config(app, settings)
+    _quiet_uvicorn()
+    host, port = listener.getsockname()[:2]
+    shown = f"[{host}]" if ":" in host else host
+    scheme = "https" if settings.tls_key is not None else "http"
+    Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])
+
+
+def _quiet_uvicorn() -> None:
+    """Let the server's own lines be JSON without tracebacks, which could hold what clients sent."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines())
+    logger = logging.getLogger("uvicorn")
+    logger.handlers[:] = [handler]
+    logger.propagate = False
+    logger.setLevel(logging.WARNING)

@@ -1,0 +1,222 @@
+"""One attempt of a job: its folder, and what is done in it wherever the executor runs.
+
+The folder is all that runner and supervisor share, so they may be on two machines::
+
+    inputs/S01/…    copies of the inputs, checked against their digests
+    outputs/        what the child writes
+    tmp/            everything temporary
+    progress.json   written by the supervisor, read by the runner
+    heartbeat       changed by the runner while it lives
+    cancel          made by the runner: stop
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from scaling_service.documents.jobs import Failure
+from scaling_service.service.jobs.identity import code_version
+from scaling_service.service.jobs.kinds import Kind
+from scaling_service.service.jobs.names import DOCUMENT, PARTS
+from scaling_service.service.jobs.outcomes import Failed, Finished, Hindered, Outcome
+from scaling_service.service.sandbox.child import Child, Progress
+from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.supervisor import supervise
+from scaling_service.service.store.blobs import Blobs
+from scaling_service.service.store.errors import StoreUnavailable, disk_errors
+
+_PROGRESS_S = 0.25
+"""Between two notes of progress. Chosen: faster than a person reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """An attempt, as it is sent to an executor.
+
+    Parameters
+    ----------
+    kind : Kind
+    request : str
+        JSON.
+    documents : dict
+        Subject to its document.
+    inputs : tuple of (str, str)
+        Path below the folder of inputs, and SHA-256.
+    data, folder : Path
+        The data directory, and this attempt's folder in it.
+    limits : Limits
+    code_version : str
+        Of the runner; the executor's must be the same.
+    patience_s : float
+        Without a heartbeat for so long, the runner is taken for dead.
+    parts : str, optional
+        JSON: how the jobs ended that this one is made of.
+    """
+
+    kind: Kind
+    request: str
+    documents: dict[str, Any]
+    inputs: tuple[tuple[str, str], ...]
+    data: Path
+    folder: Path
+    limits: Limits
+    code_version: str
+    patience_s: float
+    parts: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """The kind's function on its request, as the child calls it."""
+
+    kind: Kind
+    request: str
+
+    def __call__(self, folder: Path, progress: Progress) -> Any:
+        request = self.kind.request.model_validate_json(self.request)
+        return self.kind.work(request, folder / "inputs", folder / "outputs", progress)
+
+
+def carry_out(order: Order) -> Outcome:
+    """Do one attempt; this is what executors run.
+
+    Returns
+    -------
+    Outcome
+        Whatever happens; nothing is raised but for defects.
+    """
+    if order.code_version != code_version():
+        return Failed(
+            Failure(
+                kind="WorkerMismatch",
+                problem=f"a worker runs {code_version()}, the service {order.code_version}",
+                remedy="Install the same version everywhere, then ask for the job again",
+            )
+        )
+    try:
+        _prepare(order)
+        watch = Watch(order.folder, order.patience_s)
+        child = Child(_Work(order.kind, order.request), order.folder, order.limits)
+        outcome = supervise(child, stop=watch.wants_stop, progress=watch.tell)
+    except StoreUnavailable as error:
+        return Hindered(error.problem)
+    return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
+
+
+def _prepare(order: Order) -> None:
+    """Make the folders and copy the inputs."""
+    blobs = Blobs(order.data)
+    with disk_errors(order.data):
+        for name in ("inputs", "outputs", "tmp"):
+            (order.folder / name).mkdir(mode=0o700, parents=True)
+        for subject, document in order.documents.items():
+            place = order.folder / "inputs" / subject
+            place.mkdir()
+            (place / DOCUMENT).write_text(json.dumps(document, ensure_ascii=False), encoding="utf-8")
+        if order.parts is not None:
+            (order.folder / "inputs" / PARTS).write_text(order.parts, encoding="utf-8")
+    for path, sha256 in order.inputs:
+        target = order.folder / "inputs" / path
+        with disk_errors(order.data):
+            target.parent.mkdir(exist_ok=True)
+        blobs.copy(sha256, target)
+
+
+class Watch:
+    """The supervisor's side of the folder: may it go on, and how far is it.
+
+    Parameters
+    ----------
+    folder : Path
+    patience_s : float
+    """
+
+    def __init__(self, folder: Path, patience_s: float) -> None:
+        self._folder, self._patience_s = folder, patience_s
+        self._beat, self._changed = 0, time.monotonic()
+        self._told = 0.0
+
+    def wants_stop(self) -> bool:
+        """Whether the runner wants this to stop, has removed the folder, or is dead."""
+        if (self._folder / "cancel").exists() or not self._folder.exists():
+            return True
+        now = time.monotonic()
+        try:
+            beat = (self._folder / "heartbeat").stat().st_mtime_ns
+        except OSError:
+            beat = self._beat
+        if beat != self._beat:
+            self._beat, self._changed = beat, now
+        return now - self._changed > self._patience_s
+
+    def tell(self, what: str, share: float) -> None:
+        """Note the progress, now and then."""
+        now = time.monotonic()
+        if now - self._told < _PROGRESS_S and share < 1.0:
+            return
+        self._told = now
+        part = self._folder / "progress.part"
+        with suppress(OSError):  # the disk is full or the folder gone: the work itself will say so
+            part.write_text(json.dumps([what, share]), encoding="utf-8")
+            part.replace(self._folder / "progress.json")
+
+
+class AttemptFolder:
+    """The runner's side of the folder.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._seen = ""
+
+    def open(self) -> None:
+        """Make the folder, empty.
+
+        Raises
+        ------
+        StoreUnavailable
+            The disk does not take it.
+        """
+        shutil.rmtree(self.folder, ignore_errors=True)
+        with disk_errors(self.folder.parent):
+            self.folder.mkdir(mode=0o700)
+        self.beat()
+
+    def beat(self) -> None:
+        """Show that the runner lives."""
+        with suppress(OSError):  # the folder is gone: the work stops by itself
+            (self.folder / "heartbeat").touch()
+
+    def stop(self) -> None:
+        """Have the work stopped; a folder that is gone has the same effect."""
+        try:
+            (self.folder / "cancel").touch()
+        except OSError:
+            self.remove()
+
+    def news(self) -> tuple[str, float] | None:
+        """What is being done and the share that is done, where that is new."""
+        try:
+            text = (self.folder / "progress.json").read_text(encoding="utf-8")
+            what, share = json.loads(text)
+        except (OSError, ValueError):
+            return None
+        if text == self._seen:
+            return None
+        self._seen = text
+        return str(what), float(share)
+
+    def remove(self) -> None:
+        """Remove the folder with all that is in it."""
+        shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,0 +1,124 @@
+"""The built-in example put among an owner's subjects; it is made in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from scaling_service.capabilities.scaling.request import named_files
+from scaling_service.core.errors import InputError
+from scaling_service.documents.reading import check_document
+from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.service.jobs.service import Service
+from scaling_service.service.store.errors import InUse, NotFound
+
+NAME = "example"
+MOST = 5
+"""Examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds."""
+
+TIME_LIMIT_S = 120.0
+"""For one example. Chosen: it takes two seconds, on a busy machine some twenty."""
+
+_WORKER = "scaling_service.service.jobs.example_worker"
+
+
+class ExampleFailed(InputError):
+    """The example could not be made."""
+
+
+class Examples:
+    """Puts examples into a service, one at a time.
+
+    Parameters
+    ----------
+    service : Service
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service, self._alone = service, threading.Lock()
+
+    def put(self, owner: str, persons: int) -> tuple[list[str], bool]:
+        """Give an owner the first examples; those that are there already stay.
+
+        Parameters
+        ----------
+        owner : str
+        persons : int
+            1 to :data:`MOST`.
+
+        Returns
+        -------
+        names : list of str
+            Of the subjects.
+        new : bool
+            Whether any was not there.
+
+        Raises
+        ------
+        InUse
+            A subject of the same name is not the example.
+        ExampleFailed
+            The process that makes it ended without it.
+        StoreFull, StoreUnavailable
+            It cannot be kept.
+        """
+        names = [NAME if seed == 0 else f"{NAME}_{seed + 1}" for seed in range(persons)]
+        with self._alone:
+            missing = [seed for seed, name in enumerate(names) if not self._is_there(owner, name)]
+            for seed in missing:
+                self._make(owner, names[seed], seed)
+        return names, bool(missing)
+
+    def _is_there(self, owner: str, name: str) -> bool:
+        try:
+            document = self._service.subject_document(owner, name)
+        except NotFound:
+            return False
+        if "trials" not in document or document.get("image_markers") != "image_markers.csv":
+            raise InUse(
+                f"you have a subject '{name}' of your own",
+                field="subject",
+                remedy="Delete it, or upload it under another name, then ask for the example again",
+            )
+        wanted = set(named_files(check_document(document)).values())
+        return wanted <= {file.name for file in self._service.subject_files(owner, name)}
+
+    def _make(self, owner: str, name: str, seed: int) -> None:
+        with tempfile.TemporaryDirectory(prefix="example-") as scratch:
+            folder = Path(scratch)
+            _run(folder, name, seed)
+            document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+            self._service.put_subject(owner, document)
+            for file in sorted(folder.iterdir()):
+                if file.name != DOCUMENT:
+                    with self._service.upload(owner, name, file.name) as upload:
+                        upload.write(file.read_bytes())
+                        upload.keep()
+
+
+def _run(folder: Path, name: str, seed: int) -> None:
+    root = str(Path(__file__).resolve().parents[3])
+    path = os.environ.get("PYTHONPATH")
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", _WORKER, str(folder), name, str(seed)],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([root, path] if path else [root])},
+            timeout=TIME_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise ExampleFailed(
+            f"the example was not made within {TIME_LIMIT_S:g} s",
+            remedy="Try again when the machine is less busy",
+        ) from None
+    if done.returncode != 0:
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise ExampleFailed(f"the example could not be made: {' '.join(last)[:300]}", remedy="Report it")

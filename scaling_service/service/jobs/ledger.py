@@ -1,0 +1,253 @@
+"""Every change of a job, each in one transaction that follows the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection
+from sqlalchemy.exc import IntegrityError
+
+from scaling_service.core.errors import InputError
+from scaling_service.documents.jobs import Failure, State
+from scaling_service.service.jobs.machine import Event
+from scaling_service.service.jobs.moves import FRESH, await_parts, move
+from scaling_service.service.store import jobs, listing, parts, queueing, references
+from scaling_service.service.store.blobs import Content
+from scaling_service.service.store.clock import NowUs
+from scaling_service.service.store.errors import needed
+from scaling_service.service.store.rows import FileRow, JobRow
+from scaling_service.service.store.store import Store
+
+
+class QueueFull(InputError):
+    """An owner has as many jobs waiting as are allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What an attempt made, ready to be kept.
+
+    Parameters
+    ----------
+    result : str
+        JSON.
+    files : tuple of (str, Content)
+        Path and content of each file.
+    """
+
+    result: str
+    files: tuple[tuple[str, Content], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Ledger:
+    """The changes of jobs in a store.
+
+    Parameters
+    ----------
+    store : Store
+    most_losses : int
+    lease_s : float
+    """
+
+    store: Store
+    most_losses: int
+    lease_s: float
+
+    def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+        """Make a job, or find the one that there is; one that failed or was cancelled is queued again.
+
+        Parameters
+        ----------
+        make : callable
+            Reads what the job rests on within the transaction.
+        most_waiting : int
+
+        Returns
+        -------
+        row : JobRow
+        queued : bool
+            Whether it was put in the queue by this.
+
+        Raises
+        ------
+        QueueFull
+            The owner has too many jobs waiting.
+        """
+        for _ in range(_TRIES):
+            with suppress(IntegrityError):  # made by another, or a file replaced, since we read
+                return self._ask(make, most_waiting)
+        return self._ask(make, most_waiting)
+
+    def _ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+        with self.store.write() as connection:
+            new = make(connection)
+            row = jobs.seen(connection, new.id)
+            if row is not None and row.state not in _AGAIN:
+                return row, False
+            room_from = most_waiting - max(len(new.parts), 1) + 1
+            if listing.waiting_at_least(connection, new.owner, room_from):
+                raise QueueFull(
+                    f"{most_waiting} jobs are waiting, which is the most",
+                    remedy="Wait until some are done, or cancel some",
+                )
+            for part in sorted(new.parts, key=lambda job: job.id):  # locked before the whole, in this order
+                self._ask_part(connection, part)
+            row = jobs.locked(connection, new.id)
+            if row is None:
+                jobs.add(connection, new, State.QUEUED.value)
+            elif row.state in _AGAIN:
+                self._move(connection, row, Event.ASK, FRESH)
+            else:  # somebody else asked meanwhile
+                return row, False
+            if new.parts:
+                parts.link(connection, new.id, [part.id for part in new.parts])
+                await_parts(connection, _known(connection, new.id), self.most_losses)
+            return _known(connection, new.id), True
+
+    def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
+        row = jobs.locked(connection, part.id)
+        if row is None:
+            jobs.add(connection, part, State.QUEUED.value, part=True)
+        elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
+            self._move(connection, row, Event.ASK, FRESH)
+
+    def lease(self, worker: str, host: str) -> JobRow | None:
+        """Take the next job; None where nothing waits."""
+        with self.store.write() as connection:
+            row = queueing.next_queued(connection)
+            if row is None:
+                return None
+            begun = {
+                "worker": worker,
+                "host": host,
+                "lease_until_us": queueing.lease_end(self.lease_s),
+                "started_us": NowUs(),
+                "progress_what": "starting",
+            }
+            self._move(connection, row, Event.LEASE, begun)
+            return jobs.locked(connection, row.id)
+
+    def finish(self, held: JobRow, made: Made, provenance: str) -> State | None:
+        """Keep a result, all of it or nothing; None where the job is no longer ours."""
+        with self.store.write() as connection:
+            row = self._ours(connection, held)
+            if row is None:
+                return None
+            if row.state is State.CANCELLING:
+                return self._move(connection, row, Event.FINISH, {})
+            references.keep(connection, self.store.blobs, [content for _, content in made.files])
+            files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
+            jobs.add_files(connection, row.id, files)
+            parts.take_files(connection, row.id)
+            done = {
+                "result": made.result,
+                "provenance": provenance,
+                "progress_share": 1.0,
+                "progress_what": "done",
+            }
+            return self._move(connection, row, Event.FINISH, done)
+
+    def settle(self, held: JobRow, event: Event, failure: Failure, provenance: str | None) -> State | None:
+        """Record an attempt that ended without a result; None where the job is no longer ours.
+
+        Parameters
+        ----------
+        failure : Failure
+            Kept where the job ends as failed by this.
+        """
+        with self.store.write() as connection:
+            row = self._ours(connection, held)
+            if row is None:
+                return None
+            if event is Event.RELEASE and row.state is State.CANCELLING:
+                event = Event.STOP
+            return self._move(connection, row, event, _why(failure, provenance))
+
+    def cancel(self, owner: str, job: str) -> JobRow:
+        """Wish that a job ends; one that is over stays as it is.
+
+        Raises
+        ------
+        NotFound
+            This owner has no such job.
+        InUse
+            It is a part of one that is not over.
+        """
+        with self.store.write() as connection:
+            made_of = [jobs.locked(connection, part) for part in parts.of(connection, [job])]
+            row = jobs.locked(connection, job, owner)
+            if row is None:
+                raise jobs.no_job(job)
+            if not (row.state.is_over or row.state is State.CANCELLING):
+                if parts.is_needed(connection, job):
+                    raise needed(job)
+                self._move(connection, row, Event.CANCEL, {})
+                for part in made_of:
+                    self._cancel_part(connection, part)
+            return _known(connection, job)
+
+    def _cancel_part(self, connection: Connection, row: JobRow | None) -> None:
+        """Cancel a part that no other job waits for."""
+        goes_on = row is not None and not (row.state.is_over or row.state is State.CANCELLING)
+        if row is not None and goes_on and not parts.is_needed(connection, row.id):
+            self._move(connection, row, Event.CANCEL, {})
+
+    def take_back(self, dead: Iterable[str] = ()) -> list[str]:
+        """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead.
+
+        Returns
+        -------
+        list of str
+            The jobs.
+        """
+        gone = set(dead)
+        taken: list[str] = []
+        with self.store.write() as connection:
+            for job in [*queueing.held_by(connection, gone), *queueing.expired(connection)]:
+                row = jobs.locked(connection, job)
+                # Looked at again now that nobody can change it: it may have been renewed since.
+                if row is not None and (row.worker in gone or queueing.is_expired(connection, row)):
+                    why = _why(lost_too_often(row, "its worker ended"), None)
+                    self._move(connection, row, Event.LOSE, why)
+                    taken.append(job)
+        return taken
+
+    def _ours(self, connection: Connection, held: JobRow) -> JobRow | None:
+        """The job, locked, if this very attempt still holds it."""
+        row = jobs.locked(connection, held.id)
+        fenced = row is not None and (row.attempt, row.worker) == (held.attempt, held.worker)
+        return row if fenced and row is not None and row.state.is_leased else None
+
+    def _move(self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any]) -> State:
+        return move(connection, row, event, values, self.most_losses)
+
+
+_AGAIN = (State.FAILED, State.CANCELLED)
+"""Asked for in one of these states, a job is queued again."""
+
+_TRIES = 4
+"""Of asking, before an error counts. Chosen: each needs another who asks for the same at the same moment."""
+
+
+def _known(connection: Connection, job: str) -> JobRow:
+    """A job that is there, for it was made or locked in this transaction."""
+    row = jobs.seen(connection, job)
+    assert row is not None
+    return row
+
+
+def lost_too_often(row: JobRow, reason: str) -> Failure:
+    """Why a job fails that lost its last worker."""
+    return Failure(
+        kind="WorkerLost",
+        problem=f"the process that computed was lost {row.losses + 1} times; the last time: {reason}",
+        remedy="Look at the machine's memory and disk, then ask for the job again",
+    )
+
+
+def _why(failure: Failure, provenance: str | None) -> dict[str, Any]:
+    return {"failure": failure.model_dump_json(), "provenance": provenance}

@@ -1,0 +1,70 @@
+"""How an attempt ended, as plain values that travel between processes and machines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from scaling_service.core.errors import InputError
+from scaling_service.documents.jobs import Failure
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """There is a result.
+
+    Parameters
+    ----------
+    result : object
+        JSON-ready.
+    files : tuple of (str, str, int)
+        Path below the folder of outputs, SHA-256 and size of each file, all safely on disk.
+    host : str
+        Where it was computed.
+    """
+
+    result: Any
+    files: tuple[tuple[str, str, int], ...] = ()
+    host: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """There is none, and this is why; trying again would end the same way."""
+
+    failure: Failure
+    trace: str = ""
+    """Where the program broke, for the log: places in the code, never values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The process is gone without a word: killed from outside."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Hindered:
+    """The machine could not do it now: its disk is full or does not answer. The job is as good as new."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """It was stopped because that was asked for."""
+
+
+Outcome: TypeAlias = Finished | Failed | Lost | Hindered | Stopped
+
+
+def failure_of(error: InputError) -> Failure:
+    """An error that a user can act on, as it travels."""
+    return Failure(
+        kind=type(error).__name__,
+        problem=error.problem,
+        file=error.file,
+        field=error.field,
+        remedy=error.remedy,
+    )

@@ -1,0 +1,239 @@
+"""Takes queued jobs and looks after them, whatever the store does meanwhile."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from concurrent.futures import Executor, wait
+from contextlib import suppress
+
+from scaling_service.documents.jobs import Failure, State
+from scaling_service.service.jobs.attempts import AttemptFolder, carry_out
+from scaling_service.service.jobs.executors import MakeExecutor, executor_maker
+from scaling_service.service.jobs.identity import code_version
+from scaling_service.service.jobs.kinds import KINDS, Kind
+from scaling_service.service.jobs.ledger import Ledger, lost_too_often
+from scaling_service.service.jobs.machine import Event
+from scaling_service.service.jobs.orders import make_order
+from scaling_service.service.jobs.presence import Presence
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.jobs.settling import Held, settle
+from scaling_service.service.store import deletion, queueing
+from scaling_service.service.store.errors import StoreUnavailable
+from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.store import Store
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.1
+"""Between two looks at everything. Chosen: quick for a person, a few short statements for the database."""
+
+TIDY_S = 600.0
+"""Between two rounds of tidying. Chosen: rubbish is rare and does no harm."""
+
+_LONGEST_PAUSE_S = 5.0
+"""Between two tries while the store does not answer. Chosen: it is used soon after it is back."""
+
+_ENDING_S = 20.0
+"""How long the end waits for the processes that it stopped. Chosen: they are killed, so it takes a moment."""
+
+_RENEWALS = 3
+"""Of a lease within its time: two may fail without harm."""
+
+
+class Runner:
+    """One runner; any number may share a store.
+
+    Parameters
+    ----------
+    store : Store
+    settings : ServiceSettings
+    kinds : mapping
+        What it can do.
+    make_executor : callable, optional
+        As the settings say unless given.
+
+    Raises
+    ------
+    DependencyMissing
+        The executor that the settings ask for is not installed.
+    StoreUnavailable
+        The data directory cannot be written to.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        settings: ServiceSettings,
+        *,
+        kinds: Mapping[str, Kind] = KINDS,
+        make_executor: MakeExecutor | None = None,
+    ) -> None:
+        self._store, self._settings, self._kinds = store, settings, kinds
+        self._make_executor = make_executor or executor_maker(settings)
+        self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
+        self._presence = Presence(store.blobs.folder)
+        self._executor: Executor | None = None
+        self._held: dict[str, Held] = {}
+        self._stop, self._wake = threading.Event(), threading.Event()
+        self._renewed = self._looked_for_lost = self._take_back_from = float("-inf")
+        self._pause_s = 0.0
+
+    @property
+    def name(self) -> str:
+        """How it is called in the store."""
+        return self._presence.name
+
+    def stop(self) -> None:
+        """Have :meth:`run` end soon; from any thread or signal handler."""
+        self._stop.set()
+        self._wake.set()
+
+    def run(self) -> None:
+        """Work until told to stop; then give back what is not finished.
+
+        Whatever happens to the database or the disk, it goes on when they are there again.
+        """
+        log.info("runner started", extra={"runner": self.name, "code_version": code_version()})
+        tidying = threading.Thread(target=self._tidy, name="tidy", daemon=True)
+        tidying.start()
+        try:
+            while not self._stop.is_set():
+                self._try_step()
+                self._wake.wait(self._pause_s or TICK_S)
+                self._wake.clear()
+            self._give_back()
+        finally:
+            self._presence.close()
+            if self._executor is not None:
+                self._executor.shutdown(wait=False)  # nothing is left in it
+            tidying.join(timeout=_ENDING_S)
+        log.info("runner stopped", extra={"runner": self.name})
+
+    def _try_step(self) -> None:
+        for held in self._held.values():
+            held.folder.beat()
+        try:
+            self._step()
+            self._pause_s = 0.0
+        except StoreUnavailable as error:
+            longest = min(_LONGEST_PAUSE_S, self._settings.lease_s / 4)
+            self._pause_s = min(max(2 * self._pause_s, TICK_S), longest)
+            # Every runner gets the time to renew its leases before anyone takes jobs back.
+            self._take_back_from = time.monotonic() + self._settings.lease_s
+            log.warning("the store is not available", extra={"reason": error.problem})
+
+    def _step(self) -> None:
+        now = time.monotonic()
+        often = self._settings.lease_s / _RENEWALS
+        if self._held and now - self._renewed > often:
+            queueing.renew(self._store.database, self.name, self._settings.lease_s)
+            self._renewed = now
+        self._follow()
+        self._collect()
+        if now - self._looked_for_lost > min(often, 1.0) and now >= self._take_back_from:
+            self._take_back()
+            self._looked_for_lost = now
+        self._executor = self._executor or self._make_executor()
+        self._fill(self._executor)
+
+    def _follow(self) -> None:
+        """Stop what is no longer wanted, and pass progress on."""
+        rows = queueing.held(self._store.database, self.name)
+        for job, held in self._held.items():
+            row = rows.get(job)
+            wanted = row is not None and row.attempt == held.row.attempt and row.state is State.RUNNING
+            if not wanted and not held.future.done():
+                held.future.cancel()
+                held.folder.stop()
+        for job in rows.keys() - self._held.keys():  # the store went away right after the lease
+            self._ledger.settle(rows[job], Event.RELEASE, _UNKNOWN, None)
+        told = [
+            (job, held.row.attempt, news[1], news[0])
+            for job, held in self._held.items()
+            if (news := held.folder.news()) is not None
+        ]
+        if told:
+            queueing.report(self._store.database, self.name, told)
+
+    def _collect(self) -> None:
+        """Record what has ended; what cannot be recorded now does not hold up the rest."""
+        trouble: StoreUnavailable | None = None
+        for job, held in list(self._held.items()):
+            if held.future.done():
+                try:
+                    settle(self._ledger, held)
+                except StoreUnavailable as error:
+                    trouble = error
+                    continue
+                except Exception as error:
+                    log.exception("the outcome of a job cannot be recorded", extra={"job": job})
+                    lost = lost_too_often(held.row, f"its result cannot be kept ({type(error).__name__})")
+                    self._ledger.settle(held.row, Event.LOSE, lost, None)
+                    held.folder.remove()
+                del self._held[job]
+        if trouble is not None:
+            raise trouble
+
+    def _take_back(self) -> None:
+        """Queue again what dead runners held."""
+        dead = self._presence.dead(queueing.holders(self._store.database))
+        for job in self._ledger.take_back(dead):
+            log.warning("job taken back", extra={"job": job})
+
+    def _fill(self, executor: Executor) -> None:
+        free = self._settings.workers - len(self._held)
+        while free > 0 and queueing.anything_queued(self._store.database):
+            self._store.require_room(self._settings.reserve_mb * 1_000_000)
+            row = self._ledger.lease(self.name, socket.gethostname())
+            if row is None:
+                return
+            self._begin(row, executor)
+            free -= 1
+
+    def _begin(self, row: JobRow, executor: Executor) -> None:
+        kind = self._kinds.get(row.kind)
+        if kind is None:
+            self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
+            return
+        folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
+        order, specification = make_order(self._store, self._settings, kind, row, folder)
+        folder.open()
+        try:
+            future = executor.submit(carry_out, order)
+        except RuntimeError as error:  # broken, or shut down behind our back
+            self._executor = None
+            raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
+        self._held[row.id] = Held(row, specification, folder, future)
+        future.add_done_callback(lambda _future: self._wake.set())
+
+    def _give_back(self) -> None:
+        """Stop all work; jobs that are not finished are queued again as good as new."""
+        for held in self._held.values():
+            held.future.cancel()
+            held.folder.stop()
+        wait([held.future for held in self._held.values()], timeout=_ENDING_S)
+        with suppress(StoreUnavailable):  # then the leases run out
+            self._collect()
+
+    def _tidy(self) -> None:
+        """Remove rubbish and what is older than it may get, now and then, apart from the work."""
+        while not self._stop.is_set():
+            try:
+                self._presence.forget_dead()
+                if self._settings.retention_days is not None:
+                    deletion.expire(self._store.database, self._store.blobs, self._settings.retention_days)
+                self._store.tidy()
+            except StoreUnavailable as error:
+                log.warning("tidying was put off", extra={"reason": error.problem})
+            self._stop.wait(TIDY_S)
+
+
+_UNKNOWN = Failure(
+    kind="WorkerMismatch",
+    problem="this version of the program cannot do this kind of job",
+    remedy="Install the same version everywhere, then ask for the job again",
+)

@@ -1,0 +1,215 @@
+"""Starts a child, follows it, stops it, and says how it ended. Nothing from a child is trusted."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import select
+import signal
+import stat
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from scaling_service.core.errors import InputError
+from scaling_service.documents.jobs import Failure
+from scaling_service.service.jobs.outcomes import (
+    Failed,
+    Finished,
+    Hindered,
+    Lost,
+    Outcome,
+    Stopped,
+    failure_of,
+)
+from scaling_service.service.sandbox import limits
+from scaling_service.service.sandbox.child import RESULT, Child, Progress
+from scaling_service.service.sandbox.launcher import Launched, Launcher, launcher
+from scaling_service.service.store.blobs import prepare
+from scaling_service.service.store.errors import StoreUnavailable
+
+TICK_S = 0.1
+"""Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
+
+_LOOK_AT_DISK_S = 1.0
+_LONGEST_LINE = 1 << 16
+"""Bytes. A child that sends a longer line is not ours any more."""
+
+_LARGEST_RESULT = 64 << 20
+"""Bytes. Chosen: far above any document, far below the memory of a machine."""
+
+_MOST_FILES = 10_000
+_LONGEST_PATH = 512
+"""Characters, as in the table of files."""
+
+_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
+
+
+def supervise(
+    child: Child,
+    *,
+    stop: Callable[[], bool],
+    progress: Progress,
+    launch: Launcher | None = None,
+) -> Outcome:
+    """Have work done in a limited process, and wait for its end.
+
+    Parameters
+    ----------
+    child : Child
+    stop : callable
+        Asked ten times a second whether to stop.
+    progress : callable
+        Told what is being done and the share that is done.
+    launch : Launcher, optional
+        This process's own unless given.
+
+    Returns
+    -------
+    Outcome
+        Whatever happens; nothing is raised but for defects.
+    """
+    try:
+        launched = (launch or launcher()).launch(child)
+    except OSError as error:
+        return Hindered(f"no process could be started: {error.strerror}")
+    try:
+        answer = _follow(launched, child, stop, progress)
+    finally:
+        launched.end()
+    return _understood(answer, child) if isinstance(answer, dict) else answer
+
+
+def _follow(
+    launched: Launched, child: Child, stop: Callable[[], bool], progress: Progress
+) -> dict[str, Any] | Outcome:
+    """The child's answer, or how it ended without one."""
+    begun = looked = time.monotonic()
+    lines = _Lines(launched.messages)
+    while True:
+        watched = [launched.status] if lines.ended else [launched.messages, launched.status]
+        ready, _, _ = select.select(watched, [], [], TICK_S)
+        if launched.messages in ready:
+            for message in lines.read():
+                if "progress" not in message:
+                    return message
+                _pass_on(message["progress"], progress)
+        elif launched.status in ready:  # all messages were read before
+            return _ending(os.read(launched.status, 64), child.limits)
+        if lines.broken:
+            return Lost("it sent what cannot be read")
+        now = time.monotonic()
+        if stop():
+            return Stopped()
+        if now - begun > child.limits.wall_s:
+            return Failed(failure_of(limits.out_of_time(child.limits)))
+        if now - looked > _LOOK_AT_DISK_S:
+            looked = now
+            if _written(child.folder) > child.limits.output_bytes:
+                return Failed(failure_of(limits.too_much_output(child.limits)))
+
+
+class _Lines:
+    """Lines of JSON from a pipe, as far as they have come."""
+
+    def __init__(self, pipe: int) -> None:
+        self._pipe, self._rest = pipe, b""
+        self.broken = self.ended = False
+
+    def read(self) -> list[dict[str, Any]]:
+        more = os.read(self._pipe, _LONGEST_LINE)
+        self.ended = not more
+        *whole, self._rest = (self._rest + more).split(b"\n")
+        self.broken = len(self._rest) > _LONGEST_LINE
+        messages: list[dict[str, Any]] = []
+        for line in whole:
+            try:
+                message = json.loads(line)
+            except ValueError:
+                message = None
+            if not isinstance(message, dict):
+                self.broken = True
+                return messages
+            messages.append(message)
+        return messages
+
+
+def _pass_on(told: object, progress: Progress) -> None:
+    match told:
+        case [str() as what, int() | float() as share]:
+            progress(_clean(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0)
+
+
+def _understood(answer: dict[str, Any], child: Child) -> Outcome:
+    """A child's last message as an outcome, with its files counted and synced by us."""
+    try:
+        if "failure" in answer:
+            told = {k: v if v is None else _clean(v) for k, v in dict(answer["failure"]).items()}
+            return Failed(Failure.model_validate(told), _clean(answer.get("trace", ""))[:4000])
+        if "hindered" in answer:
+            return Hindered(_clean(answer["hindered"])[:200])
+        if _written(child.folder) > child.limits.output_bytes:
+            return Failed(failure_of(limits.too_much_output(child.limits)))
+        return Finished(_result(child.folder / RESULT), _files(child.folder / "outputs"))
+    except StoreUnavailable as error:
+        return Hindered(error.problem)
+    except InputError as error:
+        return Failed(failure_of(error))
+    except (ValidationError, ValueError, TypeError, RecursionError, OSError) as error:
+        return Lost(f"its answer cannot be read ({type(error).__name__})")
+
+
+def _files(outputs: Path) -> tuple[tuple[str, str, int], ...]:
+    """All files that were made, safely on disk; links are none."""
+    found: list[tuple[str, str, int]] = []
+    for path in sorted(outputs.rglob("*")):
+        if stat.S_ISREG(path.lstat().st_mode):
+            name = path.relative_to(outputs).as_posix()
+            if not name.isprintable() or len(name) > _LONGEST_PATH or len(found) == _MOST_FILES:
+                raise ValueError("files with such names, or so many, are not ours")
+            content = prepare(path)
+            found.append((name, content.sha256, content.size))
+    return tuple(found)
+
+
+def _result(file: Path) -> Any:
+    """The result document, which must be JSON in the narrow sense."""
+    if file.lstat().st_size > _LARGEST_RESULT:
+        raise ValueError("no result is so large")
+    return json.loads(file.read_bytes(), parse_constant=_refuse)
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _clean(text: object) -> str:
+    """A text that any database takes: no control characters, no halves of characters."""
+    return "".join(c if c.isprintable() else " " for c in str(text))
+
+
+def _written(folder: Path) -> int:
+    """Bytes that the child wrote so far."""
+    result = folder / RESULT
+    whole = limits.size_of(folder / "outputs") + limits.size_of(folder / "tmp")
+    return whole + (result.lstat().st_size if result.is_file() else 0)
+
+
+def _ending(status: bytes, bounds: limits.Limits) -> Outcome:
+    """What the exit of a child that gave no answer means."""
+    code = int(status) if status.strip() else None
+    if code == -signal.SIGXCPU:
+        return Failed(failure_of(limits.out_of_cpu(bounds)))
+    if code is not None and -code in _CRASHES:
+        return Failed(
+            Failure(
+                kind="ProgramError",
+                problem=f"a library crashed on this job ({signal.Signals(-code).name})",
+                remedy="Check that the files are sound: damaged ones can do this",
+            )
+        )
+    return Lost("the fork server is gone" if code is None else f"the process ended with {code}")

@@ -1,0 +1,175 @@
+"""Deleting for good: rows, files, what is in scratch, and what the database still holds of them.
+
+SQLite overwrites deleted rows (``secure_delete``), and its write-ahead log is emptied after each
+deletion. PostgreSQL's dead rows are vacuumed; its own log and backups keep them for as long as they are
+kept. Blocks that a file system has freed are the disk's business: encrypt it.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, Select, delete, exists, select, union
+
+from scaling_service.service.store import parts, references
+from scaling_service.service.store.blobs import Blobs
+from scaling_service.service.store.clock import US_PER_S, NowUs
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.errors import needed
+from scaling_service.service.store.jobs import no_job
+from scaling_service.service.store.subjects import no_subject
+from scaling_service.service.store.tables import (
+    REFERENCES,
+    job_files,
+    job_inputs,
+    job_subjects,
+    jobs,
+    subject_files,
+    subjects,
+)
+
+_AT_ONCE = 200
+"""Jobs deleted in one transaction. Chosen: others wait for some ms only."""
+
+_DAY_S = 86_400
+_PATIENCE_S = 2.0
+"""How long readers of the log are waited for. Chosen: every reading transaction is far shorter."""
+
+_TABLES = ("jobs", "job_subjects", "job_parts", "subjects", "blobs", *(table.name for table in REFERENCES))
+
+
+def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
+    """Delete a job with all that it made, and what it alone is made of; workers notice and stop.
+
+    Raises
+    ------
+    NotFound
+        This owner has no such job.
+    InUse
+        It is a part of one that is not over.
+    """
+    with database.write() as connection:
+        mine = select(jobs.c.id).where(jobs.c.id == job, jobs.c.owner == owner).with_for_update()
+        found = list(connection.scalars(mine))
+        if not found:
+            raise no_job(job)
+        if parts.is_needed(connection, job):
+            raise needed(job)
+        gone, digests = _delete_jobs(connection, found)
+    erase(database, blobs, gone, digests)
+
+
+def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
+    """Delete a subject, its files, and every job that rests on its data.
+
+    Raises
+    ------
+    NotFound
+        This owner has no such subject.
+    """
+    with database.write() as connection:
+        found, digests = _delete_subject(connection, owner, identity)
+    erase(database, blobs, found, digests)
+
+
+def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
+    """Delete jobs that ended longer ago than so many days, and subjects untouched for as long.
+
+    A subject on whose data a kept job rests stays, and so does what a kept job is made of.
+
+    Returns
+    -------
+    jobs, subjects : int
+        How many were deleted.
+    """
+    before = NowUs() - round(days * _DAY_S * US_PER_S)
+    over = jobs.c.state.in_(parts.OVER)
+    old_jobs = select(jobs.c.id).where(over, jobs.c.finished_us < before, jobs.c.part == 0)
+    used = exists().where(job_subjects.c.owner == subjects.c.owner, job_subjects.c.subject == subjects.c.id)
+    old_subjects = select(subjects.c.owner, subjects.c.id).where(subjects.c.updated_us < before, ~used)
+    gone_jobs = _expire_jobs(database, blobs, old_jobs)
+    with database.write() as connection:
+        stale = connection.execute(old_subjects.with_for_update()).all()
+        digests = [d for owner, identity in stale for d in _delete_subject(connection, owner, identity)[1]]
+    if stale:
+        erase(database, blobs, (), digests)
+    return gone_jobs, len(stale)
+
+
+def erase(database: Database, blobs: Blobs, gone: Iterable[str], digests: Iterable[str]) -> None:
+    """After rows were deleted: remove scratch and contents of theirs, and their traces in the database."""
+    for job in gone:
+        for folder in blobs.work.glob(f"{job}.*"):
+            shutil.rmtree(folder, ignore_errors=True)
+    references.release(database, blobs, digests)
+    remove_traces(database)
+
+
+def remove_traces(database: Database) -> bool:
+    """Overwrite what deleted rows left behind; whether nothing is left.
+
+    SQLite's log cannot be emptied while another program reads an old state of it; call it again then.
+    """
+    if not database.is_sqlite:
+        database.run_apart(*(f"VACUUM {name}" for name in _TABLES))
+        return True
+    end = time.monotonic() + _PATIENCE_S
+    while True:
+        (busy,) = database.run_apart("PRAGMA wal_checkpoint(TRUNCATE)")
+        if not busy or time.monotonic() > end:
+            return not busy
+        time.sleep(0.02)
+
+
+def _expire_jobs(database: Database, blobs: Blobs, old: Select[Any]) -> int:
+    total = 0
+    while True:
+        with database.write() as connection:
+            found = list(connection.scalars(old.limit(_AT_ONCE).with_for_update()))
+            gone, digests = _delete_jobs(connection, found)
+        if not found:
+            return total
+        erase(database, blobs, gone, digests)
+        total += len(gone)
+
+
+def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
+    """The jobs that went with it, and the contents that nothing of it refers to any more."""
+    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
+    if connection.scalar(select(subjects.c.id).where(mine).with_for_update()) is None:
+        raise no_subject(identity)
+    resting = select(job_subjects.c.job).where(
+        job_subjects.c.owner == owner, job_subjects.c.subject == identity
+    )
+    found = list(connection.scalars(resting))
+    gone, digests = _delete_jobs(connection, found)
+    held: ColumnElement[bool] = (subject_files.c.owner == owner) & (subject_files.c.subject == identity)
+    digests += connection.scalars(select(subject_files.c.sha256).where(held))
+    connection.execute(delete(subjects).where(mine))
+    return gone, digests
+
+
+def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Delete rows of jobs and of parts that belonged to them alone; all these, and what they referred to."""
+    gone, digests = list(found), list[str]()
+    while found:
+        made_of: list[str] = []
+        for k in range(0, len(found), _AT_ONCE):
+            some = found[k : k + _AT_ONCE]
+            made_of += parts.of(connection, some)
+            digests += _delete_rows(connection, some)
+        found = parts.unneeded(connection, made_of)
+        gone += found
+    return gone, digests
+
+
+def _delete_rows(connection: Connection, some: Sequence[str]) -> list[str]:
+    """Delete rows of a few hundred jobs at most; the contents that they referred to."""
+    digests = connection.scalars(
+        union(*(select(table.c.sha256).where(table.c.job.in_(some)) for table in (job_inputs, job_files)))
+    ).all()
+    connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
+    return list(digests)

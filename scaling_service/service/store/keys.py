@@ -1,0 +1,116 @@
+"""API keys: made, shown once, kept only as a digest, revoked."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+
+from sqlalchemy import Connection, RowMapping, insert, select, update
+from sqlalchemy.dialects import postgresql, sqlite
+
+from scaling_service.core.errors import InputError
+from scaling_service.service.store.clock import NowUs
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.errors import NotFound
+from scaling_service.service.store.rows import KeyRow
+from scaling_service.service.store.tables import api_keys, owners
+
+PREFIX = "scs"
+"""Starts every key, so that a key found in a text is known for one."""
+
+_SHOWN = (api_keys.c.id, api_keys.c.owner, api_keys.c.label, api_keys.c.created_us, api_keys.c.revoked_us)
+_LONGEST = 200
+
+
+def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str]:
+    """Make a key of an owner; several keys of one owner see the same things.
+
+    Returns
+    -------
+    key : KeyRow
+    secret : str
+        To be shown once; only its SHA-256 is kept. (Its 256 random bits need no slow hash.)
+
+    Raises
+    ------
+    InputError
+        The owner's name or the label is empty or too long.
+    """
+    for field, value, least in (("owner", owner, 1), ("label", label, 0)):
+        if not least <= len(value.strip()) or len(value) > _LONGEST or not value.isprintable():
+            raise InputError(
+                f"'{value[:40]}' cannot be used", field=field, remedy=f"Give 1 to {_LONGEST} letters"
+            )
+    identity, secret = secrets.token_hex(6), secrets.token_urlsafe(32)
+    token = f"{PREFIX}_{identity}_{secret}"
+    with database.write() as connection:
+        ensure_owner(connection, owner)
+        connection.execute(
+            insert(api_keys).values(
+                id=identity, owner=owner, label=label, secret_sha256=_digest(token), created_us=NowUs()
+            )
+        )
+        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).mappings().one()
+    return _key(row), token
+
+
+def owner_of(database: Database, token: str) -> str | None:
+    """The owner whose key this is; None for one that is unknown or revoked."""
+    parts = token.split("_", 2)
+    if len(parts) != 3 or parts[0] != PREFIX or not (token.isascii() and token.isprintable()):
+        return None
+    wanted = select(api_keys.c.owner, api_keys.c.secret_sha256).where(
+        api_keys.c.id == parts[1], api_keys.c.revoked_us.is_(None)
+    )
+    with database.read() as connection:
+        found = connection.execute(wanted).one_or_none()
+    if found is None or not hmac.compare_digest(found.secret_sha256, _digest(token)):
+        return None
+    return str(found.owner)
+
+
+def every(database: Database) -> list[KeyRow]:
+    """All keys, revoked ones too, oldest first."""
+    with database.read() as connection:
+        rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id))
+        return [_key(row) for row in rows.mappings()]
+
+
+def any_valid(database: Database) -> bool:
+    """Whether a key exists that is not revoked."""
+    with database.read() as connection:
+        wanted = select(api_keys.c.id).where(api_keys.c.revoked_us.is_(None)).limit(1)
+        return connection.scalar(wanted) is not None
+
+
+def revoke(database: Database, identity: str) -> None:
+    """Let a key open nothing any more.
+
+    Raises
+    ------
+    NotFound
+        There is no such key that is valid.
+    """
+    with database.write() as connection:
+        done = connection.execute(
+            update(api_keys)
+            .where(api_keys.c.id == identity, api_keys.c.revoked_us.is_(None))
+            .values(revoked_us=NowUs())
+        )
+    if done.rowcount == 0:
+        raise NotFound(f"there is no valid key '{identity}'", field="key", remedy="List the keys")
+
+
+def ensure_owner(connection: Connection, owner: str) -> None:
+    """Make the owner's row if it is not there."""
+    chosen = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
+    connection.execute(chosen(owners).values(name=owner, served_us=0).on_conflict_do_nothing())
+
+
+def _key(row: RowMapping) -> KeyRow:
+    return KeyRow(**row)
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

@@ -1,0 +1,134 @@
+"""Jobs that are made of others: which belong together, how far they are, and what they made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, exists, func, insert, literal, select
+from sqlalchemy.dialects import postgresql, sqlite
+
+from scaling_service.documents.jobs import State
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.tables import job_files, job_parts, jobs
+
+OVER = tuple(state.value for state in State if state.is_over)
+_SETTLED = tuple(state.value for state in State if not state.is_over and state is not State.WAITING)
+"""States of a whole that counts on its parts being over."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartRow:
+    """How a part ended.
+
+    Parameters
+    ----------
+    specification : str
+        Canonical JSON.
+    result, failure : str, optional
+        JSON.
+    """
+
+    state: State
+    specification: str
+    result: str | None
+    failure: str | None
+
+
+def link(connection: Connection, whole: str, parts: Sequence[str]) -> None:
+    """Say what a job is made of; what is said already stays."""
+    chosen = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
+    rows = [{"whole": whole, "part": part, "position": k} for k, part in enumerate(parts)]
+    connection.execute(chosen(job_parts).on_conflict_do_nothing(), rows)
+
+
+def of(connection: Connection, wholes: Iterable[str]) -> list[str]:
+    """What some jobs are made of, sorted by name: whoever locks them does so in this order, wholes after."""
+    wanted = select(job_parts.c.part).where(job_parts.c.whole.in_(list(wholes))).distinct()
+    return sorted(connection.scalars(wanted))
+
+
+def waiting_for(connection: Connection, part: str) -> list[str]:
+    """The jobs that wait for a part, sorted by name."""
+    wanted = (
+        select(job_parts.c.whole)
+        .join(jobs, jobs.c.id == job_parts.c.whole)
+        .where(job_parts.c.part == part, jobs.c.state == State.WAITING.value)
+    )
+    return sorted(connection.scalars(wanted))
+
+
+def is_needed(connection: Connection, part: str) -> bool:
+    """Whether it belongs to a job that is not over."""
+    return _has_whole(connection, part, tuple(state.value for state in State if not state.is_over))
+
+
+def is_counted_on(connection: Connection, part: str) -> bool:
+    """Whether it belongs to a job that no longer waits and is not over: it must stay as it ended."""
+    return _has_whole(connection, part, _SETTLED)
+
+
+def _has_whole(connection: Connection, part: str, states: Sequence[str]) -> bool:
+    wanted = (
+        select(job_parts.c.whole)
+        .join(jobs, jobs.c.id == job_parts.c.whole)
+        .where(job_parts.c.part == part, jobs.c.state.in_(states))
+        .limit(1)
+    )
+    return connection.scalar(wanted) is not None
+
+
+def ended(connection: Connection, whole: str) -> tuple[int, int]:
+    """How many of a job's parts are over, and how many there are."""
+    wanted = (
+        select(jobs.c.state, func.count().label("number"))
+        .join(job_parts, job_parts.c.part == jobs.c.id)
+        .where(job_parts.c.whole == whole)
+        .group_by(jobs.c.state)
+    )
+    counts: dict[str, int] = {row.state: row.number for row in connection.execute(wanted)}
+    return sum(counts.get(state, 0) for state in OVER), sum(counts.values())
+
+
+def unneeded(connection: Connection, parts: Iterable[str]) -> list[str]:
+    """Those that no job is made of any more."""
+    wanted = select(jobs.c.id).where(
+        jobs.c.id.in_(list(parts)), ~exists().where(job_parts.c.part == jobs.c.id)
+    )
+    return list(connection.scalars(wanted))
+
+
+def ends(database: Database, whole: str) -> list[PartRow]:
+    """How a job's parts ended, in their order."""
+    wanted = (
+        select(jobs.c.state, jobs.c.specification, jobs.c.result, jobs.c.failure)
+        .join(job_parts, job_parts.c.part == jobs.c.id)
+        .where(job_parts.c.whole == whole)
+        .order_by(job_parts.c.position)
+    )
+    with database.read() as connection:
+        return [PartRow(State(state), *rest) for state, *rest in connection.execute(wanted)]
+
+
+def files(database: Database, whole: str, name: str) -> list[FileRow]:
+    """The files of that name, in whichever folder, which a job's parts made."""
+    wanted = (
+        select(job_files.c.path, job_files.c.sha256, job_files.c.size)
+        .join(job_parts, job_parts.c.part == job_files.c.job)
+        .where(job_parts.c.whole == whole, job_files.c.path.endswith(f"/{name}", autoescape=True))
+        .order_by(job_files.c.path)
+    )
+    with database.read() as connection:
+        return [FileRow(*row) for row in connection.execute(wanted)]
+
+
+def take_files(connection: Connection, whole: str) -> None:
+    """Let a job refer to all that its parts made, besides what it made itself."""
+    made = (
+        select(literal(whole), job_files.c.path, job_files.c.sha256, job_files.c.size)
+        .join(job_parts, job_parts.c.part == job_files.c.job)
+        .where(job_parts.c.whole == whole)
+        .order_by(job_files.c.sha256)  # as everybody who needs several contents
+    )
+    connection.execute(insert(job_files).from_select(["job", "path", "sha256", "size"], made))

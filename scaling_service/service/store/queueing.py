@@ -1,0 +1,156 @@
+"""Which job is next, whose lease ran out, who holds what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sqlalchemy import Connection, func, select, update
+
+from scaling_service.documents.jobs import State
+from scaling_service.service.store.clock import US_PER_S, NowUs
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.jobs import SHOWN
+from scaling_service.service.store.rows import JobRow, job_row
+from scaling_service.service.store.tables import jobs, owners
+
+_LEASED = tuple(state.value for state in State if state.is_leased)
+
+
+def next_queued(connection: Connection) -> JobRow | None:
+    """The next job, locked; None where nothing waits.
+
+    Owners take turns: first who has the fewest jobs running, then who was served longest ago. Among an
+    owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
+    the oldest: one that kills its workers does not hold up the others, nor does a batch.
+    """
+    for owner in _waiting(connection):
+        found = (
+            connection.execute(
+                select(*SHOWN)
+                .where(jobs.c.owner == owner, jobs.c.state == State.QUEUED.value)
+                .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
+                .limit(1)
+                .with_for_update(skip_locked=True)
+            )
+            .mappings()
+            .one_or_none()
+        )
+        if found is not None:
+            connection.execute(update(owners).where(owners.c.name == owner).values(served_us=NowUs()))
+            return job_row(found)
+    return None
+
+
+def _waiting(connection: Connection) -> list[str]:
+    """Owners with a queued job, the next to be served first."""
+    # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
+    waits = (
+        select(jobs.c.id)
+        .where(jobs.c.owner == owners.c.name, jobs.c.state == State.QUEUED.value)
+        .limit(1)
+        .correlate(owners)
+        .scalar_subquery()
+    )
+    running = (
+        select(func.count())
+        .where(jobs.c.owner == owners.c.name, jobs.c.state.in_(_LEASED))
+        .correlate(owners)
+        .scalar_subquery()
+    )
+    return list(
+        connection.scalars(
+            select(owners.c.name)
+            .where(waits.is_not(None))
+            .order_by(running, owners.c.served_us, owners.c.name)
+        )
+    )
+
+
+def lease_end(seconds: float) -> NowUs:
+    """The moment so many seconds from now, by the database's clock."""
+    return NowUs() + round(seconds * US_PER_S)  # type: ignore[return-value]
+
+
+def expired(connection: Connection) -> list[str]:
+    """Jobs whose worker did not renew its lease in time."""
+    wanted = select(jobs.c.id).where(jobs.c.state.in_(_LEASED), jobs.c.lease_until_us < NowUs())
+    return list(connection.scalars(wanted.order_by(jobs.c.lease_until_us)))
+
+
+def is_expired(connection: Connection, row: JobRow) -> bool:
+    """Whether a job that is locked was leased until a moment that is past."""
+    now = connection.scalar(select(NowUs()))
+    return row.lease_until_us is not None and now is not None and row.lease_until_us < now
+
+
+def held(database: Database, worker: str) -> dict[str, JobRow]:
+    """The jobs that a worker holds."""
+    with database.read() as connection:
+        rows = connection.execute(
+            select(*SHOWN).where(jobs.c.worker == worker, jobs.c.state.in_(_LEASED))
+        ).mappings()
+        return {row.id: row for row in map(job_row, rows)}
+
+
+def renew(database: Database, worker: str, seconds: float) -> None:
+    """Hold all of a worker's jobs for longer; those that it lost meanwhile stay lost."""
+    with database.write() as connection:
+        connection.execute(
+            update(jobs)
+            .where(jobs.c.worker == worker, jobs.c.state.in_(_LEASED))
+            .values(lease_until_us=lease_end(seconds))
+        )
+
+
+def report(database: Database, worker: str, told: Iterable[tuple[str, int, float, str]]) -> None:
+    """Write progress.
+
+    Parameters
+    ----------
+    told : iterable
+        Job, attempt, share of the whole (0 to 1), what is being done.
+    """
+    with database.write() as connection:
+        for job, attempt, share, what in told:
+            connection.execute(
+                update(jobs)
+                .where(
+                    jobs.c.id == job,
+                    jobs.c.attempt == attempt,
+                    jobs.c.worker == worker,
+                    jobs.c.state == State.RUNNING.value,
+                )
+                .values(
+                    progress_share=share,
+                    progress_what=what[:200],
+                    updated_us=NowUs(),
+                    revision=jobs.c.revision + 1,
+                )
+            )
+
+
+def running_attempts(database: Database) -> set[tuple[str, int]]:
+    """Every job and attempt that some worker holds."""
+    with database.read() as connection:
+        rows = connection.execute(select(jobs.c.id, jobs.c.attempt).where(jobs.c.state.in_(_LEASED)))
+        return {(row.id, row.attempt) for row in rows}
+
+
+def held_by(connection: Connection, workers: Iterable[str]) -> list[str]:
+    """The jobs that some workers hold."""
+    wanted = select(jobs.c.id).where(jobs.c.worker.in_(list(workers)), jobs.c.state.in_(_LEASED))
+    return list(connection.scalars(wanted))
+
+
+def holders(database: Database) -> list[str]:
+    """All workers that hold jobs."""
+    with database.read() as connection:
+        wanted = select(jobs.c.worker).where(jobs.c.state.in_(_LEASED)).distinct()
+        return [worker for worker in connection.scalars(wanted) if worker is not None]
+
+
+def anything_queued(database: Database) -> bool:
+    """Whether a job waits."""
+    with database.read() as connection:
+        wanted = select(jobs.c.id).where(jobs.c.state == State.QUEUED.value).limit(1)
+        return connection.scalar(wanted) is not None

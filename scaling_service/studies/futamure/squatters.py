@@ -1,0 +1,305 @@
+"""Squatting persons made of numbers: known lengths, inertia and motion, recorded with the usual faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.capabilities.consistent.artefact import artefact_m
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
+from scaling_service.core.streams import stream
+from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.builtin import builtin
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.forces import SegmentLoads
+from scaling_service.model.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.model.scaling import scaled
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.derivatives import SplineRates
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.virtual.motion import wander
+
+SUBJECTS = 8
+STATURE_M = (1.68, 0.11)
+MASS_KG = (64.0, 11.0)
+"""Futamure et al., section III: 8 men, mean and standard deviation."""
+
+BODY_MASS_INDEX = (17.0, 35.0)
+"""Chosen: drawn again outside, for stature and mass are given apart."""
+
+LENGTH_SD = {"shank": 0.011, "thigh": 0.012, "torso": 0.020, "arm": 0.015}
+"""m, about the mean for a stature. Shank and thigh: Puchaud 2019, table 2. Trunk and arm: chosen, 4 % and
+5 %."""
+
+TABLES = ("dumas2007", "dumas_wojtusch2018", "deleva1996")
+"""One of them, drawn, is a person's mean inertia. The analysis starts from another table (Winter 2009), so
+that it is
+wrong as tables are."""
+
+MASS_SD, COM_SD, RADIUS_SD = 0.10, 0.10, 0.08
+"""A person's scatter about the table: mass and radius of gyration relative, centre of mass over the radius of
+gyration. The scatter between published tables: Dumas 2007, Dumas & Wojtusch 2018, de Leva 1996, Winter
+2009."""
+
+PLACEMENT_M: Mapping[str, float] = {
+    "TOE": 0.003,
+    "ANK": 0.003,
+    "KNE": 0.005,
+    "ASI": 0.007,
+    "PSI": 0.007,
+    "TIB": 0.02,
+    "THI": 0.02,
+}
+"""SD of a marker's place about the model's, each axis. After Della Croce et al. 1999, 2005 (6-21 mm within
+examiners), as for the walkers of Puchaud 2019; tracking markers sit anywhere: chosen, 20 mm."""
+
+PLACEMENT_ELSE_M = 0.007
+"""Trunk and arm, likewise."""
+
+SHARED = 0.75
+"""Share of the artefact's variance that all markers of a segment have in common (fluoroscopy of six knees,
+PMC8631460: 18 mm together, 10 mm apart)."""
+
+RESIDUAL_M = 0.0025
+"""RMS of the artefact that no angle explains (facts of the walkers: 2 to 3 mm)."""
+
+CAMERA_M = 0.0005
+"""SD of a moving marker's coordinate."""
+
+PLATE_SHARE, PLATE_LEAST_N, PLATE_COP_M = 0.001, 0.22, 0.0002
+"""AMTI's data sheet as Muller et al. 2017 cite it: of the load, N, m; each three standard deviations."""
+
+RATE_HZ, LENGTH_S = 100.0, 13.0
+"""Futamure et al. record at 100 Hz. Length chosen: four squats."""
+
+DEPTH_DEG, PERIOD_S = (95.0, 8.0), (2.9, 0.25)
+"""Knee flexion at the bottom and time of one squat, mean and SD over persons (chosen)."""
+
+LEAN_DEG, REACH_DEG = (38.0, 5.0), (30.0, 20.0)
+"""Forward lean of the trunk and forward swing of the arms at the bottom, mean and SD over persons
+(chosen)."""
+
+OVER_FOOT_M = 0.04
+"""Where the centre of mass stands before the ankle (chosen: a third of the way to the toes)."""
+
+_NEWTON = 10
+"""Steps that bring the centre of mass there (chosen: five would do)."""
+
+_DRIVERS = {"shank": (0, 1), "thigh": (1, 2), "torso": (2,), "arm": (3,), "foot": ()}
+"""Coordinates that move the skin of each segment, by number: the joints at its ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Squats:
+    """One recording of a person.
+
+    Parameters
+    ----------
+    name : str
+    truth : RatedMotion
+    trial : Trial
+        Markers with artefact and noise.
+    loads : SegmentLoads
+        With the plate's noise, on the foot.
+    wrench : ndarray, shape (n, 6)
+        The true one, about the ankle.
+    """
+
+    name: str
+    truth: RatedMotion
+    trial: Trial
+    loads: SegmentLoads
+    wrench: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualSquatter:
+    """A person and the recordings.
+
+    Parameters
+    ----------
+    name : str
+    height_m, mass_kg : float
+    model : BodyModel
+        The truth: lengths, inertia, places of markers standing.
+    fitted, held_out : Squats
+    """
+
+    name: str
+    height_m: float
+    mass_kg: float
+    model: BodyModel
+    fitted: Squats
+    held_out: Squats
+
+
+def virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
+    """A person by seed.
+
+    Parameters
+    ----------
+    seed : int
+    faults : float
+        Multiplies placement errors, artefact and noise: one as in the literature, zero for none.
+    """
+    height, mass = _build(seed)
+    model = _with_placement(seed, _person(seed, height, mass), faults)
+    fitted, held_out = (_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
+    return VirtualSquatter(f"squatter_{seed}", height, mass, model, fitted, held_out)
+
+
+def _build(seed: int) -> tuple[float, float]:
+    rng = stream(seed, "squatter")
+    low, high = BODY_MASS_INDEX
+    while True:
+        height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
+        if height > 0 and low < mass / height**2 < high:
+            return height, mass
+
+
+def _person(seed: int, height: float, mass: float) -> BodyModel:
+    """Lengths and inertia."""
+    generic = builtin(SQUAT)
+    rng = stream(seed, "squatter", "lengths")
+    factors = {}
+    for name, sd in LENGTH_SD.items():
+        usual = height / STATURE_M[0]
+        factors[name] = usual + sd * float(rng.normal()) / _reach(generic, name)
+    factors["foot"] = height / STATURE_M[0]
+    model = scaled(generic, {name: (k, k, k) for name, k in factors.items()})
+    table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
+    mean = apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
+    return _scattered(seed, mean, mass)
+
+
+def _reach(generic: BodyModel, name: str) -> float:
+    """The generic length of a segment, m."""
+    child = generic.children(name)
+    if not child:
+        return float(np.linalg.norm(generic.marker("ELB").nominal))
+    return sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
+
+
+def _scattered(seed: int, model: BodyModel, mass: float) -> BodyModel:
+    rng, mean = stream(seed, "squatter", "inertia"), inertias_of(model)
+    count = len(mean.mass)
+    heavy = mean.mass * (1.0 + MASS_SD * rng.normal(size=count))
+    heavy *= mass / heavy.sum()
+    gyration = np.sqrt(mean.tensor[:, 2, 2] / mean.mass)
+    com = mean.com + COM_SD * gyration[:, None] * rng.normal(size=(count, 3)) * np.array([1.0, 1.0, 0.0])
+    growth = (heavy / mean.mass) * (1.0 + RADIUS_SD * rng.normal(size=count)) ** 2
+    return with_inertias(model, Inertias(heavy, com, mean.tensor * growth[:, None, None]))
+
+
+def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
+    def moved(marker: Marker) -> Marker:
+        sd = faults * PLACEMENT_M.get(marker.name, PLACEMENT_ELSE_M)
+        x, y = np.array(marker.nominal)[:2] + sd * stream(seed, "placement", marker.name).normal(size=2)
+        return replace(
+            Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)), anatomical=marker.anatomical
+        )
+
+    return model.with_markers(tuple(map(moved, model.markers)))
+
+
+def _squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
+    times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
+    q = _posture(seed, name, model, times)
+    qdot, qddot = SplineRates(times).rates(q)
+    truth = RatedMotion(times, q, qdot, qddot)
+    wrench = root_wrench(mechanism_of(model), truth.rates, parameter_values(model))[0].T
+    return Squats(
+        name,
+        truth,
+        Trial(name, times, model.marker_names, _markers(seed, name, model, truth, faults), RATE_HZ),
+        _plate(seed, name, times, wrench, faults),
+        wrench,
+    )
+
+
+def _posture(seed: int, name: str, model: BodyModel, times: Array) -> Array:
+    """Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot."""
+    rng, own = stream(seed, "motion", name), stream(seed, "motion")
+    depth, period = float(own.normal(*DEPTH_DEG)), float(own.normal(*PERIOD_S))
+    lean, reach = float(own.normal(*LEAN_DEG)), float(own.normal(*REACH_DEG))
+    down = _bouts(rng, times, period)
+    degrees = np.zeros((len(times), 4))
+    degrees[:, 0] = -3.0 - 0.3 * depth * down
+    degrees[:, 1] = 6.0 + depth * down + wander(rng, times, 0.7, 1.0)
+    degrees[:, 2] = -2.0 - lean * down + wander(rng, times, 0.7, 1.0) - degrees[:, 0] - degrees[:, 1]
+    degrees[:, 3] = 5.0 + (reach + lean) * down + wander(rng, times, 2.0, 1.0)
+    over = OVER_FOOT_M + 0.004 * own.normal() + wander(rng, times, 0.004, 0.8)
+    return _in_balance(model, np.radians(degrees), over)
+
+
+def _bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
+    """How deep, 0 standing to 1: squats one after the other, each a little different."""
+    down, begin = np.zeros(len(times)), 0.7
+    while begin + period < times[-1] - 0.2:
+        length = period * (1.0 + 0.06 * rng.normal())
+        phase = np.clip((times - begin) / length, 0.0, 1.0)
+        down += (1.0 + 0.05 * rng.normal()) * np.sin(np.pi * phase) ** 4
+        begin += length + 0.1
+    return down
+
+
+def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
+    """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
+    tree, p = mechanism_of(model).tree, parameter_values(model)
+    masses = inertias_of(model).mass / inertias_of(model).mass.sum()
+
+    def ahead(turn: Array) -> Array:
+        at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])
+        centres = positions(tree, forward(tree, np.ascontiguousarray(at.T), p))
+        return np.asarray(masses @ centres[:, 0])
+
+    turn, step = np.zeros(len(q)), 1e-5
+    for _ in range(_NEWTON):
+        here = ahead(turn)
+        turn += (over - here) * step / (ahead(turn + step) - here)
+    return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
+
+
+def _markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults: float) -> Array:
+    """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
+    tree, p = compile_model(model), parameter_values(model)
+    poses = forward(tree, np.ascontiguousarray(truth.q.T), p)
+    placed = np.moveaxis(positions(tree, poses), -1, 0)
+    n, count = placed.shape[:2]
+    local = np.zeros((n, count, 3))
+    expected = artefact_m(model)
+    bend = truth.q - truth.q[:50].mean(axis=0)
+    bend = bend / np.abs(bend).max(axis=0)
+    for k, marker in enumerate(model.markers):
+        drivers = _DRIVERS[marker.segment]
+        for driver in drivers:
+            together = stream(seed, "artefact", marker.segment, driver).normal(size=2)
+            alone = stream(seed, "artefact", marker.segment, driver, marker.name).normal(size=2)
+            mixed = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
+            size = expected[marker.name] / np.sqrt(len(drivers))
+            local[:, k, :2] += size * mixed * bend[:, [driver]]
+        rng = stream(seed, "artefact", name, marker.name)
+        if drivers:
+            local[:, k, :2] += np.column_stack([wander(rng, truth.times, RESIDUAL_M, 2.0) for _ in range(2)])
+    axes = poses.axes[tree.marker_link]
+    noise = CAMERA_M * stream(seed, "camera", name).normal(size=(n, count, 3)) * np.array([1.0, 1.0, 0.0])
+    moved: Array = placed + faults * (np.einsum("mjan,nmj->nma", axes, local) + noise)
+    return moved
+
+
+def _plate(seed: int, name: str, times: Array, wrench: Array, faults: float) -> SegmentLoads:
+    rng = stream(seed, "plate", name)
+    force = wrench[:, :3].copy()
+    sd = np.maximum(PLATE_SHARE * np.abs(force), PLATE_LEAST_N) / 3.0
+    force += faults * sd * rng.normal(size=force.shape)
+    pressure = wrench[:, 5] / wrench[:, 1] + faults * PLATE_COP_M / 3.0 * rng.normal(size=len(times))
+    moment = np.zeros_like(force)
+    moment[:, 2] = pressure * force[:, 1]
+    force[:, 2] = 0.0
+    return SegmentLoads(times, ("foot",), force[:, None], moment[:, None])

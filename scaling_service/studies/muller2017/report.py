@@ -1,0 +1,189 @@
+"""The page of Muller 2017 done again: claims first, then figures 7, 8 and 10, then what only truth tells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from scaling_service.capabilities.dynamics.residuals import COMPONENTS
+from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
+from scaling_service.report.figures import Figure, chart
+from scaling_service.report.page import Page, Section
+from scaling_service.report.palette import FAINT, INK
+from scaling_service.studies.claims import claims_section
+from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
+
+_BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
+
+_BARS = (
+    ("residual", INK, "solid"),
+    ("uncertainty", FAINT, "solid"),
+    ("SD by the markers' errors", _BLUE, "solid"),
+    ("true error of the measurement", _ORANGE, "solid"),
+)
+"""Of figure 10: names, colours and the legend's lines."""
+
+_AXES = "X forward, Y up, Z right: the paper's vertical Fz and Mz are fy and my here."
+
+
+def study_page(document: Muller2017Document) -> Page:
+    """The page of the study, all from ``study.json``."""
+    persons = document.persons
+    return Page(
+        "Muller et al. 2017, done again on virtual persons",
+        [
+            claims_section(document.claims, document.notes, len(document.persons)),
+            Section("The paper's figures", list(_figures(persons)), new_page=True),
+            Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
+            Section("Where the uncertainty comes from", list(_sources(persons)), new_page=True),
+            *([Section("Real recordings", list(_real(document.recordings)))] if document.recordings else []),
+        ],
+        subtitle=document.source,
+        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
+    )
+
+
+def _figures(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+    yield Text(_AXES, quiet=True)
+    yield Grid([_growth(persons, k) for k in range(len(COMPONENTS))])
+    yield _boxes(persons)
+    yield Legend(_BARS)
+    yield Grid([_beside(person) for person in persons])
+
+
+def _growth(persons: Sequence[PersonEntry], k: int) -> Figure:
+    """Figure 7: dispersion against added error, each person's points and line."""
+    traces = []
+    for person in persons:
+        x = [level.added_mm / 10.0 for level in person.levels]
+        traces.append(
+            go.Scatter(
+                x=x,
+                y=[level.dispersion[k] for level in person.levels],
+                mode="markers",
+                marker={"color": INK, "size": 4},
+                hoverinfo="skip",
+            )
+        )
+        ends = [0.0, max(x)]
+        traces.append(
+            go.Scatter(
+                x=ends,
+                y=[person.slopes_per_cm[k] * end for end in ends],
+                mode="lines",
+                line={"color": _BLUE, "width": 1},
+                hoverinfo="skip",
+            )
+        )
+    name = COMPONENTS[k]
+    steepest = max(person.slopes_per_cm[k] for person in persons)
+    figure = chart(traces, x_title="added error, cm", y_title=name, hovermode=False)
+    said = (
+        f"Dispersion of {name} grows with the added reconstruction error, by at most {steepest:.3f} per cm."
+    )
+    return Figure(figure, f"Figure 7, {name}: dispersion against added reconstruction error", said, 220)
+
+
+def _boxes(persons: Sequence[PersonEntry]) -> Figure:
+    """Figure 8: slopes over persons."""
+    slopes = np.array([person.slopes_per_cm for person in persons])
+    traces = [
+        go.Box(y=slopes[:, k].tolist(), name=name, marker={"color": _BLUE}, boxpoints="all")
+        for k, name in enumerate(COMPONENTS)
+    ]
+    described = "; ".join(f"{n} {np.median(slopes[:, k]):.3f}" for k, n in enumerate(COMPONENTS))
+    figure = chart(traces, y_title="slope, 1/cm", hovermode="closest")
+    return Figure(figure, "Figure 8: slopes over persons", f"Median slopes per cm: {described}.", 300)
+
+
+def _beside(person: PersonEntry) -> Figure:
+    """Figure 10: residuals beside their uncertainty, and what the truth adds; a scale of powers of ten."""
+    values = (person.dr, person.total, person.markers_sd, person.true_measurement_error)
+    rows = [(name, row, colour) for (name, colour, _), row in zip(_BARS, values, strict=True)]
+    traces = [
+        go.Bar(x=list(COMPONENTS), y=list(values), name=name, marker={"color": colour})
+        for name, values, colour in rows
+    ]
+    figure = chart(
+        traces,
+        y_title="share of weight",
+        barmode="group",
+        yaxis={"type": "log", "dtick": 1, "gridcolor": "#e4e7eb", "fixedrange": True, "automargin": True},
+    )
+    said = "; ".join(f"{name}: {', '.join(f'{v:.4f}' for v in values)}" for name, values, _ in rows)
+    return Figure(figure, f"Figure 10, {person.name}", f"{said}.", 260)
+
+
+def _truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+    columns = ["", *COMPONENTS]
+    rows = []
+    for title, name in (
+        ("Residual dr", "dr"),
+        ("Uncertainty, eq. 12", "total"),
+        ("SD by the markers' errors", "markers_sd"),
+        ("True error of the measurement", "true_measurement_error"),
+        ("True error of the inertia", "true_inertial_error"),
+    ):
+        values = 100 * np.array([getattr(person, name) for person in persons])
+        rows.append(Row(title, [f"{m:.2f}" for m in values.mean(axis=0)]))
+    coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
+    rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
+    yield Table("Means over persons, % of weight and of weight times stature", columns, rows, _AXES)
+    for title, name in (
+        ("Identified beside the tables", "identified_beside_tables"),
+        ("Identified with hardly any tables", "identified_freely"),
+    ):
+        yield _identified(title, [getattr(person, name) for person in persons])
+
+
+def _identified(title: str, entries: Sequence[object]) -> Table:
+    rows = []
+    for said, before, after in (
+        ("held-out residual", "residual_before", "residual_after"),
+        ("true held-out error of inertia", "true_error_before", "true_error_after"),
+    ):
+        first, second = (np.array([getattr(e, name) for e in entries]) for name in (before, after))
+        for label, values in (("before", first), ("after", second)):
+            rows.append(Row(f"{said}, {label}", [f"{100 * m:.3f}" for m in values.mean(axis=0)]))
+        better = (second < first).sum(axis=0)
+        rows.append(Row(f"{said}, persons better", [f"{k} of {len(entries)}" for k in better]))
+    return Table(f"{title}, against the verdict: means, %", ["", *COMPONENTS], rows)
+
+
+def _real(recordings: Sequence[PropagatedEntry]) -> Iterator[Block]:
+    for recording in recordings:
+        yield Table(
+            f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} frames",
+            ["", *COMPONENTS],
+            [
+                Row("residual dr, %", [f"{100 * v:.2f}" for v in recording.dr]),
+                Row("uncertainty, %", [f"{100 * v:.2f}" for v in recording.total]),
+                Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
+                Row("R2", [f"{v:.3f}" for v in recording.r2]),
+            ],
+            recording.verdict,
+        )
+
+
+def _sources(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+    person = persons[0]
+    yield Table(
+        f"Markers that carry most of the uncertainty, {person.name}: % of the variance",
+        ["marker", "own error, mm", *COMPONENTS],
+        [
+            Row(m.marker, [f"{m.sd_mm:.1f}", *(Cell(f"{100 * s:.1f}", shade=4 * s) for s in m.shares)])
+            for m in person.markers
+        ],
+        "A segment's common error is divided among its markers.",
+    )
+    yield Table(
+        f"Windows worth calibrating with, the best first, {person.name}",
+        ["window, s", "information, nats", "force SD, % of weight"],
+        [
+            Row(f"{w.start_s:.1f} to {w.stop_s:.1f}", [f"{w.gain:.2f}", f"{100 * w.uncertainty:.2f}"])
+            for w in person.windows
+        ],
+        f"Together {100 * person.windows_share:.0f} % of what the whole recording tells of the inertia.",
+    )

@@ -1,0 +1,122 @@
+"""The page of Puchaud 2019 done again: claims first, then the paper's tables and figures beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import plotly.graph_objects as go
+
+from scaling_service.capabilities.cohort.report.angles import angle_blocks
+from scaling_service.capabilities.cohort.report.page import statistics_sections
+from scaling_service.capabilities.cohort.report.quantities import p_words, quantity_words
+from scaling_service.capabilities.cohort.statistics import CohortStatistics
+from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
+from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import method_columns
+from scaling_service.report.page import Page, Section
+from scaling_service.report.palette import FAINT, styles
+from scaling_service.studies.claims import claims_section
+from scaling_service.studies.document import Beside, StudyDocument
+
+
+def study_page(document: StudyDocument, cohort: CohortStatistics, walkers: CohortStatistics) -> Page:
+    """The page of the study.
+
+    Parameters
+    ----------
+    document : StudyDocument
+        ``study.json``.
+    cohort, walkers : CohortStatistics
+        All persons, and the paper's number of walkers alone.
+    """
+    return Page(
+        "Puchaud et al. 2019, done again on virtual persons",
+        [
+            claims_section(document.claims, document.notes, len(document.subjects)),
+            Section("The paper's tables beside ours", list(_tables(document)), new_page=True),
+            Section("The paper's figures beside ours", list(_figures(document)), new_page=True),
+            Section(
+                f"Figure 6: joint angles of {len(walkers.subjects)} walkers",
+                list(angle_blocks(walkers.curves)),
+                new_page=True,
+            ),
+            *statistics_sections(cohort),
+        ],
+        subtitle=document.source,
+        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
+    )
+
+
+def _tables(document: StudyDocument) -> Iterator[Block]:
+    yield _beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
+    yield _beside("Table 3: knee axes, degrees", document.knee_axis_deg)
+    literature = ", ".join(f"{who} {value:.1f}" for who, value in document.literature_error_mm.items())
+    yield _beside(
+        "Table 5 and figure 5: kinematic error on hip and knee movements, mm",
+        document.kinematic_error_mm,
+        f"Others, as table 5 gives them: {literature} mm.",
+    )
+    yield _beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
+
+
+def _beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
+    methods = list(dict.fromkeys(cell.method for cell in cells))
+    rows: list[Row] = []
+    for quantity in dict.fromkeys(cell.quantity for cell in cells):
+        of = {cell.method: cell for cell in cells if cell.quantity == quantity}
+        rows.append(Row(f"{quantity_words(quantity)}, paper", [_paper(of.get(m)) for m in methods]))
+        rows.append(Row("here", [_ours(of.get(m)) for m in methods]))
+    said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
+    return Table(caption, ["", *method_columns(methods)], rows, f"{said} {note}".strip())
+
+
+def _paper(cell: Beside | None) -> str:
+    if cell is None or cell.paper_mean is None:
+        return "–"
+    return f"{cell.paper_mean:.1f} ± {cell.paper_sd or 0.0:.1f}{cell.paper_stars}"
+
+
+def _ours(cell: Beside | None) -> Cell:
+    if cell is None:
+        return Cell("–")
+    tested = f" (p {p_words(cell.p_from_EB)})" if cell.p_from_EB is not None and cell.significant else ""
+    return Cell(f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}")
+
+
+def _figures(document: StudyDocument) -> Iterator[Block]:
+    yield Grid(
+        [
+            _bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),
+            _bars("Figure 5: kinematic error, mm", document.kinematic_error_mm),
+        ]
+    )
+
+
+def _bars(caption: str, cells: Sequence[Beside]) -> Figure:
+    """The paper's means in grey, ours in the method's colour, each with its SD."""
+    known = styles(list(dict.fromkeys(cell.method for cell in cells)))
+    many = len({cell.quantity for cell in cells}) > 1
+    names = [f"{quantity_words(c.quantity)} {c.method}" if many else c.method for c in cells]
+    labels = [plain(name) for name in names]
+    traces = [
+        go.Bar(
+            x=labels,
+            y=[cell.paper_mean for cell in cells],
+            error_y={"type": "data", "array": [cell.paper_sd for cell in cells], "thickness": 1},
+            marker={"color": FAINT},
+            name="paper",
+        ),
+        go.Bar(
+            x=labels,
+            y=[cell.mean for cell in cells],
+            error_y={"type": "data", "array": [cell.sd for cell in cells], "thickness": 1},
+            marker={"color": [known[cell.method].colour for cell in cells]},
+            name="here",
+        ),
+    ]
+    figure = chart(traces, y_title="mm", barmode="group")
+    described = "; ".join(
+        f"{name}: paper {_paper(cell)}, here {cell.mean:.1f} ± {cell.sd:.1f}"
+        for name, cell in zip(names, cells, strict=True)
+    )
+    return Figure(figure, f"{caption}. Grey: the paper.", f"{caption}. {described}.", 320)

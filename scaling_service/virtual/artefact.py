@@ -1,0 +1,122 @@
+"""Skin that moves over the bone: marker displacements linear in the joint angles.
+
+The model of Camomilla et al. 2013 and Bonci et al. 2014: a marker's displacement in its segment's
+frame is ``sum_j h_j (q_j - q_j standing)``, one vector ``h_j`` per marker and joint angle. As every
+displacement is a law of coordinates, the person with moving skin is again a body model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.core.streams import stream
+from scaling_service.model.body import BodyModel, Law, Marker, Term, Vector
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.virtual.motion import wander
+
+_PER_DEG = 1e-3 * 180.0 / np.pi  # mm per degree in m per radian
+
+THIGH_MM_PER_DEG: Mapping[str, Vector] = {
+    "hip_flexion": (0.3, 0.4, 0.3),
+    "hip_adduction": (0.3, 0.4, 0.3),
+    "hip_rotation": (0.3, 0.4, 0.3),
+    "knee_angle": (0.2, 0.2, 0.2),
+}
+"""Standard deviation of the coefficients of thigh markers, x, y, z. Published coefficients were not
+found; proposed (facts section 8) so that peaks over the movements are of the order of 30 mm (Leardini et
+al. 2005, Camomilla et al. 2017), most of it along the thigh (Barre et al. 2017)."""
+
+SHANK_MM_PER_DEG: Mapping[str, Vector] = {"knee_angle": (0.12, 0.12, 0.12)}
+"""As the thigh's; peaks of the order of 20 mm."""
+
+PELVIS_MM_PER_DEG: Mapping[str, Vector] = {"hip_flexion": (0.08, 0.08, 0.08)}
+"""As the thigh's, by the hip of the marker's side; peaks of the order of 9 mm."""
+
+SHARED = 0.75
+"""Share of the coefficients' variance that all markers of a segment have in common: they move together by
+about 18 mm and against each other by 4 to 16 mm (fluoroscopy of six knees, PMC8631460), so about
+18^2 / (18^2 + 10^2)."""
+
+RESIDUAL_MM = (2.0, 3.0)
+"""RMS of what no joint angle explains, proposed (facts section 8)."""
+
+RESIDUAL_HZ = 2.0
+"""Highest frequency of that part (chosen): it lies near the movement's own (Leardini et al. 2005)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Artefact:
+    """How the skin of one person moves.
+
+    Parameters
+    ----------
+    coefficients : mapping
+        Marker to driving coordinate to displacement per angle, m/rad, in the segment's frame.
+    reference : mapping
+        Coordinate to its value standing, where nothing is displaced, rad.
+    residual_m : float
+        RMS length of the part that no angle explains.
+    """
+
+    coefficients: Mapping[str, Mapping[str, Vector]]
+    reference: Mapping[str, float]
+    residual_m: float
+
+
+def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], size: float) -> Artefact:
+    """The skin of one person.
+
+    Parameters
+    ----------
+    reference : mapping
+        The coordinates in the standing posture, rad.
+    size : float
+        Multiplies every coefficient; one for the literature's, zero for none.
+    """
+    coefficients = {m.name: _coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
+    low, high = RESIDUAL_MM
+    residual = 1e-3 * size * stream(seed, "artefact", "residual").uniform(low, high)
+    return Artefact(coefficients, dict(reference), float(residual))
+
+
+def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
+    side = marker.name[0].lower() if marker.segment == "pelvis" else marker.segment[-1]
+    table = {"p": PELVIS_MM_PER_DEG, "f": THIGH_MM_PER_DEG, "t": SHANK_MM_PER_DEG}[marker.segment[0]]
+    found = {}
+    for driver, spread in table.items():
+        coordinate = f"{driver}_{side}"
+        together = stream(seed, "artefact", marker.segment, coordinate).normal(size=3)
+        alone = stream(seed, "artefact", marker.segment, coordinate, marker.name).normal(size=3)
+        mixed = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
+        x, y, z = (float(v) for v in size * _PER_DEG * np.array(spread) * mixed)
+        found[coordinate] = (x, y, z)
+    return found
+
+
+def with_artefact(model: BodyModel, artefact: Artefact) -> BodyModel:
+    """The model with markers that glide with the joint angles (the residual apart)."""
+    return model.with_markers(tuple(_gliding(m, artefact) for m in model.markers))
+
+
+def _gliding(marker: Marker, artefact: Artefact) -> Marker:
+    drivers = artefact.coefficients.get(marker.name, {})
+    x, y, z = (
+        law + sum((_glide(c, h[axis], artefact.reference[c]) for c, h in drivers.items()), Law())
+        for axis, law in enumerate(marker.laws)
+    )
+    return replace(marker, laws=(x, y, z))
+
+
+def _glide(coordinate: str, per_angle: float, standing: float) -> Law:
+    if per_angle == 0.0:
+        return Law()
+    return Law((Term(per_angle, coordinate=coordinate), Term(-per_angle * standing)))
+
+
+def residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:
+    """What no angle explains, for one marker, (n_frames, 3), m, alike in all directions."""
+    per_axis = artefact.residual_m / np.sqrt(3.0)
+    return np.column_stack([wander(rng, times, per_axis, RESIDUAL_HZ) for _ in range(3)])

@@ -11,11 +11,11 @@ import yaml
 from scaling_service.client import Client, JobEnded, ServiceRefused
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import State
-from tests.api.conftest import tiny
-from tests.api.served import Served, serving, settings_in
-from tests.api.test_subjects import person
-from tests.runner.services import running
-from tests.runner.tiny import TINY
+from tests.service.http.conftest import tiny
+from tests.service.http.served import Served, serving, settings_in
+from tests.service.http.test_subjects import person
+from tests.service.jobs.services import running
+from tests.service.jobs.tiny import TINY
 
 __all__ = ["tiny"]
 

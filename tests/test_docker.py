@@ -18,9 +18,9 @@ import yaml
 from scaling_service.client import Client
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.settings import PREFIX, ServiceSettings
-from tests.api.example import example_files, put_example
 from tests.cli.serving import COMMAND, ENVIRONMENT, free_port
-from tests.store.postgres import server
+from tests.service.http.example import example_files, put_example
+from tests.service.store.postgres import server
 
 FOLDER = Path(__file__).resolve().parents[1] / "docker"
 COMPOSE: dict[str, Any] = yaml.safe_load((FOLDER / "compose.yaml").read_text(encoding="utf-8"))

@@ -9,11 +9,11 @@ import numpy as np
 
 from scaling_service.bones.evidence import evidence_of
 from scaling_service.bones.whole import find_landmarks
-from scaling_service.capabilities.scaling.methods.axes import axis_of
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import Vector
 from scaling_service.model.images import Bone, ImageEvidence, ImagePose
+from scaling_service.model.knee_axes import axis_of
 from scaling_service.model.neutral import neutral_frames
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones.person import virtual_bones

@@ -14,7 +14,7 @@ from scaling_service.model.compile import parameter_values
 from scaling_service.model.massive import mechanism_of
 from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.wrench import ground_wrench as wrench
-from tests.estimation.test_inverse_dynamics import RECORDINGS, differences, opensims, recorded
+from tests.capabilities.motion.test_inverse_dynamics import RECORDINGS, differences, opensims, recorded
 
 pytestmark = pytest.mark.benchmark
 

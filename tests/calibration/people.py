@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.scaling.methods.axes import axis_of
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
 from scaling_service.model.images import ImageEvidence
+from scaling_service.model.knee_axes import axis_of
 from scaling_service.model.neutral import neutral_frames, neutral_markers
 from scaling_service.model.parameters import fold, free_axis, free_marker
 from scaling_service.model.scaling import scaled

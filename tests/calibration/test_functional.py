@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.scaling.methods.axes import axis_of
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
@@ -18,6 +17,7 @@ from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates
+from scaling_service.model.knee_axes import axis_of
 from scaling_service.model.knees import with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject

@@ -9,7 +9,7 @@ import trimesh
 
 from scaling_service.capabilities.landmarks.document import LandmarksDocument
 from scaling_service.cli import main
-from tests.landmarking import bones
+from tests.bones import bones
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ import requests
 from scaling_service.cli import main
 from scaling_service.client import Client
 from scaling_service.documents.jobs import State
-from tests.api.example import example_files, put_example
 from tests.cli.serving import COMMAND, ENVIRONMENT, ROOT, free_port, served, start
+from tests.service.http.example import example_files, put_example
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

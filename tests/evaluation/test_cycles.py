@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.cycles import Curves, mean_curves, normalised_cycles
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
+from scaling_service.numerics.statistics.cycles import Curves, mean_curves, normalised_cycles
 
 TIMES = np.arange(301) / 100.0
 ANGLES = np.column_stack([np.sin(2 * np.pi * TIMES), TIMES**3 - TIMES])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_rel
 
-from scaling_service.capabilities.scaling.comparison.cycles import Curves
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
+from scaling_service.numerics.statistics.cycles import Curves
 from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 from scaling_service.numerics.statistics.waveforms import (

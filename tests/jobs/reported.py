@@ -9,7 +9,7 @@ from scaling_service.capabilities.scaling.judging import verdict_document, verdi
 from scaling_service.capabilities.scaling.reporting import report_html
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
-from tests.reports.reading import Node, read
+from tests.report.reading import Node, read
 
 MOST_BYTES = 8e6
 """Of a report: chosen, what a mail server takes; plotly alone has 4.8 MB."""

@@ -13,7 +13,7 @@ from scaling_service.capabilities.scaling.saving import save
 from scaling_service.cli import main
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.reported import MOST_BYTES
-from tests.reports.reading import data, read
+from tests.report.reading import data, read
 
 
 @pytest.fixture

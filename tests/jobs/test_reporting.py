@@ -22,8 +22,8 @@ from scaling_service.model.neutral import neutral_frames
 from scaling_service.model.parameters import fold, free_axis
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.jobs.reported import MOST_BYTES, document_of, page_of, without
-from tests.reports.reading import data, tables
-from tests.reports.test_blocks import NASTY, shown
+from tests.report.reading import data, tables
+from tests.report.test_blocks import NASTY, shown
 
 LONGEST_S = 3.0
 """Of a core's own time; chosen: what a person waits for without asking."""

@@ -14,7 +14,7 @@ from scaling_service.studies.document import Beside, StudyDocument
 from scaling_service.studies.puchaud2019.claims import CLAIMS
 from scaling_service.studies.puchaud2019.paper import METHODS, paper
 from scaling_service.studies.puchaud2019.run import StudyResult, reproduce_puchaud2019, save_study
-from tests.reports.reading import Node, read
+from tests.report.reading import Node, read
 
 WALKERS = 2  # looked at alone; the paper's six, and one more, take twice as long
 PERSONS = WALKERS + 1

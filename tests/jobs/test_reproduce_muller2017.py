@@ -13,7 +13,7 @@ from scaling_service.studies.muller2017.claims import CLAIMS
 from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
 from scaling_service.studies.muller2017.run import reproduce_muller2017, save_muller2017
-from tests.reports.reading import Node, read
+from tests.report.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)
 SHORT = ExcitationSettings(seconds=6.0)

@@ -19,7 +19,7 @@ from scaling_service.capabilities.playback.shapes import MOST_FACES, glb, long_e
 from scaling_service.capabilities.scaling.run import Results, run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.documents.arrays import ArrayEntry
-from scaling_service.documents.table_files import MOST_FRAMES, ArrayFiles
+from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles
 from scaling_service.model.builtin import builtin
 from scaling_service.model.neutral import neutral_frames
 from scaling_service.model.poses import segment_poses

@@ -11,7 +11,7 @@ from scaling_service.capabilities.cohort.progress import Interrupted, watched
 from scaling_service.capabilities.cohort.run import batch as run_batch
 from scaling_service.capabilities.cohort.screen import show_cohort
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.cli import options
+from scaling_service.capabilities.shared import options
 
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""

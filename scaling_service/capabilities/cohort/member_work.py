@@ -10,7 +10,7 @@ from scaling_service.capabilities.cohort.request import MemberRequest, MemberRes
 from scaling_service.capabilities.cohort.scaling_items import NothingPossible
 from scaling_service.capabilities.cohort.subject_item import SubjectItem
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 
 def work(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

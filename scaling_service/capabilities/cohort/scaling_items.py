@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal, Protocol
 
+from scaling_service.capabilities.cohort.custom_legs import Generic, custom_legs
 from scaling_service.capabilities.cohort.executors import tell
 from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
 from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
@@ -21,7 +22,6 @@ from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.virtual.custom_legs import Generic, custom_legs
 from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 Status = Literal["done", "skipped", "failed"]

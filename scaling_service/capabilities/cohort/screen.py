@@ -15,7 +15,7 @@ from scaling_service.capabilities.cohort.document import (
     StatisticsDocument,
     SubjectEntry,
 )
-from scaling_service.cli.screen import console_of_results, say
+from scaling_service.capabilities.shared.screen import console_of_results, say
 from scaling_service.core.text import few
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from scaling_service.capabilities.cohort.scaling_items import Outcome
 from scaling_service.capabilities.cohort.subject_summary import TRUTH, SubjectSummary
-from scaling_service.capabilities.scaling.comparison.cycles import NODES
+from scaling_service.numerics.statistics.cycles import NODES
 
 Row = Sequence[str | float | int]
 

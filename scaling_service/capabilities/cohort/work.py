@@ -23,8 +23,8 @@ from scaling_service.capabilities.scaling.request import named_files
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.core.serial import Serial
 from scaling_service.documents.jobs import Failure, State
+from scaling_service.documents.names import DOCUMENT, PARTS
 from scaling_service.documents.reading import read_document
-from scaling_service.service.jobs.names import DOCUMENT, PARTS
 
 T = TypeVar("T")
 

@@ -15,8 +15,8 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.cli import options
-from scaling_service.cli.screen import console_of_results, introduce, progress_bar, say
+from scaling_service.capabilities.shared import options
+from scaling_service.capabilities.shared.screen import console_of_results, introduce, progress_bar, say
 
 
 def consistent(

@@ -9,7 +9,7 @@ from scaling_service.capabilities.consistent.request import ConsistentRequest
 from scaling_service.capabilities.consistent.run import consistent
 from scaling_service.capabilities.consistent.saving import save_consistent
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 
 def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

@@ -15,8 +15,8 @@ from scaling_service.capabilities.datasets.document import SOURCE_FILE, Dataset
 from scaling_service.capabilities.datasets.downloads import BASE_URL, default_cache
 from scaling_service.capabilities.datasets.files import terms
 from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands
-from scaling_service.cli import options
-from scaling_service.cli.screen import progress_bar
+from scaling_service.capabilities.shared import options
+from scaling_service.capabilities.shared.screen import progress_bar
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 

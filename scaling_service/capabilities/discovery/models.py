@@ -15,11 +15,11 @@ from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
 from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Swing
 from scaling_service.capabilities.discovery.search.candidates import FreeMotion, Part
 from scaling_service.capabilities.discovery.start import Prepared
-from scaling_service.capabilities.scaling.methods.axes import after
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
 from scaling_service.files.osim.plans import planned_joints
 from scaling_service.model.body import BodyModel, Law, Vector
+from scaling_service.model.knee_axes import after
 
 _EVERY = ""
 """A name of no trial: what holds in all of them."""

@@ -13,7 +13,7 @@ from scaling_service.capabilities.discovery.report.page import headline
 from scaling_service.capabilities.discovery.report.style import digits, placed
 from scaling_service.capabilities.discovery.saving import FILE_NAME
 from scaling_service.capabilities.discovery.words import shown
-from scaling_service.cli.screen import console_of_results, introduce, say
+from scaling_service.capabilities.shared.screen import console_of_results, introduce, say
 
 _LEFT = 5  # places still above the floor; all are in discovery.json (chosen: as many as fit a screen)
 _TWINS = 3  # members of a class beside the effect (chosen); all are in discovery.json

@@ -10,7 +10,7 @@ from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.playback.results import scene_of_discovery
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 _COMPUTING, _WRITING = 0.9, 0.07
 """Chosen: about the shares of the search and of writing; the rest is what is played back."""

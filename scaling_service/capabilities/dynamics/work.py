@@ -10,7 +10,7 @@ from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.playback.residuals import write_residuals
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 
 def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

@@ -45,7 +45,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
-from scaling_service.documents.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import GroundForces

@@ -12,7 +12,7 @@ from scaling_service.capabilities.intake.plates import describe_plates
 from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
-from scaling_service.documents.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.markers import looks_computed
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array, Trial

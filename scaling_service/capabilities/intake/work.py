@@ -9,7 +9,7 @@ from typing import Any
 from scaling_service.capabilities.intake.request import ProofRequest
 from scaling_service.capabilities.intake.run import prove
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 
 def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
 from scaling_service.capabilities.scaling.request import LandmarksRequest
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.service.jobs.names import DOCUMENT
+from scaling_service.documents.names import DOCUMENT
 
 
 def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

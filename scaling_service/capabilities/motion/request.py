@@ -9,9 +9,9 @@ from pydantic import Field
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.scaling.request import Documents, Needed, OfOneSubject
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.documents.names import plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
-from scaling_service.service.jobs.names import plain_name
 
 
 class MotionRequest(OfOneSubject, MotionOptions):

@@ -11,11 +11,11 @@ from scaling_service.capabilities.motion.request import MotionRequest
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import read_model
+from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import read_recording
 from scaling_service.model.anatomy.markers import strip_prefix
-from scaling_service.service.jobs.names import DOCUMENT
 
 
 def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

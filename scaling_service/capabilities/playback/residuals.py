@@ -10,7 +10,7 @@ from scaling_service.capabilities.dynamics.run import DynamicsResults
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.scaling.saving import write_json
-from scaling_service.documents.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles
 
 FILE_NAME = f"{FOLDER}/residuals.json"
 

@@ -27,7 +27,7 @@ from scaling_service.capabilities.playback.overlay import knee_axes
 from scaling_service.capabilities.playback.shapes import glb, surfaces
 from scaling_service.capabilities.scaling.saving import write_json
 from scaling_service.documents.arrays import ArrayEntry
-from scaling_service.documents.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces

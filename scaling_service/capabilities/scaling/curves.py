@@ -7,8 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.cycles import Curves as CohortCurves
-from scaling_service.capabilities.scaling.comparison.cycles import normalised_cycles
 from scaling_service.capabilities.scaling.comparison.gait_cycles import Cycle, find_gait_cycles
 from scaling_service.capabilities.scaling.judging import joint_angles
 from scaling_service.capabilities.scaling.report.data import Curves, CycleCurves, Gait
@@ -16,6 +14,8 @@ from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.statistics.cycles import Curves as CohortCurves
+from scaling_service.numerics.statistics.cycles import normalised_cycles
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     WaveformComparison,

@@ -13,9 +13,9 @@ from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.documents.names import plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier, SubjectDocument
-from scaling_service.service.jobs.names import plain_name
 
 Documents = Mapping[str, Mapping[str, Any]]
 """Subject to its document, as JSON gave it."""

@@ -10,8 +10,8 @@ from scaling_service.capabilities.playback.results import scene_of_results
 from scaling_service.capabilities.scaling.request import OfRecordings, ScalingRequest
 from scaling_service.capabilities.scaling.run import Progress, Results, compare
 from scaling_service.capabilities.scaling.saving import save
+from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument
-from scaling_service.service.jobs.names import DOCUMENT
 
 _COMPUTING, _WRITING = 0.6, 0.35
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.results import Array
+from scaling_service.numerics.multibody.laws import Array
 
 
 class ValueMissing(InputError):

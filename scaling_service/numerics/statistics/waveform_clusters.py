@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.model.results import Array
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.permutations import Rearrangements, Statistic
 
 _TIE = 1e-7

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.cycles import Curves
-from scaling_service.model.results import Array
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible
+from scaling_service.numerics.statistics.cycles import Curves
 from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest, curve_test
 
@@ -117,7 +117,7 @@ def compare_waveforms(
     ----------
     curves : Curves
         One per subject and method; several cycles of a subject are averaged before
-        (:func:`~scaling_service.capabilities.scaling.comparison.cycles.mean_curves`).
+        (:func:`~scaling_service.numerics.statistics.cycles.mean_curves`).
     rng : numpy.random.Generator
         Used only where rearrangements are too many to take all.
     reference : str, optional
@@ -163,7 +163,7 @@ def repeated_measures_anova(
     Parameters
     ----------
     values : ndarray, shape (n_subjects, n_conditions, n_nodes)
-        Complete: use :class:`~scaling_service.capabilities.scaling.comparison.cycles.Curves` to make sure.
+        Complete: use :class:`~scaling_service.numerics.statistics.cycles.Curves` to make sure.
     """
     chosen = settings or WaveformSettings()
     _refuse_gaps(values)

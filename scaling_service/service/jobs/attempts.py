@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.documents.jobs import Failure
+from scaling_service.documents.names import DOCUMENT, PARTS
 from scaling_service.service.jobs.identity import code_version
 from scaling_service.service.jobs.kinds import Kind
-from scaling_service.service.jobs.names import DOCUMENT, PARTS
 from scaling_service.service.jobs.outcomes import Failed, Finished, Hindered, Outcome
 from scaling_service.service.sandbox.child import Child, Progress
 from scaling_service.service.sandbox.limits import Limits

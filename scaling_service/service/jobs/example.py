@@ -12,8 +12,8 @@ from pathlib import Path
 
 from scaling_service.capabilities.scaling.request import named_files
 from scaling_service.core.errors import InputError
+from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import check_document
-from scaling_service.service.jobs.names import DOCUMENT
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.store.errors import InUse, NotFound
 

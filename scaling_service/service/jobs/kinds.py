@@ -63,8 +63,12 @@ class Late:
 
     def __call__(self, request: Any, inputs: Path, outputs: Path, progress: Progress) -> Any:
         """Do the work."""
-        module = import_module(f"scaling_service.capabilities.{self.module}")
-        return getattr(module, self.name)(request, inputs, outputs, progress)
+        return getattr(import_module(self.path), self.name)(request, inputs, outputs, progress)
+
+    @property
+    def path(self) -> str:
+        """The module's whole name."""
+        return f"scaling_service.capabilities.{self.module}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,7 @@ class Parts:
         From the request to those of the parts; each concerns subjects of the whole.
     file : str
         Name of the file of each part that the work needs: it lies where the part wrote it, but among the
-        inputs. How the parts ended stands there, too (:data:`~scaling_service.service.jobs.names.PARTS`).
+        inputs. How the parts ended stands there, too (:data:`~scaling_service.documents.names.PARTS`).
         All files of the parts become files of the whole.
     """
 
@@ -108,7 +112,7 @@ class Kind:
     """
 
     request: type[JobRequest]
-    work: Work
+    work: Late
     route: str | None = ""
     result: type[BaseModel] | None = None
     parts: Parts | None = None

@@ -15,10 +15,10 @@ from typing import Any
 
 from scaling_service.capabilities.scaling.request import JobRequest
 from scaling_service.documents.jobs import State
+from scaling_service.documents.names import plain_name
 from scaling_service.service.jobs.identity import canonical
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.ledger import Ledger
-from scaling_service.service.jobs.names import known_name, plain_name
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import canonical_subject, check_request, check_subject, new_job
 from scaling_service.service.store import deletion, jobs, listing, marker_maps, subjects, uploads
@@ -109,7 +109,7 @@ class Service:
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
         """One subject; NotFound where this owner has none of that name."""
-        return subjects.get(self.store.database, owner, known_name(subject, "subject"))
+        return subjects.get(self.store.database, owner, _known_name(subject, "subject"))
 
     def subject_document(self, owner: str, subject: str) -> dict[str, Any]:
         """A subject's document; NotFound where this owner has none of that name."""
@@ -122,7 +122,7 @@ class Service:
 
     def delete_subject(self, owner: str, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good; NotFound where there is none."""
-        deletion.delete_subject(self.store.database, self.store.blobs, owner, known_name(subject, "subject"))
+        deletion.delete_subject(self.store.database, self.store.blobs, owner, _known_name(subject, "subject"))
 
     # Files of subjects
 
@@ -148,7 +148,7 @@ class Service:
 
     def subject_files(self, owner: str, subject: str) -> list[FileRow]:
         """A subject's files, by name; NotFound where this owner has none of that name."""
-        return uploads.files(self.store.database, owner, known_name(subject, "subject"))
+        return uploads.files(self.store.database, owner, _known_name(subject, "subject"))
 
     def subject_file(self, owner: str, subject: str, name: str) -> tuple[FileRow, Path]:
         """One file of a subject and where its content lies; NotFound where it is not there."""
@@ -200,7 +200,7 @@ class Service:
 
     def job(self, owner: str, job: str) -> JobRow:
         """One job; NotFound where this owner has none of that name. ``revision`` grows with any change."""
-        return jobs.get(self.store.database, owner, known_name(job, "job"))
+        return jobs.get(self.store.database, owner, _known_name(job, "job"))
 
     def jobs(
         self,
@@ -214,7 +214,7 @@ class Service:
     ) -> Page[JobRow]:
         """An owner's jobs, newest first."""
         for what, name in (("kind", kind), ("subject", subject)):
-            known_name(name or "", what)
+            _known_name(name or "", what)
         return listing.page(
             self.store.database, owner, state=state, kind=kind, subject=subject, cursor=cursor, limit=limit
         )
@@ -233,7 +233,7 @@ class Service:
 
     def files(self, owner: str, job: str) -> list[FileRow]:
         """What a job made, by path."""
-        return jobs.files(self.store.database, owner, known_name(job, "job"))
+        return jobs.files(self.store.database, owner, _known_name(job, "job"))
 
     def file(self, owner: str, job: str, path: str) -> tuple[FileRow, Path]:
         """One file that a job made and where its content lies; NotFound where it is not there."""
@@ -241,11 +241,11 @@ class Service:
 
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is, a part of one that is not is InUse."""
-        return self._ledger.cancel(owner, known_name(job, "job"))
+        return self._ledger.cancel(owner, _known_name(job, "job"))
 
     def delete_job(self, owner: str, job: str) -> None:
         """Delete a job with all that it made, for good; if it runs, it is stopped."""
-        deletion.delete_job(self.store.database, self.store.blobs, owner, known_name(job, "job"))
+        deletion.delete_job(self.store.database, self.store.blobs, owner, _known_name(job, "job"))
 
     # The whole
 
@@ -262,10 +262,10 @@ class Service:
         self.store.close()
 
     def _document(self, owner: str, subject: str) -> str:
-        return subjects.document(self.store.database, owner, known_name(subject, "subject"))
+        return subjects.document(self.store.database, owner, _known_name(subject, "subject"))
 
     def _documents(self, owner: str, job: str) -> tuple[str, str | None, str | None]:
-        return jobs.documents(self.store.database, owner, known_name(job, "job"))
+        return jobs.documents(self.store.database, owner, _known_name(job, "job"))
 
     def _one(self, files: list[FileRow], name: str) -> tuple[FileRow, Path]:
         for file in files:
@@ -278,3 +278,16 @@ def open_store(settings: ServiceSettings) -> Store:
     """The store of the settings, its tables brought up to date."""
     url = settings.database_url
     return Store.open(settings.data_directory, None if url is None else url.get_secret_value())
+
+
+def _known_name(name: str, what: str) -> str:
+    """A name that something can have; others are told as not found before a database sees them.
+
+    Raises
+    ------
+    NotFound
+        It has control characters or halves of characters in it.
+    """
+    if not name.isprintable():
+        raise NotFound(f"there is no such {what}", field=what)
+    return name

@@ -11,4 +11,4 @@ import pyvista  # noqa: E402, F401 (imported late by those who need it)
 from scaling_service.service.jobs.kinds import KINDS  # noqa: E402
 
 for _kind in KINDS.values():
-    import_module(f"scaling_service.capabilities.{_kind.work.module}")
+    import_module(_kind.work.path)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.cli.screen import console_of_results
+from scaling_service.capabilities.shared.screen import console_of_results
 from scaling_service.studies.futamure.document import FutamureDocument, RecordingEntry
 from scaling_service.studies.futamure.run import reproduce_futamure, save_futamure
 from scaling_service.studies.futamure.squatters import SUBJECTS

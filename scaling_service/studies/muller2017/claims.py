@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from scaling_service.studies.muller2017 import questions as ask
 from scaling_service.studies.muller2017.questions import Answer
 from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, PersonStudied
-from scaling_service.studies.muller2017.study import questions as ask
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
-from scaling_service.cli.screen import console_of_results
+from scaling_service.capabilities.shared.screen import console_of_results
 from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.run import reproduce_muller2017, save_muller2017
 from scaling_service.studies.muller2017.study import SUBJECTS

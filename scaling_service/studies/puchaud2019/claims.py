@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from scaling_service.studies.puchaud2019 import questions as ask
 from scaling_service.studies.puchaud2019.questions import Answer, Study
-from scaling_service.studies.puchaud2019.study import questions as ask
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from scaling_service.capabilities.cohort.custom_legs import Generic
 from scaling_service.capabilities.cohort.documents import statistics_document
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.run import Watcher
@@ -20,12 +21,12 @@ from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.studies.document import Beside, ClaimEntry, StudyDocument
+from scaling_service.studies.puchaud2019 import tables
 from scaling_service.studies.puchaud2019.claims import answers
 from scaling_service.studies.puchaud2019.paper import METHODS, paper
 from scaling_service.studies.puchaud2019.questions import Study
 from scaling_service.studies.puchaud2019.report import study_page
-from scaling_service.studies.puchaud2019.study import DIFFERENCES, SUBJECTS, WALKERS, person_seeds, tables
-from scaling_service.virtual.custom_legs import Generic
+from scaling_service.studies.puchaud2019.study import DIFFERENCES, SUBJECTS, WALKERS, person_seeds
 
 DOCUMENT = "study.json"
 

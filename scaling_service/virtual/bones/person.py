@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.scaling.methods.axes import axis_of
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
+from scaling_service.model.knee_axes import axis_of
 from scaling_service.virtual.bones.femur import femur
 from scaling_service.virtual.bones.pelvis import hip_bone
 from scaling_service.virtual.bones.proportions import SOCKET_GAP_M, LegShape, Side, leg_shape

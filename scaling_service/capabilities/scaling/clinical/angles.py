@@ -12,12 +12,12 @@ from scaling_service.capabilities.scaling.clinical.landmarks import (
     moved_landmarks,
     tilt_is_seen,
 )
-from scaling_service.capabilities.scaling.comparison.cycles import NODES, normalised_cycles
 from scaling_service.capabilities.scaling.comparison.gait_cycles import Cycle
 from scaling_service.model.anatomy.conventional import ANGLES, KNEE, Points, conventional_angles
 from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
+from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
 
 SIDES: tuple[Side, ...] = ("r", "l")
 

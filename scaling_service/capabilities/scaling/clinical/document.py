@@ -11,11 +11,11 @@ import numpy as np
 from scaling_service.capabilities.scaling.clinical.angles import SIDES, ClinicalCycles
 from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_gait
 from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, typical_score
-from scaling_service.capabilities.scaling.comparison.cycles import NODES
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.model.anatomy.conventional import ANGLES
 from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.cycles import NODES
 
 CYCLES_TABLE = "clinical_angles.csv"
 _OVER_TIME = "_clinical.csv"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.cycles import NODES, normalised_cycles
 from scaling_service.capabilities.scaling.comparison.gait_cycles import Cycle, Side, find_gait_cycles
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
 
 _JOINTS = ("hip", "knee", "ankle")
 """How the names of a leg's coordinates begin. Puchaud 2019 (section 2.3) compares hips and knees."""

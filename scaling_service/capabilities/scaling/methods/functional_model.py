@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.axes import Tilt, tilt_of
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints, functional_joints
 from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
 from scaling_service.capabilities.scaling.methods.posture import Posture
@@ -15,6 +14,7 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import femur_frame
 from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.knee_axes import Tilt, tilt_of
 from scaling_service.model.neutral import marker_position, model_values
 from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.axes import Tilt, tilt_of, tilt_rotation
 from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
 from scaling_service.capabilities.scaling.methods.placement import moved, place_on
 from scaling_service.core.errors import SubjectInvalid
@@ -24,6 +23,7 @@ from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.images import ImageEvidence, ImagePose
+from scaling_service.model.knee_axes import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial

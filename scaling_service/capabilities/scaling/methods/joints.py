@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.axes import Tilt
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.body import BodyModel, Joint, Law, Vector
+from scaling_service.model.knee_axes import Tilt
 from scaling_service.model.parameters import fold, free_axis
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.axes import Tilt
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
 from scaling_service.capabilities.scaling.methods.functional_model import joints_of, with_functional
 from scaling_service.capabilities.scaling.methods.placement import (
@@ -26,6 +25,7 @@ from scaling_service.core.text import few
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.knee_axes import Tilt
 from scaling_service.model.knees import with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled

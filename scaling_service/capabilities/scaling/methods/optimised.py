@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Sequence
 
-from scaling_service.capabilities.scaling.methods.axes import after
 from scaling_service.capabilities.scaling.methods.fitting import STRATEGIES, Fit, Progress
 from scaling_service.capabilities.scaling.methods.frames import calibration_frames
 from scaling_service.capabilities.scaling.methods.freedom import Freedom, tiltable_knees
@@ -19,6 +18,7 @@ from scaling_service.capabilities.scaling.methods.per_axis import fitted_factor
 from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
+from scaling_service.model.knee_axes import after
 from scaling_service.model.parameters import fold
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.trial import Trial

@@ -1,0 +1,208 @@
+"""Curves over the gait cycle: each cycle on the same nodes, each subject's cycles averaged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, absent, checked
+
+NODES = 101
+"""0 to 100 % of the cycle, as Pataky's examples and published joint angles (Schwartz 2008: every 2 %)."""
+
+FEWEST = 4
+"""Frames in a cycle; chosen: a cubic through fewer would be no measurement."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """One curve per subject and method.
+
+    Parameters
+    ----------
+    quantity : str
+        What the curves are, such as a coordinate's name.
+    subjects, methods : tuples of str
+    values : ndarray, shape (n_subjects, n_methods, n_nodes)
+        The first node is 0 % and the last 100 % of the cycle; any unit, the tests have none.
+
+    Raises
+    ------
+    ValueMissing
+        A node that is not finite; subject, method and node are named.
+    ComparisonImpossible
+        Fewer than two subjects, methods or nodes, or a shape that does not fit the names.
+    """
+
+    quantity: str
+    subjects: tuple[str, ...]
+    methods: tuple[str, ...]
+    values: Array
+
+    def __post_init__(self) -> None:
+        table = checked(self.values, self.subjects, self.methods, quantity=self.quantity, dimensions=3)
+        if table.shape[2] < 2:
+            raise ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
+        object.__setattr__(self, "values", table)
+
+    @property
+    def percent(self) -> Array:
+        """Where the nodes lie, % of the cycle."""
+        return np.linspace(0.0, 100.0, self.values.shape[2])
+
+
+def normalised_cycles(
+    times: ArrayLike,
+    values: ArrayLike,
+    cycles: Sequence[tuple[float, float]],
+    names: Sequence[str],
+    *,
+    trial: str,
+    nodes: int = NODES,
+) -> Array:
+    """Cut cycles out of a recording and put each on the same nodes, by a cubic spline.
+
+    Parameters
+    ----------
+    times : (n_frames,), s, increasing
+    values : (n_frames, n_curves)
+    cycles : sequence of (start_s, end_s)
+        They may overlap and need not fall on frames.
+    names : sequence of str, length n_curves
+    trial : str
+        Its name, for messages.
+    nodes : int
+        From 0 to 100 % of the cycle, both included.
+
+    Returns
+    -------
+    ndarray, shape (n_cycles, n_curves, nodes)
+        The first two axes batch; units as given.
+
+    Raises
+    ------
+    TrialUnusable
+        A cycle that ends before it starts, leaves the recording or has fewer than four frames, or a
+        value within it (or in the frame at either side of it) that is not finite: gaps are not bridged.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 2.0, 201)
+    >>> cut = normalised_cycles(t, np.column_stack([t, t**2]), [(0.5, 1.5)], ("a", "b"), trial="walk")
+    >>> cut.shape, [round(float(v), 6) for v in cut[0, 1, [0, 50, 100]]]
+    ((1, 2, 101), [0.25, 1.0, 2.25])
+    """
+    clock, recorded = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if clock.ndim != 1 or recorded.shape != (len(clock), len(names)) or nodes < 2 or not len(clock):
+        raise ValueError(
+            f"values {recorded.shape} do not fit {len(clock)} times and {len(names)} names on {nodes} nodes"
+        )
+    curves = np.empty((len(cycles), len(names), nodes))
+    for k, (start, end) in enumerate(cycles):
+        rows = _rows(clock, start, end, trial)
+        _refuse_gaps(clock[rows], recorded[rows], names, trial)
+        curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
+    return curves
+
+
+def mean_curves(
+    cycles: Mapping[str, Mapping[str, ArrayLike]], methods: Sequence[str], *, quantity: str
+) -> Curves:
+    """Average each subject's cycles, so that a subject counts once however many cycles it walked.
+
+    Cycles of one person are not independent: as separate observations they would make the tests find
+    more than the subjects support.
+
+    Parameters
+    ----------
+    cycles : mapping
+        Subject to method to curves of shape (n_cycles, n_nodes); all methods on the same cycles.
+    methods : sequence of str
+        Those compared; others may be there.
+
+    Raises
+    ------
+    ValueMissing
+        A subject without a method, or a node that is not finite in any of the cycles.
+    ComparisonImpossible
+        Methods of one subject with different numbers of cycles, or curves of different lengths.
+    """
+    means = [[_mean(subject, method, by, quantity) for method in methods] for subject, by in cycles.items()]
+    for subject, by in cycles.items():
+        counts = {method: len(np.asarray(by[method])) for method in methods}
+        if len(set(counts.values())) > 1:
+            raise ComparisonImpossible(
+                f"subject '{subject}' has different numbers of cycles: {counts}",
+                field=quantity,
+                remedy="Compare all methods on the same cycles",
+            )
+    lengths = {mean.shape for by_method in means for mean in by_method}
+    if len(lengths) > 1:
+        raise ComparisonImpossible(
+            "curves have different numbers of nodes",
+            field=quantity,
+            remedy="Normalise them to the same nodes",
+        )
+    return Curves(quantity, tuple(cycles), tuple(methods), np.array(means))
+
+
+def _mean(subject: str, method: str, by_method: Mapping[str, ArrayLike], quantity: str) -> Array:
+    if method not in by_method:
+        raise absent(subject, method, quantity)
+    curves = np.asarray(by_method[method], dtype=np.float64)
+    if curves.ndim != 2:
+        raise ComparisonImpossible(
+            f"curves of subject '{subject}', method '{method}' have shape {curves.shape}",
+            field=quantity,
+            remedy="Give one row per cycle and one column per node",
+        )
+    if not len(curves):
+        raise absent(subject, method, quantity)
+    mean: Array = curves.mean(axis=0)
+    return mean
+
+
+def _rows(times: Array, start: float, end: float, trial: str) -> slice:
+    """The frames of a cycle with one beside each end that falls between two."""
+    if not start < end:
+        raise TrialUnusable(
+            f"a cycle from {start:g} s to {end:g} s ends before it starts",
+            file=trial,
+            remedy="Check the events",
+        )
+    # Times in files are rounded: an event that is the last frame may lie a hair behind it.
+    slack = 1e-6 * (times[-1] - times[0])
+    if start < times[0] - slack or end > times[-1] + slack:
+        raise TrialUnusable(
+            f"the cycle from {start:g} s to {end:g} s leaves the recording "
+            f"({times[0]:g} s to {times[-1]:g} s)",
+            file=trial,
+            remedy="Leave the cycle out",
+        )
+    first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
+    last = min(int(np.searchsorted(times, end, side="left")), len(times) - 1)
+    if last - first + 1 < FEWEST:
+        raise TrialUnusable(
+            f"the cycle from {start:g} s to {end:g} s has {last - first + 1} frames, and needs {FEWEST}",
+            file=trial,
+            remedy="Check the events",
+        )
+    return slice(first, last + 1)
+
+
+def _refuse_gaps(times: Array, values: Array, names: Sequence[str], trial: str) -> None:
+    gaps = np.argwhere(~np.isfinite(values))
+    if len(gaps):
+        row, column = gaps[0]
+        raise TrialUnusable(
+            f"'{names[column]}' has no value at {times[row]:g} s, within a cycle",
+            file=trial,
+            field=names[column],
+            remedy="Leave the cycle out, or fill the markers' gap first",
+        )

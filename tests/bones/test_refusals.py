@@ -1,0 +1,112 @@
+"""What is no bone, not that bone, or too little of it, is refused with the reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.whole import find_landmarks, unit_of
+from tests.bones import bones
+
+CUBE = bones.meshed([lambda p: np.abs(p).max(axis=1) - 50], [-60] * 3, [60] * 3, step=4.0)
+BEAM = bones.meshed(
+    [lambda p: (np.abs(p) - [30, 200, 40]).max(axis=1)], [-40, -210, -50], [40, 210, 50], step=4
+)
+SPHERE = bones.meshed([bones.ball([0, 0, 0], 100)], [-110] * 3, [110] * 3, step=4.0)
+FOOT = bones.meshed(
+    [lambda p: (np.linalg.norm(p / [125, 45, 40], axis=1) - 1) * 40],
+    [-130, -50, -50],
+    [130, 50, 50],
+    step=3.0,
+)
+ROD = bones.meshed([bones.rod([0, -200, 0], [0, 200, 0], 24)], [-30, -230, -30], [30, 230, 30])
+
+
+@pytest.mark.parametrize("bone", ["femur_r", "tibia_r", "pelvis"])
+@pytest.mark.parametrize(
+    "mesh", [CUBE, BEAM, SPHERE, FOOT, ROD], ids=["cube", "beam", "sphere", "foot", "rod"]
+)
+def test_no_bone(mesh: bones.Mesh, bone: str) -> None:
+    with pytest.raises(MeshRefused) as refusal:
+        find_landmarks({bone: bones.metres(mesh)})
+    assert refusal.value.field == bone
+    assert refusal.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("bone", "mesh"),
+    [
+        ("femur_r", bones.tibia()),
+        ("tibia_r", bones.femur()),
+        ("pelvis", bones.femur()),
+        ("femur_r", bones.talus()),
+        ("femur_l", bones.femur()),
+        ("tibia_l", bones.tibia()),
+        ("femur_r", bones.joined(bones.femur(), (bones.femur()[0] + [0, 0, 150], bones.femur()[1]))),
+        ("talus_r", bones.talus()),
+    ],
+    ids=["tibia", "femur", "pelvis", "talus", "left femur", "left tibia", "two femurs", "talus alone"],
+)
+def test_another_bone_than_it_is_called(bone: str, mesh: bones.Mesh) -> None:
+    with pytest.raises(MeshRefused) as refusal:
+        find_landmarks({bone: bones.metres(mesh)})
+    assert refusal.value.field == bone
+
+
+def test_the_wrong_side_is_named() -> None:
+    with pytest.raises(MeshRefused, match="right femur, but is given as a left"):
+        find_landmarks({"femur_l": bones.metres(bones.femur())})
+
+
+def test_a_talus_of_another_place() -> None:
+    vertices, faces = bones.talus()
+    with pytest.raises(MeshRefused, match="mm from the tibia"):
+        find_landmarks(
+            {"tibia_r": bones.metres(bones.tibia()), "talus_r": bones.metres((vertices + 200.0, faces))}
+        )
+
+
+def test_half_a_femur_gives_its_half() -> None:
+    top = find_landmarks({"femur_r": bones.metres(bones.above(bones.femur(), 150.0))})["femur_r"]
+    assert top.points["hip_centre"] * 1e3 == pytest.approx(bones.HIP_CENTRE, abs=0.1)
+    assert "knee_centre" in top.refused
+    assert top.side_from == "name"
+    bottom = find_landmarks({"femur_r": bones.metres(bones.above(bones.femur(), 200.0, -1.0))})["femur_r"]
+    middle = 0.5 * (bones.CONDYLE_MEDIAL + bones.CONDYLE_LATERAL)
+    assert bottom.points["knee_centre"] * 1e3 == pytest.approx(middle, abs=0.1)
+    assert "hip_centre" in bottom.refused
+    assert any("open" in warning for warning in bottom.warnings)
+
+
+def test_half_a_tibia_has_no_ankle() -> None:
+    found = find_landmarks({"tibia_r": bones.metres(bones.above(bones.tibia(), -250.0))})["tibia_r"]
+    assert "ankle_centre" not in found.points
+    assert "cut off" in found.refused["ankle_centre"]
+    assert "fibula_head" in found.points
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "said"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), dtype=int), "empty"),
+        (np.eye(3), np.array([[0, 1, 2]]), "too few"),
+        (np.eye(3), np.array([[0, 1, 5]]), "do not exist"),
+        (np.full((3, 3), np.nan), np.array([[0, 1, 2]]), "not finite"),
+        (np.eye(3), np.array([[0.0, 1.0, 2.0]]), "whole numbers"),
+        (np.eye(4), np.array([[0, 1, 2]]), "no triangles"),
+    ],
+)
+def test_no_mesh(vertices: np.ndarray, faces: np.ndarray, said: str) -> None:
+    with pytest.raises(MeshRefused, match=said):
+        find_landmarks({"femur_r": (vertices, faces)})
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "m"), (100.0, "cm"), (1000.0, "mm")])
+def test_the_unit_follows_from_the_size(factor: float, unit: str) -> None:
+    assert unit_of({"femur_r": 0.44 * factor, "talus_r": 0.06 * factor, "pelvis": 0.28 * factor}) == unit
+
+
+def test_mixed_units_are_refused() -> None:
+    with pytest.raises(MeshRefused, match="in no unit"):
+        unit_of({"femur_r": 440.0, "tibia_r": 0.39})

@@ -1,0 +1,85 @@
+"""Linear scaling by closed forms and invariants (against OpenSim: tests/files/osim)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
+from scaling_service.model.compile import compile_model
+from scaling_service.model.scaling import scaled
+from scaling_service.numerics.multibody.tree import marker_positions
+
+INERTIA = (0.02, 0.01, 0.03, 0.001, -0.002, 0.003)
+
+
+@pytest.fixture
+def model():
+    thigh = (
+        Joint("translation", (0.6, 0.0, 0.8), Law.constant(0.3), "pelvis"),
+        Joint("rotation", (0.0, 0.0, 1.0), Law.of("hip")),
+    )
+    root = (Joint("translation", (1.0, 0.0, 0.0), Law.of("x")),)
+    segments = (
+        Segment("pelvis", "ground", "root", root, 10.0, (0.1, 0.0, 0.0), INERTIA),
+        Segment("thigh", "pelvis", "hip", thigh, 5.0, (0.0, -0.2, 0.0), INERTIA),
+    )
+    markers = (Marker.at("a", "pelvis", (0.1, 0.2, 0.3)), Marker.at("b", "thigh", (0.0, -0.4, 0.05)))
+    return BodyModel("m", segments, (Coordinate("x", "translation"), Coordinate("hip")), markers)
+
+
+def test_one_factor_for_all_enlarges_the_picture(model):
+    q = np.array([[0.0, 0.3], [0.0, -0.7]])
+    size = 1.25
+    bigger = scaled(model, dict.fromkeys(model.segment_names, (size,) * 3))
+    before = marker_positions(compile_model(model), q, np.zeros(0))
+    after = marker_positions(compile_model(bigger), q, np.zeros(0))
+    np.testing.assert_allclose(after, size * before, rtol=0, atol=1e-15)
+    # mass kept: inertia grows with the square of length
+    np.testing.assert_allclose(bigger.segment("thigh").inertia, size**2 * np.array(INERTIA), rtol=1e-14)
+    heavier = scaled(model, {"thigh": (size,) * 3}, preserve_mass_distribution=False).segment("thigh")
+    assert heavier.mass == pytest.approx(5.0 * size**3)
+    np.testing.assert_allclose(heavier.inertia, size**5 * np.array(INERTIA), rtol=1e-14)
+
+
+def test_components_scale_along_the_segments_axes(model):
+    wider = scaled(model, {"pelvis": (2.0, 1.0, 1.0)})
+    placed = marker_positions(compile_model(wider), np.array([[0.5, 0.0]]), np.zeros(0))[0]
+    np.testing.assert_allclose(placed, [[0.7, 0.2, 0.3], [0.86, -0.4, 0.29]], atol=1e-15)
+    assert wider.segment("pelvis").com == (0.2, 0.0, 0.0)
+    assert wider.marker("b") == model.marker("b")
+
+
+def test_factors_of_one_change_nothing(model):
+    same = scaled(model, dict.fromkeys(model.segment_names, (1.0, 1.0, 1.0)))
+    assert [s.inertia for s in same.segments] == [s.inertia for s in model.segments]
+    assert same.markers == model.markers
+    q = np.array([[0.1, 0.2]])
+    np.testing.assert_allclose(
+        marker_positions(compile_model(same), q, np.zeros(0)),
+        marker_positions(compile_model(model), q, np.zeros(0)),
+        atol=1e-16,
+    )
+
+
+def test_a_total_mass_keeps_the_proportions(model):
+    light = scaled(model, {}, mass_kg=7.5)
+    assert [s.mass for s in light.segments] == [5.0, 2.5]
+    np.testing.assert_allclose(light.segment("thigh").inertia, 0.5 * np.array(INERTIA), rtol=1e-15)
+
+
+def test_markers_that_do_not_follow_size_stay(model):
+    fixed = model.with_markers((replace(model.markers[0], follows_size=False),))
+    assert scaled(fixed, {"pelvis": (2.0, 2.0, 2.0)}).markers == fixed.markers
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), float("inf")])
+def test_impossible_factors(model, factor):
+    with pytest.raises(ValueError, match="thigh"):
+        scaled(model, {"thigh": (1.0, factor, 1.0)})
+    with pytest.raises(ValueError, match="mass"):
+        scaled(model, {}, mass_kg=factor)
+    with pytest.raises(KeyError):
+        scaled(model, {"tail": (1.0, 1.0, 1.0)})

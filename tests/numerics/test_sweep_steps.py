@@ -1,0 +1,135 @@
+"""The steps of the sweeps: dense algebra gives the same ones, few are enough, and they end when told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scaling_service.model.compile import compile_model
+from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
+from scaling_service.numerics.multibody.tree import forward, jacobian, marker_positions, positions
+from tests.numerics.bodies import Array, leg, leg_motion, random_tree, slow_jacobian
+from tests.numerics.swept import SEEDS, Case, case
+
+ONE_STEP = SweepSettings(max_steps=2, left=0.0, step_tolerance=0.0, damping=0.0)
+TINY = 1e-10  # the share of the total weight that the sweep adds to every pivot
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, n_segments=st.integers(1, 5))
+def test_an_undamped_step_is_the_dense_gauss_newton_step(seed: int, n_segments: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = random_tree(rng, n_segments, markers_each=4)
+    n = len(model.coordinates)
+    truth = rng.uniform(-1.0, 1.0, (2, n))
+    tree, none = compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, truth, none) + rng.normal(0.0, 1e-4, (2, len(model.markers), 3))
+    start = truth + rng.normal(0.0, 1e-3, truth.shape)
+    weights = rng.uniform(0.5, 2.0, len(model.markers))
+    found = solve_motion(tree, measured, weights, start, none, settings=ONE_STEP)
+    slow = slow_jacobian(model, start, none, model.coordinate_names)
+    for k in range(2):
+        rates = slow[k].reshape(-1, n)
+        heavy = np.repeat(weights, 3)
+        gap = (measured[k] - marker_positions(tree, start[k : k + 1], none)[0]).ravel()
+        normal = rates.T @ (heavy[:, None] * rates)
+        if np.linalg.cond(normal) > 1e6:
+            return  # rounding then exceeds what is asked for
+        step = np.linalg.solve(normal + TINY * weights.sum() * np.eye(n), rates.T @ (heavy * gap))
+        np.testing.assert_allclose(
+            found.q[k] - start[k], step, rtol=0.0, atol=1e-9 * np.abs(step).max() + 1e-14
+        )
+
+
+def test_undamped_step_of_a_spline_coupled_knee_with_priors_is_dense_too() -> None:
+    this = case(14, n=3)
+    this = Case(this.model, this.truth, this.truth + 1e-3, this.measured, this.weights, {})
+    pull = np.linspace(0.1, 1.0, 10)
+    this.options["prior"] = (this.truth, pull)
+    found = this.solve(ONE_STEP)
+    slow = slow_jacobian(this.model, this.start, np.zeros(0), this.model.coordinate_names)
+    heavy = np.repeat(this.weights, 3)
+    for k in range(3):
+        rates, gap = slow[k].reshape(-1, 10), -this.rows(this.start[k], k)[:36] / np.sqrt(heavy)
+        normal = rates.T @ (heavy[:, None] * rates) + np.diag(pull + TINY * this.weights.sum())
+        step = np.linalg.solve(normal, rates.T @ (heavy * gap) + pull * (this.truth[k] - this.start[k]))
+        np.testing.assert_allclose(found.q[k] - this.start[k], step, rtol=0, atol=1e-9 * np.abs(step).max())
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, n_segments=st.integers(1, 5))
+def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
+    """The exact Hessian by differences of the Jacobian; residuals are large, so that it differs."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(rng, n_segments, markers_each=4)
+    n = len(model.coordinates)
+    q, tree, none = rng.uniform(-1.0, 1.0, (1, n)), compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
+    weights = rng.uniform(0.5, 2.0, len(model.markers))
+
+    def rates(at: Array) -> Array:
+        poses = forward(tree, np.ascontiguousarray(at.T), none)
+        return jacobian(tree, poses, positions(tree, poses), np.arange(n))[..., 0].reshape(n, -1).T
+
+    heavy, jac = np.repeat(weights, 3), rates(q)
+    gap = (measured - marker_positions(tree, q, none)).ravel()
+    steps = 1e-5 * np.eye(n)
+    bend = np.array([(rates(q + h) - rates(q - h)).T @ (heavy * gap) / 2e-5 for h in steps])
+    hessian = jac.T @ (heavy[:, None] * jac) - bend
+    if np.linalg.eigvalsh(hessian)[0] < 1e-3:
+        return  # the sweep takes pivots at their size there
+    expected = np.linalg.solve(hessian + TINY * weights.sum() * np.eye(n), jac.T @ (heavy * gap))
+    found = solve_motion(tree, measured, weights, q, none, settings=replace(ONE_STEP, close=True))
+    if np.abs(expected).max() > 0.5:
+        return  # beyond the longest step allowed
+    np.testing.assert_allclose((found.q - q)[0], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_newton_steps_are_fewer_where_residuals_stay(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    model, q = leg(rng), leg_motion(rng, 50)
+    tree, none = compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
+    how = SweepSettings(left=1e-12, max_steps=300)
+    newton = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
+    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._NEAR", 0.0)
+    plain = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
+    assert np.median(newton.steps) <= 9 < np.median(plain.steps)
+    np.testing.assert_allclose(newton.cost, plain.cost, rtol=1e-7)
+
+
+@pytest.mark.parametrize("left", [1e-4, 1e-6, 1e-8])
+def test_what_the_last_step_leaves_is_as_little_as_asked(left: float) -> None:
+    this = case(17, n=200)
+    least = this.solve().cost
+    found = this.solve(SweepSettings(left=left, step_tolerance=0.0))
+    true = np.array([(this.rows(q, frame) ** 2).sum() for frame, q in enumerate(found.q)])
+    assert found.converged.all()
+    too_much = (true - least) / least
+    assert (
+        np.quantile(too_much, 0.9) <= left
+    )  # an extrapolation: right for most, the order of it for nearly all
+    assert np.quantile(too_much, 0.99) <= 10.0 * left
+    assert found.steps.mean() < this.solve().steps.mean()
+
+
+def test_a_quorum_ends_the_solve_and_tells_who_stayed_behind() -> None:
+    this = case(18, n=100, noise=0.03)
+    whole, half = this.solve(SweepSettings()), this.solve(SweepSettings(quorum=0.5))
+    assert half.steps.max() < whole.steps.max()
+    assert 50 <= half.converged.sum() < 100
+    done = half.frames(half.converged)
+    np.testing.assert_allclose(done.q, whole.q[half.converged], rtol=0, atol=1e-12)
+    assert (half.cost[~half.converged] >= whole.cost[~half.converged]).all()
+
+
+def test_no_coordinate_moves_by_more_than_the_longest_step() -> None:
+    this = case(19, n=20)
+    this = Case(this.model, this.truth, this.truth + 0.5, this.measured, this.weights, {})
+    found = this.solve(SweepSettings(max_steps=2, longest=0.05))
+    assert np.abs(found.q - this.start).max() <= 2 * 0.05 + 1e-12

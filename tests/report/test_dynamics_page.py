@@ -1,0 +1,72 @@
+"""The report of a subject's dynamics tells what the document tells."""
+
+from __future__ import annotations
+
+import pytest
+
+from scaling_service.capabilities.dynamics.document import DynamicsDocument
+from scaling_service.capabilities.dynamics.run import dynamics
+from scaling_service.capabilities.dynamics.saving import save_dynamics
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from tests.jobs.force_laboratory import force_laboratory
+from tests.report.reading import Node, read
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[DynamicsDocument, Node]:
+    folder = tmp_path_factory.mktemp("page")
+    chosen = DynamicsSettings(start="none", samples=2, identify=True, despite_verdict=True, mass_known=False)
+    document = save_dynamics(dynamics(force_laboratory(folder), chosen), folder / "out")
+    return document, read((folder / "out" / "report.html").read_text(encoding="utf-8"))
+
+
+def tables(root: Node) -> dict[str, list[list[str]]]:
+    """Caption to rows."""
+    found = {}
+    for figure in root.all("figure", "tabular"):
+        (caption,) = figure.all("figcaption")
+        found[caption.text] = [
+            [cell.text for cell in row.all("th") + row.all("td")] for row in figure.all("tr")[1:]
+        ]
+    return found
+
+
+def test_chapters_are_there_in_order(written: tuple[DynamicsDocument, Node]) -> None:
+    assert [h.text for h in written[1].all("h2")] == [
+        "Verdict",
+        "Residuals",
+        "Residual against its uncertainty",
+        "Identified inertia",
+        "Joint loads",
+        "Where this comes from",
+    ]
+    assert len(written[1].all("div", "plot")) == 2 * 2 + 2  # force and moment, and bars, of both recordings
+
+
+def test_tables_hold_the_documents_numbers(written: tuple[DynamicsDocument, Node]) -> None:
+    document, root = written
+    found = tables(root)
+    sway, swing = document.trials["sway"], document.trials["swing"]
+    assert found["RMS of the residual"][0] == [
+        "fx, N",
+        f"{sway.residual_rms.fx_N:.1f}",
+        f"{swing.residual_rms.fx_N:.1f}",
+    ]
+    (shares,) = (rows for caption, rows in found.items() if caption.startswith("sway: shares"))
+    assert [row[0] for row in shares] == ["fx", "fy", "fz", "mx", "my", "mz"]
+    assert shares[5][1] == f"{100 * sway.dr[5]:.3g}"
+    gates = found["Residuals against published limits: value (limit)"]
+    assert len(gates) == len(sway.gates)
+    assert all("kept" in cell or "broken" in cell for row in gates for cell in row[1:])
+    assert document.inertial is not None
+    assert len(found["All inertial parameters"]) == len(document.inertial.parameters)
+    assert [row[0] for row in found["Generalised forces: largest size (RMS)"]][-1].endswith("N m")
+
+
+def test_the_verdict_and_all_warnings_are_said(written: tuple[DynamicsDocument, Node]) -> None:
+    document, root = written
+    said = root.text
+    assert document.verdict in said
+    assert document.inertial is not None
+    for warning in (*document.warnings, *document.inertial.warnings):
+        assert warning in said

@@ -1,0 +1,61 @@
+"""Fixtures of the web page's tests: a browser, visitors, services of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaling_service.service.http import site
+from tests.cli.serving import served
+from tests.service.page.node import packages
+from tests.service.page.visitor import ARGUMENTS, CHROMIUM, Visitor
+
+Visit = Callable[..., Visitor]
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Debian's Chromium without a graphics card."""
+    if not CHROMIUM.is_file():
+        pytest.skip(f"no Chromium at {CHROMIUM}")
+    if site._part("index.html") is None:
+        pytest.skip("this installation was built without the web page")
+    api = pytest.importorskip("playwright.sync_api")
+    with api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Visit]:
+    """Opens the page of a service as a new visitor; at the end, no visitor may have met a defect."""
+    with ExitStack() as stack:
+        visitors = []
+
+        def opened(url: str, **options: Any) -> Visitor:
+            context = browser.new_context(**{"viewport": {"width": 1440, "height": 900}} | options)
+            stack.callback(context.close)
+            visitors.append(Visitor(context.new_page(), url))
+            return visitors[-1]
+
+        yield opened
+        for visitor in visitors:
+            visitor.met_no_defect()
+
+
+@pytest.fixture(scope="session")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a service that several tests use, each with subjects of its own."""
+    with served(tmp_path_factory.mktemp("page") / "data") as address:
+        yield address
+
+
+@pytest.fixture(scope="session")
+def npm(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
+    """Folder of npm's packages with those of developers; None where they cannot be fetched."""
+    return packages(tmp_path_factory)

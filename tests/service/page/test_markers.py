@@ -1,0 +1,66 @@
+"""Labels of a laboratory: corrected by a click in space, saved, and proposed for the next subject."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import requests
+from PIL import Image
+
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
+from tests.service.page.conftest import Visit
+from tests.service.page.visitor import Visitor
+
+
+def test_corrected_labels_are_kept_for_the_laboratory(visit: Visit, url: str, tmp_path: Path) -> None:
+    bring(visit, url, recording(url, tmp_path), "first")
+    visitor = bring(visit, url, tmp_path / "standing.trc", "first_again")
+    page = visitor.page
+    row = page.get_by_role("row").filter(has=page.get_by_role("rowheader", name="RASIS", exact=True))
+    row.get_by_label("Label of RASIS").select_option("q7")  # as somebody who slipped
+    row.get_by_role("button", name="Pick").click()
+    visitor.sees("Click the marker that is RASIS")
+    click_topmost_marker(visitor)
+    page.get_by_text("is taken for RASIS").wait_for()
+    taken = page.get_by_label("Label of RASIS").input_value()
+    visitor.press("Save these labels for the laboratory")
+    visitor.sees("labels are saved for the laboratory")
+    assert requests.get(f"{url}/v1/marker-map", timeout=10).json()["labels"][taken] == "RASIS"
+    other = bring(visit, url, tmp_path / "standing.trc", "second")
+    other.sees("as the laboratory's map says")
+    assert other.page.get_by_label("Label of RASIS").input_value() == taken
+
+
+def recording(url: str, folder: Path) -> Path:
+    """The example's person standing, with labels that say nothing."""
+    requests.post(f"{url}/v1/examples", timeout=30).raise_for_status()
+    answer = requests.get(f"{url}/v1/subjects/example/files/static.trc", timeout=30)
+    (folder / "static.trc").write_bytes(answer.content)
+    trial = read_trc(folder / "static.trc")
+    labels = tuple(f"q{k}" for k in range(len(trial.labels)))
+    write_trc(folder / "standing.trc", Trial("standing", trial.times, labels, trial.markers, trial.rate_hz))
+    return folder / "standing.trc"
+
+
+def bring(visit: Visit, url: str, file: Path, name: str) -> Visitor:
+    visitor = visit(url)
+    visitor.go()
+    visitor.drops(file)
+    visitor.page.get_by_label("Whose file is this?").fill(name)
+    visitor.press("Check them")
+    visitor.sees("Gaps in standing")
+    return visitor
+
+
+def click_topmost_marker(visitor: Visitor) -> None:
+    canvas = visitor.page.locator(".stage canvas")
+    canvas.scroll_into_view_if_needed()
+    visitor.page.wait_for_timeout(500)
+    grey = np.asarray(Image.open(BytesIO(canvas.screenshot())).convert("L"))
+    rows, columns = np.nonzero(grey < 60)  # markers are nearly black
+    near = rows < rows.min() + 8
+    near &= np.abs(columns - columns[rows.argmin()]) < 8
+    canvas.click(position={"x": float(columns[near].mean()), "y": float(rows[near].mean())})

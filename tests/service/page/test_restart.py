@@ -1,0 +1,54 @@
+"""The service goes away while a job runs, and comes back: the page says so and goes on by itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import requests
+
+from scaling_service.client import Client
+from tests.cli.serving import free_port, start
+from tests.service.page.conftest import Visit
+from tests.service.page.visitor import Visitor
+
+
+def test_the_page_recovers_by_itself(visit: Visit, tmp_path: Path) -> None:
+    (tmp_path / "settings.yaml").write_text("lease_s: 4\n", encoding="utf-8")  # soon taken for dead
+    options = ("--port", str(free_port()), "--settings", str(tmp_path / "settings.yaml"))
+    process, url = start(tmp_path / "data", *options)
+    try:
+        visitor = visit(url)
+        begins_a_job(visitor)
+        kill(process)
+        visitor.sees("The service does not answer")
+        process, _ = start(tmp_path / "data", *options)
+        visitor.sees("How far to trust")
+        assert visitor.page.get_by_text("The service does not answer").count() == 0
+        with Client(url) as client:
+            jobs = [job for job in client.jobs() if job.kind == "scaling"]
+        assert [(job.state, job.attempt) for job in jobs] == [("done", 2)]
+    finally:
+        kill(process)
+
+
+def begins_a_job(visitor: Visitor) -> None:
+    assert requests.post(f"{visitor.url}/v1/examples", timeout=30).json() == {"subjects": ["example"]}
+    visitor.go("subjects/example/run")
+    boxes = visitor.page.locator(".methods input")
+    boxes.first.wait_for()
+    for box in boxes.all()[1:]:  # one method will do: reading alone takes long enough
+        box.uncheck()
+    visitor.press("Compare")
+    visitor.sees("reading the recordings")
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    """With all that it started, as when the power fails."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert process.stdout is not None
+    process.stdout.close()

@@ -1,0 +1,33 @@
+"""The page's sources keep to their types."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.service.page.node import WEB, node
+
+
+def test_types(npm: Path | None, tmp_path: Path) -> None:
+    if npm is None:
+        pytest.skip("TypeScript cannot be fetched from the npm registry")
+    shutil.copytree(WEB / "src", tmp_path / "src")
+    shutil.copy(WEB / "tsconfig.json", tmp_path)
+    (tmp_path / "node_modules").symlink_to(npm)
+    program, _ = node()
+    command = [str(program), str(npm / "typescript" / "bin" / "tsc"), "--noEmit"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+def test_files_are_short() -> None:
+    long = {
+        path.name: count
+        for folder in ("src", "styles")
+        for path in (WEB / folder).rglob("*.*")
+        if (count := len(path.read_text(encoding="utf-8").splitlines())) > 300
+    }
+    assert long == {}

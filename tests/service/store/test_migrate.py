@@ -1,0 +1,88 @@
+"""The tables are those that the program thinks of, however they were made."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import text
+
+from scaling_service.service.store import migrate, queueing
+from scaling_service.service.store.database import Database
+from scaling_service.service.store.errors import StoreTooNew
+from scaling_service.service.store.migrate import script
+from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import metadata
+from tests.service.store.postgres import server
+
+
+def test_migrations_make_what_the_program_thinks_of(store: Store) -> None:
+    with store.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+
+
+def test_many_may_start_at_once(tmp_path: Path, database_url: str | None) -> None:
+    opened, troubles = list[Store](), list[BaseException]()
+
+    def open_store() -> None:
+        try:
+            opened.append(Store.open(tmp_path, database_url))
+        except BaseException as error:  # noqa: BLE001 (told below, in the main thread)
+            troubles.append(error)
+
+    threads = [threading.Thread(target=open_store) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert troubles == []
+    with opened[0].read() as connection:
+        assert connection.execute(text("SELECT version_num FROM alembic_version")).all() == [("0003",)]
+    for store in opened:
+        store.close()
+
+
+def test_tables_of_a_later_version_are_refused(store: Store, database_url: str | None) -> None:
+    with store.write() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(StoreTooNew, match="9999"):
+        Store.open(store.blobs.folder, database_url)
+
+
+def test_the_script_for_an_administrator_makes_the_same() -> None:
+    url = server().new_database()
+    database = Database(url)
+    statements = [s for s in script(url).split(";") if s.strip() and s.strip() not in ("BEGIN", "COMMIT")]
+    database.run_apart(*statements)
+    with database.read() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
+    database.close()
+
+
+def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "store.sqlite").touch()
+    database = Database(database_url or f"sqlite:///{folder / 'store.sqlite'}")
+    with database.write() as connection:
+        config = migrate._config()
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+        connection.execute(text("INSERT INTO owners (name) VALUES ('lab')"))
+        connection.execute(
+            text(
+                "INSERT INTO jobs (id, owner, kind, state, created_us, updated_us, code_version, "
+                "specification) VALUES ('a', 'lab', 'tiny', 'queued', 1, 1, '1', '{}')"
+            )
+        )
+    database.close()
+    store = Store.open(folder, database_url)
+    with store.write() as connection:
+        row = queueing.next_queued(connection)
+    assert row is not None
+    assert row.id == "a"
+    store.close()

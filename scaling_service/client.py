@@ -112,7 +112,7 @@ class Client:
         Raises
         ------
         FileUnreadable, SubjectInvalid
-            As :func:`scaling_service.documents.reading.read_document`.
+            As ``read_document``.
         """
         file = Path(path)
         document = read_content(file)

@@ -42,7 +42,7 @@ def read_c3d_plates(source: str | os.PathLike[str] | C3dFile) -> PlateRecording:
         No plate or no analog signal; a type other than 1 to 4; channels that are not in the file; a unit that
         is not known; corners that are no rectangle.
     FileUnreadable
-        As :func:`scaling_service.files.c3d.read_c3d_file`.
+        As ``read_c3d_file``.
     """
     content = source if isinstance(source, C3dFile) else read_c3d_file(source)
     file = content.name if isinstance(source, C3dFile) else Path(source).name

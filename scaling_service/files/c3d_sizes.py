@@ -47,7 +47,7 @@ def stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
     Parameters
     ----------
     parameters : mapping
-        Group to name to value, as :class:`~scaling_service.files.c3d.C3dFile` holds them.
+        Group to name to value, as ``C3dFile`` holds them.
 
     Examples
     --------

@@ -58,7 +58,7 @@ def read_forces(path: str | os.PathLike[str]) -> GroundForces:
     TrialUnusable
         No plate is found, a point of application is missing, or points are in mm.
     FileUnreadable
-        As :func:`scaling_service.files.sto.read_sto`.
+        As ``read_sto``.
     """
     return forces_of_table(read_sto(path), Path(path).name)
 

@@ -1,6 +1,6 @@
 """A body model as a plain document, and back, exactly: the content of ``model.json``.
 
-The document mirrors the dataclasses of :mod:`scaling_service.model.body` field by field, so a
+The document mirrors the dataclasses of ``body`` field by field, so a
 field added there travels without a change here. Fields that stand at their default are left out.
 Infinite bounds are the strings ``"inf"`` and ``"-inf"``, for JSON has no such number.
 """

@@ -18,7 +18,7 @@ class MeasuredSizes:
     ----------
     height_m, mass_kg : float, optional
     lengths_m : mapping
-        Keys of :data:`scaling_service.documents.sizes.RANGES_M` to m.
+        Keys of ``RANGES_M`` to m.
     """
 
     height_m: float | None = None

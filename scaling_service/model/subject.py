@@ -33,7 +33,7 @@ class Subject:
     bones : mapping
         Segment to mesh file, in ``bone_units``.
     sizes_m : mapping
-        Measured by hand: keys of :data:`scaling_service.documents.sizes.RANGES_M` to m.
+        Measured by hand: keys of ``RANGES_M`` to m.
     """
 
     id: str

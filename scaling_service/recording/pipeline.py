@@ -44,7 +44,7 @@ def process(
     trial : Trial
         As read.
     axes : Orientation
-        The session's; see :func:`scaling_service.recording.orientation.decide`.
+        The session's; see ``decide``.
     clusters : mapping
         Segment to the labels that sit on it.
     settings : ProcessingSettings, optional

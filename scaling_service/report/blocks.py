@@ -1,8 +1,8 @@
 """What a page is built of: text, lists, tables, callouts and grids, each giving its own HTML.
 
 A block is a frozen value with one method, :meth:`Block.html`. Every text is escaped here, so that callers
-hand over what files and labels say as it is. Figures are in :mod:`scaling_service.report.figures`, the
-interactive overlay in :mod:`scaling_service.report.scene`, and :mod:`scaling_service.report.page` puts
+hand over what files and labels say as it is. Figures are in ``figures``, the
+interactive overlay in ``scene``, and ``page`` puts
 blocks together. A report of a cohort or a study needs no block of its own: it is a function from results
 to a list of these.
 """

@@ -51,7 +51,7 @@ SLIDING = Hidden(
     ("knee_angle_r",),
 )
 """A marker of the thigh that slides with the knee: 0.2 mm/deg in all, the usual size of a knee's share
-(:data:`scaling_service.virtual.artefact.THIGH_MM_PER_DEG`)."""
+(``THIGH_MM_PER_DEG``)."""
 
 SWAPPED = Hidden("marker_swap", ("LLM", "LMM"), {"start_s": 2.0, "end_s": 2.6}, trial="knee_l")
 """The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""

@@ -49,7 +49,7 @@ class VirtualImage:
     markers : mapping
         Skin markers as seen: model marker to (segment, position).
     centres, axes, landmarks : mapping
-        The truth under the names of :class:`~scaling_service.model.images.ImageEvidence`: joint centres,
+        The truth under the names of ``ImageEvidence``: joint centres,
         knee axes (unit vectors to the right) and points on bone.
     poses : mapping
         Segment to where its true frame lies.

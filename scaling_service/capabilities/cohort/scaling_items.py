@@ -177,7 +177,7 @@ def run_cohort(
     items : sequence of Item
         One subject each, under names of their own.
     executor : Executor
-        See :func:`scaling_service.capabilities.cohort.executors.workers`. Results do not depend on it.
+        See ``workers``. Results do not depend on it.
     methods : sequence of str, optional
         All that each subject allows unless given.
     settings : Settings

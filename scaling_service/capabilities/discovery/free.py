@@ -32,7 +32,7 @@ def free_of(
     Parameters
     ----------
     method : str
-        A key of :data:`~scaling_service.capabilities.scaling.methods.table.METHODS`. Only optimised methods free anything.
+        A key of ``METHODS``. Only optimised methods free anything.
     model : BodyModel
         As calibrated, without parameters.
     trials : sequence of Trial

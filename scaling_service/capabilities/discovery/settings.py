@@ -23,7 +23,7 @@ class DiscoverSettings:
         A scaling method, or ``none`` for the given model as it is. Unless given: EB_am where there are bones,
         else MB_am.
     inertia : str, optional
-        A table's name or ``model``; see :func:`scaling_service.capabilities.dynamics.inertia_table.with_inertia`.
+        A table's name or ``model``; see ``with_inertia``.
     cutoff_hz : float
         Of the filter that motion and forces pass.
     """

@@ -2,7 +2,7 @@
 
 The motion is filtered once; velocities and accelerations are exact derivatives of one quintic spline per
 coordinate. External loads must have been filtered by the same filter
-(:func:`scaling_service.recording.synchronise.synchronise`).
+(``synchronise``).
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class DynamicsSettings:
     start : str, optional
         A scaling method, or ``AS_IT_IS``. Unless given: EB_am where bones are given, else MB_am.
     inertia : str, optional
-        A table's name or ``model``; see :func:`scaling_service.capabilities.dynamics.inertia_table.with_inertia`.
+        A table's name or ``model``; see ``with_inertia``.
     cutoff_hz : float
         Of the filter of coordinates and forces (Muller et al. 2017, sec. 2.1: 5 Hz).
     identify : bool

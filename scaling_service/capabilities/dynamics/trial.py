@@ -42,7 +42,7 @@ class TrialDynamics:
     forces : TrialForces
     dynamics : InverseDynamics
     frames : ndarray of bool, shape (n,)
-        Those that count; see :func:`scaling_service.capabilities.dynamics.frames.judged_frames`.
+        Those that count; see ``judged_frames``.
     residuals : Residuals
         Over these frames.
     uncertainty : WrenchUncertainty

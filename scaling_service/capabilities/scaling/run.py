@@ -93,7 +93,7 @@ def scale(
     ----------
     subject : Subject or path of a subject file
     method : str
-        A key of :data:`~scaling_service.capabilities.scaling.methods.table.METHODS`.
+        A key of ``METHODS``.
     settings : Settings
     progress : callable, optional
 

@@ -43,7 +43,7 @@ class CalibrationSettings:
         a segment's distances as the paper does and anthropometry only for what was not measured.
     hip_regression : str
         Which regression gives the person's hip centres for linear scaling (a name known to
-        :func:`scaling_service.model.anatomy.hip_centre.hip_centres`).
+        ``hip_centres``).
     hip_centre : 'regression' or 'functional'
         Whether the hip centres are predicted from the pelvis markers, or found where pelvis and
         thigh turn against each other in the calibration trials (SCoRE).

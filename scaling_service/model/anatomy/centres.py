@@ -197,7 +197,7 @@ def construct_centres(
         Canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them.
     sizes : BodySizes
     regression : str
-        As :func:`scaling_service.model.anatomy.hip_centre.hip_centres` takes it.
+        As ``hip_centres`` takes it.
     hips : mapping, optional
         Hip centres (``hip_r``) that are known better than by regression, (n_frames, 3), m.
     errors : mapping, optional

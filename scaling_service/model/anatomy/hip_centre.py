@@ -1,6 +1,6 @@
 """Hip joint centres predicted from the pelvis markers.
 
-All regressions are given in the ISB pelvis frame (:func:`scaling_service.model.anatomy.frames.pelvis_frame`)
+All regressions are given in the ISB pelvis frame (``pelvis_frame``)
 with its origin half-way between the ASIS: x forward, y up, z to the right; the left hip mirrors z.
 No correction is made for the skin over the bone, nor for the marker's radius but by the regressions that ask
 for it.

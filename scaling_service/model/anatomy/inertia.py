@@ -92,7 +92,7 @@ def apply_inertia_table(
     ----------
     model : BodyModel
         A built-in one of three dimensions, of any size. For the planar squat see
-        :func:`scaling_service.model.anatomy.inertia_planar.apply_to_squat`.
+        ``apply_to_squat``.
     table : str
         One of ``TABLE_NAMES``.
     sex : 'F' or 'M'

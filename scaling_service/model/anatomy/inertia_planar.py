@@ -65,7 +65,7 @@ def apply_to_squat(
     model : BodyModel
         ``squat_4dof`` of any size.
     table, sex, height_m, mass_kg
-        See :func:`scaling_service.model.anatomy.inertia.apply_inertia_table`.
+        See ``apply_inertia_table``.
 
     Returns
     -------

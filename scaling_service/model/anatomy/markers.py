@@ -1,7 +1,7 @@
 """Marker names: which labels of a recording mean which markers of a model.
 
 Laboratories call one landmark by many names. Those known to mean the same place (see
-:mod:`scaling_service.model.marker_sets`) form a class, named after the built-in models' marker; two names
+``marker_sets``) form a class, named after the built-in models' marker; two names
 match when they are of one class, so that a model of any origin can meet a recording of any origin. Tracking
 markers, whose place is each laboratory's own choice (``RTHI``, ``R.TH1``), are in no class: they match by
 name only.

@@ -42,7 +42,7 @@ _SIZE_SD_M: Mapping[str, float] = MappingProxyType({"asis_width": CALIPER_ASIS_S
 
 
 def size_sd(name: str, value: float) -> float:
-    """Standard deviation (m) of a size measured by hand, by its name in :mod:`scaling_service.documents.sizes`.
+    """Standard deviation (m) of a size measured by hand, by its name in ``sizes``.
 
     Examples
     --------

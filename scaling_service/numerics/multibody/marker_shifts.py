@@ -98,7 +98,7 @@ def shift_normal(
     Parameters
     ----------
     rows : ndarray, shape (n, n_markers, 9, 18)
-        As :func:`scaling_service.numerics.multibody.marker_rates.rows_of_twists` gives them for the shifted markers.
+        As ``rows_of_twists`` gives them for the shifted markers.
     columns : ndarray, shape (k, n, 9)
     gap : ndarray, shape (3, n, n_markers, 3)
     weights : ndarray, shape (3, n, n_markers)

@@ -117,7 +117,7 @@ def compare_waveforms(
     ----------
     curves : Curves
         One per subject and method; several cycles of a subject are averaged before
-        (:func:`~scaling_service.numerics.statistics.cycles.mean_curves`).
+        (``mean_curves``).
     rng : numpy.random.Generator
         Used only where rearrangements are too many to take all.
     reference : str, optional
@@ -163,7 +163,7 @@ def repeated_measures_anova(
     Parameters
     ----------
     values : ndarray, shape (n_subjects, n_conditions, n_nodes)
-        Complete: use :class:`~scaling_service.numerics.statistics.cycles.Curves` to make sure.
+        Complete: use ``Curves`` to make sure.
     """
     chosen = settings or WaveformSettings()
     _refuse_gaps(values)

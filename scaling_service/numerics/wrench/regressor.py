@@ -1,7 +1,7 @@
 """Forces as a matrix times the inertial parameters, in blocks of frames.
 
 The columns of link k are ``10 k … 10 k + 9``, in the order of
-:meth:`scaling_service.numerics.multibody.mechanism.Inertias.parameters`.
+``Inertias.parameters``.
 """
 
 from __future__ import annotations

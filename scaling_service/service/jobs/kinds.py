@@ -55,7 +55,7 @@ class Late:
     Parameters
     ----------
     module, name : str
-        The module below :mod:`scaling_service.capabilities`.
+        The module below ``capabilities``.
     """
 
     module: str
@@ -83,7 +83,7 @@ class Parts:
         From the request to those of the parts; each concerns subjects of the whole.
     file : str
         Name of the file of each part that the work needs: it lies where the part wrote it, but among the
-        inputs. How the parts ended stands there, too (:data:`~scaling_service.documents.names.PARTS`).
+        inputs. How the parts ended stands there, too (``PARTS``).
         All files of the parts become files of the whole.
     """
 

@@ -43,7 +43,7 @@ class Odd:
     candidate : Candidate
         The marker left out, where it does.
     expected : float
-        What a free course of it explains, as :attr:`scaling_service.capabilities.discovery.search.judging.Fitted.expected`.
+        What a free course of it explains, as ``Fitted.expected``.
     """
 
     candidate: Candidate

@@ -9,5 +9,5 @@ A file holds ``KIND``, the name in results; ``MEANING``, what it is in a sentenc
 It may hold ``plausible(size)``, whether coefficients are so together; ``details(effect, after)``, numbers
 that no column holds, with ``spreads(effect, after, stretch_s)``, their standard deviations; and, for what
 swings, ``swinging(candidate, scene, frequency_hz, damping)``, the candidate at another frequency. A new file
-is a new effect: :mod:`scaling_service.capabilities.discovery.search.catalogue` finds it.
+is a new effect: ``catalogue`` finds it.
 """

@@ -53,7 +53,7 @@ def gather_forces(
     *,
     together: bool,
 ) -> Evidence:
-    """As :func:`scaling_service.capabilities.discovery.evidence.score.gather`, of the wrench and not of the markers.
+    """As ``gather``, of the wrench and not of the markers.
 
     Columns are made of the motion that leaves the gap, so noise of the markers is in both, and its products
     do not vanish on average: a mass on a spring would seem to swing where nothing but cameras' noise is.

@@ -46,7 +46,7 @@ def with_effects(model: BodyModel, effects: Iterable[Sized], trial: str) -> Body
     """The model as it is in one trial: effects that hold there put into it.
 
     Later columns go nearer to the trunk, so that a turn about y goes before one about x
-    (:func:`scaling_service.model.parameters.free_axis`).
+    (``free_axis``).
     """
     for effect in effects:
         if effect.candidate.holds_in(trial):

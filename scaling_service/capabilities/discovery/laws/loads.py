@@ -135,7 +135,7 @@ class Inertial:
     Parameters
     ----------
     change : (10,)
-        As :meth:`scaling_service.numerics.multibody.mechanism.Inertias.parameters` orders them.
+        As ``Inertias.parameters`` orders them.
     """
 
     segment: str

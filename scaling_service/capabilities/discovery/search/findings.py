@@ -163,7 +163,7 @@ class Foreign:
     law : str
         In words and numbers.
     expected : float
-        As :attr:`scaling_service.capabilities.discovery.search.judging.Fitted.expected`.
+        As ``Fitted.expected``.
     p : float
         Of as large a statistic by chance, for this law alone.
     unseen : float

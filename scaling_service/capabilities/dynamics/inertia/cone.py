@@ -46,7 +46,7 @@ def pseudo_inertia(parameters: Array) -> Array:
     Parameters
     ----------
     parameters : ndarray, shape (..., 10)
-        See :meth:`scaling_service.numerics.multibody.mechanism.Inertias.parameters`. Any change of them will do: the
+        See ``Inertias.parameters``. Any change of them will do: the
         matrix is linear in them.
 
     Returns

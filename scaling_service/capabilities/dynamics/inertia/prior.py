@@ -56,7 +56,7 @@ class InertialPrior:
         Length n.
     mean : ndarray, shape (n, 10)
         The parameters that forces are linear in; see
-        :meth:`scaling_service.numerics.multibody.mechanism.Inertias.parameters`.
+        ``Inertias.parameters``.
     sd : ndarray, shape (n, 10)
         Standard deviations of ``PARTS``: kg, m, kg m2. Zero for a segment without mass: it keeps none.
     scale : ndarray, shape (10 n, 10 n)

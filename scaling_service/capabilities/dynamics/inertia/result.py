@@ -79,7 +79,7 @@ class WrenchFit:
     frames : int
     before, after : ndarray, shape (6,), N and N m
         RMS error with the prior's and the identified inertia; moments about the root segment's origin,
-        ground axes, in the order of :data:`scaling_service.capabilities.dynamics.residuals.COMPONENTS`.
+        ground axes, in the order of ``COMPONENTS``.
     """
 
     trial: str

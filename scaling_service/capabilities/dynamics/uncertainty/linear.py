@@ -57,7 +57,7 @@ class LinearUncertainty:
     levels : tuple of float
     dispersion : ndarray, shape (n_levels, 6)
     slopes_per_cm, kinematic : ndarray, shape (6,)
-        As :class:`scaling_service.capabilities.dynamics.uncertainty.total.WrenchUncertainty` has them.
+        As ``WrenchUncertainty`` has them.
     r2 : ndarray, shape (6,)
     """
 
@@ -93,7 +93,7 @@ def propagate_linearly(
     Raises
     ------
     TrialUnusable, InputError
-        As :func:`scaling_service.capabilities.dynamics.uncertainty.total.propagate`.
+        As ``propagate``.
     """
     return linear_of(Reference.of(recording, noise_on), levels)
 

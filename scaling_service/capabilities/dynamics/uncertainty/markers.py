@@ -90,7 +90,7 @@ def marker_uncertainty(
     Raises
     ------
     TrialUnusable, InputError
-        As :func:`scaling_service.capabilities.dynamics.uncertainty.total.propagate`.
+        As ``propagate``.
     """
     reference = Reference.of(recording, "all")
     names = recording.motion.markers

@@ -28,7 +28,7 @@ class LowPass:
     ----------
     rate_hz, cutoff_hz : float
     order : int
-        See :func:`scaling_service.numerics.signals.filters.butterworth`.
+        See ``butterworth``.
 
     Examples
     --------

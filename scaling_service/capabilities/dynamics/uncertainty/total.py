@@ -8,8 +8,8 @@ For the command that judges a recording::
 :class:`WrenchUncertainty` that holds all that ``dynamics.json`` shows: ``dr``, ``kinematic``, ``plate`` and
 ``total`` (shape (6,), shares of body weight, and of body weight times stature), ``slopes_per_cm``, ``r2``,
 ``calibration_supported`` (six booleans) and ``verdict``, a sentence. Components are in the order of
-:data:`scaling_service.capabilities.dynamics.residuals.COMPONENTS`. Results do not depend on the executor.
-:func:`scaling_service.capabilities.dynamics.uncertainty.linear.propagate_linearly` gives the same numbers without
+``COMPONENTS``. Results do not depend on the executor.
+``propagate_linearly`` gives the same numbers without
 samples, in about a second.
 """
 
@@ -58,7 +58,7 @@ class UncertaintySettings:
         Perturbed motions in the database from which each level draws with replacement; unless given, three
         times the samples. The paper does not say how many it had.
     noise_on : 'rotations' or 'all'
-        Coordinates that are perturbed; see :data:`scaling_service.capabilities.dynamics.uncertainty.reference.NoiseOn`.
+        Coordinates that are perturbed; see ``NoiseOn``.
     plates : PlateNoise
     seed : int
     """

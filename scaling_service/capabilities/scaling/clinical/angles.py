@@ -46,7 +46,7 @@ class ClinicalAngles:
     trial : str
     times : (n_frames,), s
     values : mapping
-        Side to angle (of :data:`~scaling_service.model.anatomy.conventional.ANGLES`) to (n_frames,), rad; NaN where
+        Side to angle (of ``ANGLES``) to (n_frames,), rad; NaN where
         the recording does not determine it.
     pelvis : (n_frames, 3), m
         Half-way between the hip centres.
@@ -88,7 +88,7 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
     Joint centres and landmarks are the model's own and move with its segments; see
-    :func:`~scaling_service.capabilities.scaling.clinical.landmarks.clinical_landmarks`.
+    ``clinical_landmarks``.
 
     Parameters
     ----------

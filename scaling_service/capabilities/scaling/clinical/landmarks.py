@@ -29,7 +29,7 @@ _Place = tuple[str, Array]
 
 
 def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
-    """The landmarks of :data:`~scaling_service.model.anatomy.conventional.Points` that a model has.
+    """The landmarks of ``Points`` that a model has.
 
     Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
     epicondyles or malleoli, the lateral one counts as lying beside the joint's centre in their direction.

@@ -41,7 +41,7 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
     every segment's size is estimated from distances and anthropometry
-    (:func:`scaling_service.capabilities.scaling.sizes.sizing.size_segments`).
+    (``size_segments``).
     Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
     and knee axes come from the functional movements; a side that these do not determine keeps
     regression and epicondyles, and a warning says why.

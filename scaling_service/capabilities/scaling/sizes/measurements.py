@@ -1,7 +1,7 @@
 """Lengths that are measured alike on a person's markers and on a model's.
 
 A measurement is a set of distances between *points*: a landmark, the middle of several, or a joint's centre.
-On the person a centre is constructed from markers (:mod:`scaling_service.model.anatomy.centres`); on the model it
+On the person a centre is constructed from markers (``centres``); on the model it
 is constructed likewise, or the joint's own. A distance is used where both sides have all its points.
 """
 

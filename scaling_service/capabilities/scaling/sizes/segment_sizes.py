@@ -1,7 +1,7 @@
 """Every segment's size as one weighted estimate: measured distances, and anthropometry as prior.
 
 In logarithms the person's size over the model's is Gaussian beforehand (what persons of this sex, stature and
-mass are like, :mod:`scaling_service.model.anatomy.anthropometry`), and every measured distance is that size with an
+mass are like, ``anthropometry``), and every measured distance is that size with an
 error. The posterior weighs both, and what one segment says of another: a leg that was not marked follows the
 marked one as far as legs resemble each other.
 """

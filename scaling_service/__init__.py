@@ -26,14 +26,13 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
     from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
     from scaling_service.capabilities.scaling.saving import save
-    from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
     from scaling_service.capabilities.subject.loading import read_model
     from scaling_service.capabilities.subject.reading import load_subject
-    from scaling_service.capabilities.subject.settings import Settings
+    from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
     from scaling_service.core.errors import InputError
     from scaling_service.files.recording import read_recording
     from scaling_service.model.subject import Subject
-    from scaling_service.recording.pipeline import ProcessingSettings
+    from scaling_service.recording.settings import ProcessingSettings
 
 __all__ = [
     "CalibrationSettings",
@@ -67,12 +66,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CalibrationSettings": "capabilities.subject.calibration_settings",
+    "CalibrationSettings": "capabilities.subject.settings",
     "DiscoverSettings": "capabilities.discovery.settings",
     "DynamicsSettings": "capabilities.dynamics.settings",
     "InputError": "core.errors",
     "MotionOptions": "capabilities.motion.options",
-    "ProcessingSettings": "recording.pipeline",
+    "ProcessingSettings": "recording.settings",
     "Results": "capabilities.scaling.run",
     "Scaling": "capabilities.scaling.run",
     "Settings": "capabilities.subject.settings",

@@ -1,4 +1,4 @@
-"""The program: its commands, and what becomes of errors."""
+"""The program: the commands that capabilities offer, and what becomes of errors."""
 
 from __future__ import annotations
 
@@ -7,27 +7,18 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import FrameType
+from importlib import import_module
+from pkgutil import iter_modules
+from types import FrameType, ModuleType
 from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.cohort.command import batch
+from scaling_service import capabilities
 from scaling_service.capabilities.cohort.progress import Interrupted
-from scaling_service.capabilities.consistent.command import consistent
-from scaling_service.capabilities.datasets.command import app as datasets
-from scaling_service.capabilities.discovery.command import discover
-from scaling_service.capabilities.dynamics.command import dynamics
-from scaling_service.capabilities.intake.command import proof
-from scaling_service.capabilities.landmarks.command import landmarks
-from scaling_service.capabilities.motion.command import ik
-from scaling_service.capabilities.scaling.command import compare, demo, scale
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.cli.keys import app as keys
-from scaling_service.cli.serve import serve
-from scaling_service.cli.service_data import data, settings
+from scaling_service.cli import service
 from scaling_service.core.errors import InputError
-from scaling_service.studies.command import reproduce
+from scaling_service.studies import command as studies
 
 EXIT_INPUT = 2
 """What was given cannot be used: arguments, a subject file or anything that it names."""
@@ -35,25 +26,58 @@ EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Stopped from the keyboard, as shells count it."""
 
-app = typer.Typer(
-    name="scaling-service",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
+_FIRST = (
+    "demo",
+    "proof",
+    "scale",
+    "compare",
+    "ik",
+    "dynamics",
+    "consistent",
+    "discover",
+    "batch",
+    "landmarks",
 )
-for _command in (
-    demo, proof, scale, compare, ik, dynamics, consistent, discover, batch, landmarks, reproduce, serve,
-):  # fmt: skip
-    app.command()(_command)
-for _name, _group in (("datasets", datasets), ("keys", keys), ("data", data), ("settings", settings)):
-    app.add_typer(_group, name=_name)
+"""In the order in which a newcomer needs them; others follow."""
+
+
+def _modules() -> Iterator[ModuleType]:
+    """Whatever has commands: a capability's module ``command``, the studies, the service."""
+    for folder in iter_modules(capabilities.__path__, f"{capabilities.__name__}."):
+        if any(module.name == "command" for module in iter_modules(import_module(folder.name).__path__)):
+            yield import_module(f"{folder.name}.command")
+    yield studies
+    yield service
+
+
+def _program_of_all() -> typer.Typer:
+    program = typer.Typer(
+        name="scaling-service",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    modules = list(_modules())
+    commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
+    names = (*_FIRST, *(command.__name__ for command in commands))
+    for command in sorted(commands, key=lambda command: names.index(command.__name__)):
+        program.command()(command)
+    for module in modules:
+        for name, group in getattr(module, "GROUPS", {}).items():
+            program.add_typer(group, name=name)
+    return program
+
+
+app = _program_of_all()
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"scaling-service {code_version()}")
+        from scaling_service.cli import version
+
+        typer.echo(version())
         raise typer.Exit
 
 
@@ -71,23 +95,11 @@ def _program(
     """
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Those of the process unless given.
-
-    Returns
-    -------
-    int
-        0, or 1 if some subjects of a batch failed, or 2 if something that was given cannot be used, or 130
-        if interrupted. Anything else that goes wrong is a defect of the program and leaves as an exception.
-    """
+def run(arguments: Sequence[str]) -> int:
+    """Run one command; see ``main``."""
     try:
         with _terminable():
-            result = app(list(sys.argv[1:] if arguments is None else arguments), standalone_mode=False)
+            result = app(list(arguments), standalone_mode=False)
     except InputError as error:
         return _complain(str(error))
     except Interrupted as stop:

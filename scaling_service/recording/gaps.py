@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from scaling_service.model.trial import Array, Repair, Trial
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import fill_short_gaps, runs
+from scaling_service.recording.settings import LONGEST_SPLINE_S
 
 Mask = NDArray[np.bool_]
-
-LONGEST_SPLINE_S = 0.15
-"""Puchaud et al. 2019, sec. 2.1: spline up to 15 frames at 100 Hz, solidification beyond."""
 
 MIN_COMMON_FRAMES = 10
 """Frames in which a marker and three others are seen together (chosen: 0.1 s at 100 Hz, so that one bad frame

@@ -3,32 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 from scaling_service.model.trial import Trial
 from scaling_service.recording import gaps, orientation, smoothing
-
-
-@dataclass(frozen=True, slots=True)
-class ProcessingSettings:
-    """What is done to a recording; the defaults are those of Puchaud et al. 2019, sec. 2.1.
-
-    Parameters
-    ----------
-    smoothing : 'moving_average', 'butterworth' or 'none'
-    cutoff_hz : float
-        Of the Butterworth filter (chosen: 6 Hz, the custom for walking, Winter 2009, sec. 3.4.3).
-    longest_spline_s : float
-        Gaps up to this long are interpolated by a spline.
-    solidify : bool
-        Whether longer gaps are filled from the other markers of the segment.
-    """
-
-    smoothing: Literal["moving_average", "butterworth", "none"] = "moving_average"
-    cutoff_hz: float = 6.0
-    longest_spline_s: float = gaps.LONGEST_SPLINE_S
-    solidify: bool = True
+from scaling_service.recording.settings import ProcessingSettings
 
 
 def process(

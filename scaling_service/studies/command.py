@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.cohort.progress import watched
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
+from scaling_service.capabilities.shared.arguments import Out
+from scaling_service.capabilities.shared.flags import Only, with_flags
 from scaling_service.capabilities.shared.screen import console_of_results
-from scaling_service.studies.document import Beside, StudyDocument
-from scaling_service.studies.futamure.screen import run_futamure
-from scaling_service.studies.muller2017.screen import run_muller2017
-from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019, save_study
-from scaling_service.studies.puchaud2019.study import SUBJECTS
+from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
 
+if TYPE_CHECKING:
+    from scaling_service.studies.document import Beside, StudyDocument
 
-class StudyName(StrEnum):
-    """The studies that can be done again."""
-
-    PUCHAUD2019 = "puchaud2019"
-    MULLER2017 = "muller2017"
-    FUTAMURE = "futamure"
-
-
-class GenericLegs(StrEnum):
-    """What scaling starts from."""
-
-    MEAN = "mean"
-    CUSTOM = "custom"
+IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
+"""As the paper has it."""
 
 
 _Subjects = Annotated[
@@ -47,7 +32,7 @@ _Samples = Annotated[
     int, typer.Option(min=2, metavar="N", help="muller2017: samples per level; the paper took 1000.")
 ]
 _Generic = Annotated[
-    GenericLegs,
+    Literal["mean", "custom"],
     typer.Option(
         help="Start from legs of the subjects' mean proportions, or from those of the toolbox CusToM."
     ),
@@ -71,17 +56,19 @@ _Recordings = Annotated[
 ]
 
 
+@with_flags
 def reproduce(
-    study: Annotated[StudyName, typer.Argument(help="Which study.", show_default=False)],
-    out: options.Out,
+    study: Annotated[
+        Literal["puchaud2019", "muller2017", "futamure"],
+        typer.Argument(help="Which study.", show_default=False),
+    ],
+    out: Out,
     subjects: _Subjects = None,
     samples: _Samples = 1000,
     recording: _Recordings = None,
-    generic: _Generic = GenericLegs.MEAN,
+    generic: _Generic = "mean",
     workers: _Workers = None,
-    strategy: options.StrategyOption = options.Strategy.ALTERNATING,
-    frames: options.Frames = options.DEFAULT_FRAMES,
-    seed: options.Seed = 0,
+    settings: Annotated[Settings, Only("strategy", "n_frames", "seed")] = IN_TURN,
 ) -> None:
     """Do a paper's study again on virtual persons, and ask of each of its claims whether it holds.
 
@@ -96,8 +83,16 @@ def reproduce(
 
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
+    from scaling_service.capabilities.cohort.progress import watched
+    from scaling_service.capabilities.scaling.saving import check_folder
+    from scaling_service.studies.futamure.screen import run_futamure
+    from scaling_service.studies.muller2017.screen import run_muller2017
+    from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019, save_study
+    from scaling_service.studies.puchaud2019.study import SUBJECTS
+
     check_folder(out)
-    if study is StudyName.MULLER2017:
+    seed = settings.seed
+    if study == "muller2017":
         run_muller2017(
             out,
             subjects=subjects,
@@ -107,15 +102,14 @@ def reproduce(
             worker_count=workers,
         )
         return
-    if study is StudyName.FUTAMURE:
+    if study == "futamure":
         run_futamure(out, subjects=subjects, recordings=recording or (), seed=seed, worker_count=workers)
         return
-    settings = options.resolve(strategy, frames, seed, None, None, None)
     with watched() as watcher:
         result = reproduce_puchaud2019(
             settings,
             subjects=subjects or SUBJECTS,
-            generic=generic.value,
+            generic=generic,
             worker_count=workers,
             watcher=watcher,
         )
@@ -168,3 +162,6 @@ def _table(title: str, cells: list[Beside]) -> Table:
 def _cell(cell: Beside) -> str:
     theirs = "–" if cell.paper_mean is None else f"{cell.paper_mean:.1f}{cell.paper_stars}"
     return f"{theirs} | {cell.mean:.1f}{'*' if cell.significant else ''}"
+
+
+COMMANDS = (reproduce,)

@@ -21,7 +21,8 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.recording.orientation import Orientation
-from scaling_service.recording.pipeline import ProcessingSettings, process
+from scaling_service.recording.pipeline import process
+from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, with_artefact
 from scaling_service.virtual.cohort import KNEE_AXIS_DEG, Sex, factors_of, person_of, tilt_of_knee

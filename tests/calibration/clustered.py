@@ -12,7 +12,7 @@ from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual.artefact import draw_artefact, residual, with_artefact
 from scaling_service.virtual.subject import VirtualSettings, processed, virtual_subject
 

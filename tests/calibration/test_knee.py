@@ -14,8 +14,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim import read_osim
 from scaling_service.files.sto import read_sto
@@ -23,7 +22,7 @@ from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates
 from scaling_service.model.knees import KneeKind, with_knee
 from scaling_service.model.subject import Session, Subject
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.recording.settings import ProcessingSettings
 from tests.calibration.people import imaged, movement, person, trial
 from tests.jobs.laboratory import laboratory
 

@@ -22,7 +22,7 @@ POINT = (0.08, 0.25, -0.1)
 @pytest.fixture(scope="module")
 def sway(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    prepared = prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     found = account(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
     return found.weighed[0]
 

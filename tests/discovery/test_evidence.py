@@ -101,7 +101,7 @@ def test_arranged_anew_is_as_gathered_so(watched: tuple[Watched, ...], picked: l
 
 def test_loads_made_together_are_those_made_one_by_one(tmp_path_factory: pytest.TempPathFactory) -> None:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    prepared = prepare(read(file), DiscoverSettings("none"), AS_MEASURED, STRETCH_S)
+    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, STRETCH_S)
     now = account(prepared.model, prepared.recordings)
     weighed = now.weighed[0]
     loads = [column.load for c in candidates(scene_of(now)) if c.of_forces for column in c.columns]

@@ -43,7 +43,7 @@ def touching(segment: str, point: Vector) -> Named:
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    return prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    return prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
 
 
 def pushed(prepared: Prepared) -> list[Recording]:

@@ -63,7 +63,7 @@ class Laboratory:
 
 def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple[Recording, ...]]:
     file = force_laboratory(folder, truth=truth)
-    prepared = prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     return prepared.model, tuple(prepared.recordings)
 
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
-from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.recording.settings import ProcessingSettings
 from tests.calibration.people import person
 from tests.jobs.laboratory import laboratory
 

@@ -8,7 +8,7 @@ import pytest
 
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.recording.settings import ProcessingSettings
 from tests.jobs.laboratory import laboratory
 
 UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))

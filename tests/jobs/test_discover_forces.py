@@ -31,7 +31,7 @@ from tests.jobs.laboratory import laboratory
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    return prepare(read(file), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    return prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
 
 
 def test_recordings_with_forces_are_weighed(prepared: Prepared) -> None:
@@ -89,7 +89,7 @@ def test_a_load_that_is_nobodys_does_not_count() -> None:
 
 
 def test_folders_without_forces_say_so(tmp_path: Path) -> None:
-    prepared = prepare(read(laboratory(tmp_path)), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(read(laboratory(tmp_path)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert not prepared.forces.by_trial
 
 

@@ -35,7 +35,7 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         calibration=(folder / "squats1.trc",),
         forces={"squats1.trc": without},
     )
-    prepared = prepare(read(subject), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(read(subject), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     vertical = np.column_stack([table.times, table.column(f"{WITHHELD}vy")])
     return prepared, vertical
 

@@ -14,8 +14,8 @@ from scaling_service.capabilities.discovery.free import free_of
 from scaling_service.capabilities.discovery.limits import check_lengths, limits
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.builtin import builtin
 from scaling_service.model.scaling import scaled
@@ -31,7 +31,7 @@ def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
 
 
 def test_roles_follow_the_subject_file() -> None:
-    prepared = prepare(Loaded(session()), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert prepared.free == ()
     assert any("no recording has forces" in note for note in prepared.notes)
@@ -50,7 +50,7 @@ def test_a_few_frames_are_refused_with_what_to_do() -> None:
 
 def test_without_held_out_recordings_all_fit() -> None:
     only = replace(session(), calibration=())
-    prepared = prepare(Loaded(only), DiscoverSettings("none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert prepared.roles == {"gait_1": "fit"}
 
 
@@ -83,7 +83,7 @@ def test_a_model_in_other_units_is_refused_first() -> None:
     whole = session()
     small = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3))
     with pytest.raises(TrialUnusable, match="does not fit this recording at all") as caught:
-        prepare(Loaded(replace(whole, model=small)), DiscoverSettings("none"), AS_MEASURED, 0.5)
+        prepare(Loaded(replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert caught.value.file == "knee_r"
     assert "units" in str(caught.value.remedy)
 

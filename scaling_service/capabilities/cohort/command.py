@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.cohort.progress import Interrupted, watched
-from scaling_service.capabilities.cohort.run import batch as run_batch
-from scaling_service.capabilities.cohort.screen import show_cohort
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.shared import options
+from scaling_service.capabilities.shared.arguments import Out, Workers
+from scaling_service.capabilities.shared.flags import Only, names, with_flags
+from scaling_service.capabilities.shared.names import method_names
+from scaling_service.capabilities.subject.settings import Settings
 
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""
@@ -25,29 +24,22 @@ _Cohort = Annotated[
         readable=False,
     ),
 ]
-_Workers = Annotated[
-    int | None,
-    typer.Option(min=1, metavar="N", help="Subjects at a time; unless given, one per processor core."),
-]
 
 
+@with_flags
 def batch(
     cohort: _Cohort,
-    out: options.Out,
+    out: Out,
+    settings: Annotated[Settings, Only("strategy", "n_frames", "seed", "up", "forward", "processing")],
     methods: Annotated[
         str | None,
         typer.Option(
-            metavar="M,M,…", help=f"Of {', '.join(METHODS)}; all that each subject allows unless given."
+            metavar="M,M,…",
+            help=f"Of {', '.join(method_names())}; all that each subject allows unless given.",
         ),
     ] = None,
-    workers: _Workers = None,
+    workers: Workers = None,
     force: Annotated[bool, typer.Option("--force", help="Do again what is done and unchanged.")] = False,
-    strategy: options.StrategyOption = options.Strategy.JOINT,
-    frames: options.Frames = options.DEFAULT_FRAMES,
-    seed: options.Seed = 0,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    smooth_hz: options.SmoothHz = None,
 ) -> None:
     """Scale many subjects, and compare the methods over all of them.
 
@@ -59,8 +51,11 @@ def batch(
 
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
-    chosen = None if methods is None else tuple(name.strip() for name in methods.split(","))
-    settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
+    from scaling_service.capabilities.cohort.progress import Interrupted, watched
+    from scaling_service.capabilities.cohort.run import batch as run_batch
+    from scaling_service.capabilities.cohort.screen import show_cohort
+
+    chosen = None if methods is None else tuple(names(methods))
     with watched() as watcher:
         try:
             result = run_batch(
@@ -71,3 +66,6 @@ def batch(
     show_cohort(result.document, out, result.files)
     if any(subject.status == "failed" for subject in result.document.subjects):
         raise typer.Exit(EXIT_SOME_FAILED)
+
+
+COMMANDS = (batch,)

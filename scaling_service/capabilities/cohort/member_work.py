@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.cohort.request import MemberRequest, MemberResult
+from scaling_service.capabilities.cohort.job import MemberRequest, MemberResult
 from scaling_service.capabilities.cohort.scaling_items import NothingPossible
 from scaling_service.capabilities.cohort.subject_item import SubjectItem
 from scaling_service.capabilities.scaling.run import Progress

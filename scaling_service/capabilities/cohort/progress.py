@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from scaling_service.capabilities.cohort.scaling_items import Outcome
+if TYPE_CHECKING:
+    from scaling_service.capabilities.cohort.scaling_items import Outcome
 
 _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
 _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.cohort.document import (
-    CohortDocument,
-    QuantityEntry,
-    StatisticsDocument,
-    SubjectEntry,
-)
 from scaling_service.capabilities.shared.screen import console_of_results, say
 from scaling_service.core.text import few
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.cohort.document import (
+        CohortDocument,
+        QuantityEntry,
+        StatisticsDocument,
+        SubjectEntry,
+    )
 
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:

@@ -13,14 +13,14 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter
 
+from scaling_service.capabilities.cohort.job import BatchRequest, MemberResult
 from scaling_service.capabilities.cohort.members import COLUMN
-from scaling_service.capabilities.cohort.request import BatchRequest, MemberResult
 from scaling_service.capabilities.cohort.run import DOCUMENT as DOCUMENT_OF_COHORT
 from scaling_service.capabilities.cohort.run import batch
 from scaling_service.capabilities.cohort.scaling_items import Item, Outcome
 from scaling_service.capabilities.cohort.subject_item import RECORD, Record
-from scaling_service.capabilities.scaling.request import named_files
 from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.job import named_files
 from scaling_service.core.serial import Serial
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.names import DOCUMENT, PARTS

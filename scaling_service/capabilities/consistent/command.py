@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.consistent.document import ConsistentDocument
-from scaling_service.capabilities.consistent.run import consistent as compute
-from scaling_service.capabilities.consistent.saving import FILE_NAME, save_consistent
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import console_of_results, introduce, progress_bar, say
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
+from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
+from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    introduce,
+    list_files,
+    running,
+    say,
+)
+from scaling_service.capabilities.subject.settings import Settings
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.consistent.document import ConsistentDocument
 
 
+@with_flags
 def consistent(
-    subject: options.SubjectFile,
-    out: options.Out,
-    start: options.Start = None,
-    inertia: options.Inertia = None,
-    cutoff_hz: options.CutoffHz = CUTOFF_HZ,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    report: options.Report = True,
+    subject: SubjectFile,
+    out: Out,
+    chosen: ForceSettings,
+    settings: Annotated[Settings, Only("up", "forward")] = UNSMOOTHED,
+    report: Report = True,
 ) -> None:
     """Find the motion, geometry and inertia that markers and ground forces agree on.
 
@@ -36,10 +39,10 @@ def consistent(
 
     [bold]Example[/bold]: scaling-service consistent S01.yaml --out consistent
     """
-    check_folder(out)
-    chosen = DynamicsSettings(start, inertia, cutoff_hz)
-    settings = replace(UNSMOOTHED, up=up, forward=forward)
-    with progress_bar() as progress:
+    with running(out) as progress:
+        from scaling_service.capabilities.consistent.run import consistent as compute
+        from scaling_service.capabilities.consistent.saving import save_consistent
+
         results = compute(subject, chosen, settings, progress=progress)
         document = save_consistent(results, out, report=report)
     show(document, out)
@@ -65,6 +68,8 @@ def show(document: ConsistentDocument, out: Path) -> None:
             table.add_row(f"  {way}", *numbers, f"{getattr(trial.marker_rms_mm, way):.1f}")
     console.print(table)
     say(console, "Note", "yellow", document.warnings)
-    written = [*document.files, *(n for n in (FILE_NAME, REPORT) if (out / n).is_file())]
-    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
-    console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)
+    written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
+    list_files(console, out, [", ".join(written)])
+
+
+COMMANDS = (consistent,)

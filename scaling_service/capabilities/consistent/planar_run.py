@@ -17,10 +17,11 @@ from scaling_service.capabilities.consistent.planar import (
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.dynamics.forces import read_trial_forces
 from scaling_service.capabilities.dynamics.inertia_table import with_inertia
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import blamed_on, load
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
@@ -40,7 +41,7 @@ TABLE = "winter2009"
 
 def prepare_squat(
     subject: Subject,
-    chosen: DynamicsSettings,
+    chosen: ForceSettings,
     settings: Settings,
     *,
     progress: Progress,

@@ -16,7 +16,7 @@ from scaling_service.capabilities.consistent.recording import ConsistentRecordin
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.frames import judged_frames
 from scaling_service.capabilities.dynamics.inverse_dynamics import check_weight, inverse_dynamics
-from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
@@ -45,7 +45,7 @@ class ConsistentResults:
     ----------
     prepared : Prepared
         Its model has the mass that the plates bear.
-    chosen : DynamicsSettings
+    chosen : ForceSettings
     settings : Settings
     recordings : tuple of ConsistentRecording
         Fitted ones, then held-out ones, in the order of ``result``.
@@ -58,7 +58,7 @@ class ConsistentResults:
     """
 
     prepared: Prepared
-    chosen: DynamicsSettings
+    chosen: ForceSettings
     settings: Settings
     recordings: tuple[ConsistentRecording, ...]
     fitted: int
@@ -70,7 +70,7 @@ class ConsistentResults:
 
 def consistent(
     subject: Subject | str | Path,
-    chosen: DynamicsSettings = PLAIN,
+    chosen: ForceSettings = PLAIN_FORCES,
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,
@@ -81,7 +81,7 @@ def consistent(
     ----------
     subject : Subject or path of a subject file
         Calibration trials with forces are fitted, evaluation trials with forces are held out.
-    chosen : DynamicsSettings
+    chosen : ForceSettings
         Its start, inertia and cutoff.
     settings : Settings
     progress : callable, optional
@@ -131,7 +131,7 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def read(subject: Subject, chosen: DynamicsSettings, settings: Settings, *, progress: Progress) -> Ready:
+def read(subject: Subject, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
     """Read recordings with forces, scale the model, follow the markers, weigh the person; errors as above."""
     if subject.model == SQUAT:
         prepared, found = prepare_squat(subject, chosen, settings, progress=progress)

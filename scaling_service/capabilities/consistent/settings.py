@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 
 SPREAD = GeometryPrior(0.05, 0.009)
 """5 % of a length, 9 mm of a marker's coordinate: the priors of the other calibrations."""

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
-from scaling_service.capabilities.datasets.document import SOURCE_FILE, Dataset
-from scaling_service.capabilities.datasets.downloads import BASE_URL, default_cache
-from scaling_service.capabilities.datasets.files import terms
-from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands
-from scaling_service.capabilities.shared import options
+from scaling_service.capabilities.datasets.document import BASE_URL, SOURCE_FILE, Dataset
+from scaling_service.capabilities.shared.arguments import folder
 from scaling_service.capabilities.shared.screen import progress_bar
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.datasets.run import Obtained
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -32,7 +31,7 @@ _Folder = Annotated[
         metavar="DIR",
         help="Where to write; ./NAME unless given.",
         show_default=False,
-        parser=options.folder("--out"),
+        parser=folder("--out"),
     ),
 ]
 _Cache = Annotated[
@@ -43,7 +42,7 @@ _Cache = Annotated[
         envvar="SCALING_SERVICE_CACHE",
         help="Keeps downloads between runs; a folder of the system unless given.",
         show_default=False,
-        parser=options.folder("--cache"),
+        parser=folder("--cache"),
     ),
 ]
 _BaseUrl = Annotated[
@@ -73,6 +72,9 @@ def list_datasets() -> None:
 
     [bold]Next[/bold]: scaling-service datasets get jia_mri
     """
+    from scaling_service.capabilities.datasets.catalogue import read_catalogue
+    from scaling_service.capabilities.datasets.files import terms
+
     console = _console()
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("name", no_wrap=True)
@@ -101,6 +103,10 @@ def get(
 
     [bold]Example[/bold]: scaling-service datasets get jia_mri --out data/jia_mri
     """
+    from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
+    from scaling_service.capabilities.datasets.downloads import default_cache
+    from scaling_service.capabilities.datasets.run import get_dataset
+
     dataset = find_dataset(name, read_catalogue())
     folder = Path(name) if out is None else out
     with progress_bar() as progress:
@@ -117,6 +123,9 @@ def get(
 
 def _show(obtained: Obtained, dataset: Dataset) -> None:
     """What was written and what was there, the terms, and what to run now."""
+    from scaling_service.capabilities.datasets.files import terms
+    from scaling_service.capabilities.datasets.run import next_commands
+
     console = _console()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:
@@ -131,3 +140,6 @@ def _show(obtained: Obtained, dataset: Dataset) -> None:
 def _console() -> Console:
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)
+
+
+GROUPS = {"datasets": app}

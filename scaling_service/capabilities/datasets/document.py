@@ -8,6 +8,9 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 SUBJECT_FILE = "subject.yaml"
+BASE_URL = "https://raw.githubusercontent.com"
+"""Files of public GitHub repositories: <base>/<owner>/<name>/<commit>/<path>."""
+
 SOURCE_FILE = "SOURCE.md"
 IMAGE_MARKERS_FILE = "image_markers.csv"
 

@@ -11,11 +11,8 @@ from urllib.parse import quote, urlsplit
 import pooch
 import requests
 
-from scaling_service.capabilities.datasets.document import RemoteFile
+from scaling_service.capabilities.datasets.document import BASE_URL, RemoteFile
 from scaling_service.core.errors import FileUnreadable, InputError
-
-BASE_URL = "https://raw.githubusercontent.com"
-"""Files of public GitHub repositories: <base>/<owner>/<name>/<commit>/<path>."""
 
 TIMEOUT_S = (10.0, 30.0)
 """To connect, and without any data; chosen: a slow link still answers, a dead one is told within a minute."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scaling_service.capabilities.datasets.document import (
+    BASE_URL,
     IMAGE_MARKERS_FILE,
     SOURCE_FILE,
     SUBJECT_FILE,
@@ -16,7 +17,6 @@ from scaling_service.capabilities.datasets.document import (
     RemoteFile,
 )
 from scaling_service.capabilities.datasets.downloads import (
-    BASE_URL,
     Received,
     check_base_url,
     fetch,

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
-from scaling_service.capabilities.discovery.demo import run_hidden_demo
-from scaling_service.capabilities.discovery.run import discover as compute
-from scaling_service.capabilities.discovery.saving import save_discovery
-from scaling_service.capabilities.discovery.screen import show
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
+from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.screen import running
+from scaling_service.capabilities.subject.settings import Settings
 
 
+@with_flags
 def discover(
-    subject: options.SubjectFile,
-    out: options.Out,
-    start: options.Start = None,
-    inertia: options.Inertia = None,
-    cutoff_hz: options.CutoffHz = PLAIN.cutoff_hz,
-    seed: options.Seed = 0,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    report: options.Report = True,
+    subject: SubjectFile,
+    out: Out,
+    chosen: DiscoverSettings,
+    settings: Annotated[Settings, Only("up", "forward", "seed")] = AS_MEASURED,
+    report: Report = True,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
 
@@ -53,18 +47,26 @@ def discover(
 
     scaling-service demo --discover --out hidden
     """
-    check_folder(out)
-    settings = replace(AS_MEASURED, up=up, forward=forward, seed=seed)
-    with progress_bar() as progress:
-        results = compute(subject, DiscoverSettings(start, inertia, cutoff_hz), settings, progress=progress)
+    with running(out) as progress:
+        from scaling_service.capabilities.discovery.run import discover as compute
+        from scaling_service.capabilities.discovery.saving import save_discovery
+        from scaling_service.capabilities.discovery.screen import show
+
+        results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
     show(document, out)
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     """Search for what is hidden in a virtual person; the answer comes after the verdict."""
-    with progress_bar() as progress:
-        document = save_discovery(
-            run_hidden_demo(seed, progress=progress), out, report=report, progress=progress
-        )
+    with running(out) as progress:
+        from scaling_service.capabilities.discovery.demo import run_hidden_demo
+        from scaling_service.capabilities.discovery.saving import save_discovery
+        from scaling_service.capabilities.discovery.screen import show
+
+        found = run_hidden_demo(seed, progress=progress)
+        document = save_discovery(found, out, report=report, progress=progress)
     show(document, out)
+
+
+COMMANDS = (discover,)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from scaling_service.capabilities.discovery.document import HiddenDocument
 from scaling_service.capabilities.discovery.run import DiscoverResults, run
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS
 from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.virtual.hidden import RECORDED, Hidden, hidden_session
 from scaling_service.virtual.subject import VirtualSettings
@@ -37,8 +37,8 @@ def run_hidden_demo(
     session, _person, hidden = hidden_session(seed, settings)
     results = run(
         Loaded(session),
-        DiscoverSettings(AS_IT_IS),
-        replace(AS_MEASURED, seed=seed),
+        DiscoverSettings(start=AS_IT_IS),
+        AS_MEASURED.model_copy(update={"seed": seed}),
         progress=progress,
     )
     return replace(results, hidden=tuple(map(_document, hidden)))

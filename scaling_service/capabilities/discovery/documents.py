@@ -60,7 +60,7 @@ def discovery_document(
         code_version=code_version(),
         subject=prepared.subject.id,
         settings=results.settings.resolved()
-        | {"discover": asdict(results.chosen), "search": asdict(results.search)},
+        | {"discover": results.chosen.resolved(), "search": asdict(results.search)},
         input_hashes=input_hashes(prepared.subject, results.subject_file),
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},

@@ -84,7 +84,6 @@ def discover(
         does not fit the recordings at all.
     """
     clock = time.perf_counter()
-    chosen.check()
     report = progress or _silent
     report("reading the recordings", 0.0)
     file = None if isinstance(subject, Subject) else Path(subject)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.discovery.document import DiscoveryDocument, EffectDocument
 from scaling_service.capabilities.discovery.report.page import headline
 from scaling_service.capabilities.discovery.report.style import digits, placed
 from scaling_service.capabilities.discovery.saving import FILE_NAME
 from scaling_service.capabilities.discovery.words import shown
 from scaling_service.capabilities.shared.screen import console_of_results, introduce, say
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.discovery.document import DiscoveryDocument, EffectDocument
 
 _LEFT = 5  # places still above the floor; all are in discovery.json (chosen: as many as fit a screen)
 _TWINS = 3  # members of a class beside the effect (chosen); all are in discovery.json

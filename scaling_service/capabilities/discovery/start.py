@@ -14,9 +14,9 @@ from scaling_service.capabilities.discovery.laws.additions import Sized
 from scaling_service.capabilities.discovery.limits import check_lengths, limits
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.dynamics.inertia_table import Massive, with_inertia
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
@@ -108,7 +108,6 @@ def prepare(
     InputError
         Whatever in the model, the recordings or their forces cannot be used; the model does not fit at all.
     """
-    chosen.check()
     session = loaded.session
     if not session.dynamic:
         raise TrialUnusable(

@@ -3,57 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import typer
-from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.dynamics.document import DynamicsDocument, TrialDynamicsDocument
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
-from scaling_service.capabilities.dynamics.report.data import told
-from scaling_service.capabilities.dynamics.run import dynamics as compute
-from scaling_service.capabilities.dynamics.saving import FILE_NAME, save_dynamics
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import console_of_results, introduce, progress_bar, say
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
+from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    introduce,
+    list_files,
+    running,
+    say,
+)
+from scaling_service.capabilities.subject.settings import Settings
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.dynamics.document import DynamicsDocument, TrialDynamicsDocument
 
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 _FORCES, _MOMENTS = ("fx", "fy", "fz"), ("mx", "my", "mz")
 
 
+@with_flags
 def dynamics(
-    subject: options.SubjectFile,
-    out: options.Out,
-    start: options.Start = None,
-    inertia: options.Inertia = None,
-    cutoff_hz: options.CutoffHz = CUTOFF_HZ,
-    identify: Annotated[
-        bool,
-        typer.Option("--identify", help="Identify the inertia from the calibration trials with forces."),
-    ] = False,
-    free_mass: Annotated[
-        bool, typer.Option("--free-mass", help="Let identification change the total mass.")
-    ] = False,
-    sides_apart: Annotated[
-        bool, typer.Option("--sides-apart", help="Let identification change left and right apart.")
-    ] = False,
-    despite_verdict: Annotated[
-        bool,
-        typer.Option("--despite-verdict", help="Identify even where the verdict is that it would fit noise."),
-    ] = False,
-    samples: Annotated[
-        int,
-        typer.Option(min=2, metavar="N", help="Samples of the uncertainty per level; the paper took 1000."),
-    ] = DynamicsSettings().samples,
-    seed: options.Seed = 0,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    report: options.Report = True,
+    subject: SubjectFile,
+    out: Out,
+    chosen: DynamicsSettings,
+    settings: Annotated[Settings, Only("up", "forward", "seed")] = UNSMOOTHED,
+    report: Report = True,
 ) -> None:
     """Check a model against the ground's forces: joint loads, residuals, their uncertainty.
 
@@ -62,12 +43,10 @@ def dynamics(
 
     [bold]Example[/bold]: scaling-service dynamics S01.yaml --out checked
     """
-    check_folder(out)
-    chosen = DynamicsSettings(
-        start, inertia, cutoff_hz, identify, not free_mass, not sides_apart, despite_verdict, samples
-    )
-    settings = replace(UNSMOOTHED, up=up, forward=forward, seed=seed)
-    with progress_bar() as progress:
+    with running(out) as progress:
+        from scaling_service.capabilities.dynamics.run import dynamics as compute
+        from scaling_service.capabilities.dynamics.saving import save_dynamics
+
         results = compute(subject, chosen, settings, progress=progress)
         document = save_dynamics(results, out, report=report)
     show(document, out)
@@ -84,12 +63,13 @@ def show(document: DynamicsDocument, out: Path) -> None:
         console.print(_inertial_table(document))
     say(console, "Note", "yellow", _warnings(document))
     say(console, "Verdict", "bold", [document.verdict])
-    written = [*document.files, *(name for name in (FILE_NAME, REPORT) if (out / name).is_file())]
-    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
-    console.print(f"  {escape(', '.join(written))}", highlight=False, soft_wrap=True)
+    further = [name for name in ("dynamics.json", "report.html") if (out / name).is_file()]
+    list_files(console, out, [", ".join([*document.files, *further])])
 
 
 def _warnings(document: DynamicsDocument) -> list[str]:
+    from scaling_service.capabilities.dynamics.report.data import told
+
     inertial = document.inertial.warnings if document.inertial is not None else []
     return list(dict.fromkeys((*document.warnings, *told(document), *inertial)))
 
@@ -150,3 +130,6 @@ def _inertial_table(document: DynamicsDocument) -> Table:
             before, after = getattr(fit.before, component), getattr(fit.after, component)
             table.add_row(f"  {name} ({kind}) residual {component}", f"{before:.1f}", f"{after:.1f}")
     return table
+
+
+COMMANDS = (dynamics,)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ def dynamics_document(
     return DynamicsDocument(
         code_version=code_version(),
         subject=prepared.subject.id,
-        settings=results.settings.resolved() | {"dynamics": asdict(results.chosen)},
+        settings=results.settings.resolved() | {"dynamics": results.chosen.resolved()},
         input_hashes=input_hashes(prepared.subject, results.subject_file),
         seed=results.settings.seed,
         markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},

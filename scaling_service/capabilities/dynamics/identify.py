@@ -49,7 +49,9 @@ def identified(
         held_out=[recording for name, recording in recordings.items() if name not in fitted],
         supported=supported,
         settings=IdentificationSettings(
-            mass_known=chosen.mass_known, symmetric=chosen.symmetric, despite_verdict=chosen.despite_verdict
+            mass_known=not chosen.free_mass,
+            symmetric=not chosen.sides_apart,
+            despite_verdict=chosen.despite_verdict,
         ),
     )
     return result, notes

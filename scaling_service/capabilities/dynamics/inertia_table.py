@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE
-from scaling_service.capabilities.dynamics.settings import OWN as OWN
-from scaling_service.capabilities.dynamics.settings import check_inertia as check_inertia
+from scaling_service.capabilities.shared.names import OWN as OWN
+from scaling_service.capabilities.shared.names import check_inertia as check_inertia
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.inertia import apply_inertia_table
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
@@ -24,9 +25,6 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.filters import butterworth, runs
 from scaling_service.numerics.wrench import ground_wrench as wrench
-
-CUTOFF_HZ = 5.0
-"""Muller et al. 2017, sec. 2.1."""
 
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""

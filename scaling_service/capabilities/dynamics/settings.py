@@ -2,97 +2,74 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
-from scaling_service.capabilities.scaling.methods.table import METHODS
+from pydantic import Field
+
+from scaling_service.capabilities.shared.names import Inertia, Start
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.model.inertia_tables import TABLE_NAMES
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.core.options import Flag, Options
+from scaling_service.recording.settings import ProcessingSettings
 
-AS_IT_IS = "none"
-"""In place of a method: the given model is used as it is."""
+CUTOFF_HZ = 5.0
+"""Muller et al. 2017, sec. 2.1."""
 
 UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))
 """Markers are not smoothed: motion and forces then pass one filter, and the same one."""
 
-OWN = "model"
-"""In place of a table's name: what the model holds."""
-
 DEFAULT_TABLE = "dumas2007"
 """For built-in models that were scaled to a person: the table of Muller et al. 2017, sec. 2.3."""
 
+MOST_SAMPLES = 2000
+"""Chosen: twice the paper's; more would only hold a worker."""
 
-@dataclass(frozen=True, slots=True)
-class DynamicsSettings:
-    """What can be chosen for dynamics.
 
-    Parameters
-    ----------
-    start : str, optional
-        A scaling method, or ``AS_IT_IS``. Unless given: EB_am where bones are given, else MB_am.
-    inertia : str, optional
-        A table's name or ``model``; see ``with_inertia``.
-    cutoff_hz : float
-        Of the filter of coordinates and forces (Muller et al. 2017, sec. 2.1: 5 Hz).
-    identify : bool
-        Whether to identify the inertia from the calibration trials.
-    mass_known : bool
-        Whether the total mass stays in identification.
-    symmetric : bool
-        Whether left and right change alike in identification.
-    despite_verdict : bool
-        Identify even where the verdict is that these recordings cannot calibrate inertia.
-    samples : int
-        Of the uncertainty, per level (Muller et al. 2017 took 1000; chosen: with 200 a standard deviation is
-        known to 5 %).
-    """
+class ForceSettings(Options):
+    """What can be chosen wherever a model meets the ground's forces."""
 
-    start: str | None = None
-    inertia: str | None = None
-    cutoff_hz: float = CUTOFF_HZ
-    identify: bool = False
-    mass_known: bool = True
-    symmetric: bool = True
-    despite_verdict: bool = False
-    samples: int = 200
+    start: Start = Field(
+        default=None,
+        description="Scaling to start from; 'none' takes the given model as it is: already scaled. EB_am "
+        "where there are bones, else MB_am, unless given.",
+        examples=["none"],
+    )
+    inertia: Inertia = Field(
+        default=None,
+        description="Inertial table; 'model' keeps the model's own. dumas2007 for built-in models that were "
+        "scaled, else the model's own, unless given.",
+    )
+    cutoff_hz: Annotated[float, Flag(metavar="HZ")] = Field(
+        default=CUTOFF_HZ, gt=0.0, le=1000.0, description="Of the filter that motion and forces pass."
+    )
 
-    def check(self) -> None:
-        """Refuse what there is not.
 
-        Raises
-        ------
-        InputError
-            A method or table has another name, or the cutoff is none.
-        """
-        if self.start is not None and self.start != AS_IT_IS:
-            _check_method(self.start)
-        check_inertia(self.inertia)
-        if not self.cutoff_hz > 0:
-            raise InputError(
-                f"a cutoff of {self.cutoff_hz:g} Hz is none", field="cutoff_hz", remedy="Give one above zero"
-            )
+PLAIN_FORCES = ForceSettings()
+"""Nothing chosen."""
+
+
+class DynamicsSettings(ForceSettings):
+    """What can be chosen for dynamics."""
+
+    identify: Annotated[bool, Flag(name="--identify")] = Field(
+        default=False, description="Identify the inertia from the calibration trials with forces."
+    )
+    free_mass: Annotated[bool, Flag(name="--free-mass")] = Field(
+        default=False, description="Let identification change the total mass."
+    )
+    sides_apart: Annotated[bool, Flag(name="--sides-apart")] = Field(
+        default=False, description="Let identification change left and right apart."
+    )
+    despite_verdict: Annotated[bool, Flag(name="--despite-verdict")] = Field(
+        default=False, description="Identify even where the verdict is that it would fit noise."
+    )
+    samples: Annotated[int, Flag(metavar="N")] = Field(
+        default=200,  # chosen: a standard deviation is then known to 5 %
+        ge=2,
+        le=MOST_SAMPLES,
+        description="Samples of the uncertainty per level; the paper took 1000.",
+        examples=[20],
+    )
 
 
 PLAIN = DynamicsSettings()
 """Nothing chosen."""
-
-
-def check_inertia(inertia: str | None) -> None:
-    """Refuse a name that there is not (SubjectInvalid)."""
-    if inertia is not None and inertia not in (*TABLE_NAMES, OWN):
-        raise SubjectInvalid(
-            f"there is no inertial table '{inertia}'",
-            field="inertia",
-            remedy=f"Use one of {', '.join(TABLE_NAMES)}, or '{OWN}' for the model's own",
-        )
-
-
-def _check_method(method: str) -> None:
-    if method not in METHODS:
-        raise SubjectInvalid(
-            f"there is no method '{method}'",
-            field="start",
-            remedy=f"Methods are {', '.join(METHODS)}; '{AS_IT_IS}' takes the model as it is",
-        )

@@ -9,11 +9,11 @@ from pathlib import Path
 from scaling_service.capabilities.dynamics.feet import feet_of, foot_markers
 from scaling_service.capabilities.dynamics.forces import TrialForces, read_trial_forces, trial_forces
 from scaling_service.capabilities.dynamics.inertia_table import with_inertia
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS as AS_IT_IS
-from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.names import AS_IT_IS as AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
@@ -76,7 +76,7 @@ class _Started:
 
 def prepare(
     subject: Subject | str | Path,
-    chosen: DynamicsSettings = PLAIN,
+    chosen: ForceSettings = PLAIN_FORCES,
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,
@@ -86,7 +86,7 @@ def prepare(
     Parameters
     ----------
     subject : Subject or path of a subject file
-    chosen : DynamicsSettings
+    chosen : ForceSettings
     settings : Settings
     progress : callable, optional
 
@@ -96,7 +96,6 @@ def prepare(
         Whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     file = None if isinstance(subject, Subject) else Path(subject)
-    chosen.check()
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file):

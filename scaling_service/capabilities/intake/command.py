@@ -4,30 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.intake.document import ProofDocument
-from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.capabilities.shared.arguments import Out
+from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.text import few
-from scaling_service.model.anatomy.markers import strip_prefix
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.intake.document import ProofDocument
 
 _COLOURS = {"error": "red", "warning": "yellow"}
 
 
+@with_flags
 def proof(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With recordings.", show_default=False)],
-    out: options.Out,
-    up: Annotated[str | None, typer.Option(help="Laboratory axis that points up, such as +z.")] = None,
-    forward: Annotated[str | None, typer.Option(help="Laboratory axis that points forward.")] = None,
+    out: Out,
+    settings: Annotated[Settings, Only("up", "forward")],
 ) -> None:
     """Look at the files of a folder: what they are for, axes, labels, gaps, and what scaling would refuse.
 
@@ -35,9 +35,10 @@ def proof(
 
     [bold]Example[/bold]: scaling-service proof recordings --out looked
     """
-    check_folder(out)
-    with progress_bar() as progress:
-        found = prove_folder(folder, out, Settings(up=up, forward=forward), progress=progress)
+    with running(out) as progress:
+        from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
+
+        found = prove_folder(folder, out, settings, progress=progress)
     _show(found)
     if found.proposal is not None:
         Console().print(f"Proposed: {escape(str(out / SUBJECT))}", soft_wrap=True)
@@ -102,6 +103,8 @@ def _marker_set(found: ProofDocument) -> Iterator[str]:
 
 def _labels(found: ProofDocument) -> Iterator[str]:
     """Markers without a label, tracking markers that are used, and labels that are not."""
+    from scaling_service.model.anatomy.markers import strip_prefix
+
     missing = [m.marker for m in found.markers if m.label is None]
     if missing and found.proposal is None:  # else scaling's own warning names them
         yield f"Markers of the model without a label: {', '.join(missing)}"
@@ -143,3 +146,6 @@ def _plates(found: ProofDocument) -> Table:
             )
             table.add_row(*map(escape, row))
     return table
+
+
+COMMANDS = (proof,)

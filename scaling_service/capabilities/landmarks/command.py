@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.bones.whole import BONES
-from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
-from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.capabilities.shared.arguments import Out
+from scaling_service.capabilities.shared.names import BONE_NAMES
+from scaling_service.capabilities.shared.screen import running
 
-
-class Units(StrEnum):
-    """Length unit of the mesh files."""
-
-    MM = "mm"
-    CM = "cm"
-    M = "m"
-    DETECT = "detect"
+if TYPE_CHECKING:
+    from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
 
 
 def _bone(name: str, words: str) -> typer.models.OptionInfo:
@@ -39,7 +29,7 @@ _MeshFile = Path | None
 
 
 def landmarks(
-    out: options.Out,
+    out: Out,
     pelvis: Annotated[_MeshFile, _bone("pelvis", "Both hip bones, sacrum in or out.")] = None,
     femur_r: Annotated[_MeshFile, _bone("femur_r", "Right femur.")] = None,
     tibia_r: Annotated[_MeshFile, _bone("tibia_r", "Right tibia, with its fibula if imaged.")] = None,
@@ -47,7 +37,7 @@ def landmarks(
     femur_l: Annotated[_MeshFile, _bone("femur_l", "Left femur.")] = None,
     tibia_l: Annotated[_MeshFile, _bone("tibia_l", "Left tibia, with its fibula if imaged.")] = None,
     talus_l: Annotated[_MeshFile, _bone("talus_l", "Left talus.")] = None,
-    units: Annotated[Units, typer.Option(help="Unit of all meshes.")] = Units.DETECT,
+    units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
 ) -> None:
     """Find joint centres, axes and bony landmarks on surfaces of bones (STL, PLY, OBJ, VTP).
 
@@ -56,14 +46,12 @@ def landmarks(
 
     [bold]Example[/bold]: scaling-service landmarks --units mm --femur_r F.stl --tibia_r T.stl --out found
     """
-    check_folder(out)
-    given = dict(zip(BONES, (pelvis, femur_r, tibia_r, talus_r, femur_l, tibia_l, talus_l), strict=True))
-    with progress_bar() as progress:
-        document = landmark_bones(
-            {name: path for name, path in given.items() if path is not None},
-            units=units.value,
-            progress=progress,
-        )
+    meshes = (pelvis, femur_r, tibia_r, talus_r, femur_l, tibia_l, talus_l)
+    given = {name: path for name, path in zip(BONE_NAMES, meshes, strict=True) if path is not None}
+    with running(out) as progress:
+        from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+
+        document = landmark_bones(given, units=units, progress=progress)
     path = save_landmarks(document, out)
     _show(document, path)
 
@@ -75,7 +63,7 @@ def _show(document: LandmarksDocument, path: Path) -> None:
     for heading in ("bone", "landmark", "x", "y", "z"):
         table.add_column(heading, justify="left" if heading in ("bone", "landmark") else "right")
     said: list[str] = []
-    for name in BONES:
+    for name in BONE_NAMES:
         bone: BoneDocument | None = getattr(document, name)
         if bone is None:
             continue
@@ -88,3 +76,6 @@ def _show(document: LandmarksDocument, path: Path) -> None:
     for line in said:
         console.print(f"[yellow]note[/yellow] {escape(line)}")
     console.print(f"Written: {escape(str(path))}")
+
+
+COMMANDS = (landmarks,)

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.recordings import ik as compute
-from scaling_service.capabilities.motion.result import MotionDocument
-from scaling_service.capabilities.motion.saving import FILE_NAME, save_motions
-from scaling_service.capabilities.scaling.saving import check_folder
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import console_of_results, progress_bar, say, understood
-from scaling_service.core.errors import InputError
+from scaling_service.capabilities.shared.arguments import Out
+from scaling_service.capabilities.shared.flags import with_flags
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    list_files,
+    running,
+    say,
+    understood,
+)
 from scaling_service.core.text import few
 
+if TYPE_CHECKING:
+    from scaling_service.capabilities.motion.document import MotionDocument
 
+
+@with_flags
 def ik(
     model: Annotated[
         str,
@@ -33,25 +39,12 @@ def ik(
         list[Path],
         typer.Argument(metavar="RECORDING…", help="C3D or TRC files.", show_default=False, readable=False),
     ],
-    out: options.Out,
-    poses: Annotated[
-        bool,
-        typer.Option("--poses", help=str(MotionOptions.model_fields["poses"].description)),
-    ] = False,
-    marker: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="MARKER=LABEL",
-            help="A model marker and its label, where known aliases differ; may be given again.",
-        ),
-    ] = None,
+    out: Out,
+    options: MotionOptions,
     marker_set: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="OpenSim markers to add to an .osim model.", readable=False),
     ] = None,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    smooth_hz: options.SmoothHz = None,
 ) -> None:
     """Use a scaled model again: the motion of any recordings, with its standard deviations.
 
@@ -60,26 +53,13 @@ def ik(
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """
-    check_folder(out)
-    chosen = MotionOptions(
-        markers=_pairs(marker or []), up=up, forward=forward, smooth_hz=smooth_hz, poses=poses
-    )
-    with progress_bar() as progress:
-        tracked = compute(model, recordings, chosen, marker_set=marker_set, progress=progress)
+    with running(out) as progress:
+        from scaling_service.capabilities.motion.recordings import ik as compute
+        from scaling_service.capabilities.motion.saving import save_motions
+
+        tracked = compute(model, recordings, options, marker_set=marker_set, progress=progress)
         document = save_motions(tracked, out)
     show(document, out)
-
-
-def _pairs(given: list[str]) -> dict[str, str]:
-    """``MARKER=LABEL`` texts as a mapping."""
-    pairs: dict[str, str] = {}
-    for text in given:
-        name, sign, label = (part.strip() for part in text.partition("="))
-        if not (name and sign and label) or name in pairs:
-            problem = f"'{name}' is mapped twice" if name in pairs else f"'{text}' is not MARKER=LABEL"
-            raise InputError(problem, field="--marker", remedy="Give it like --marker RLFE=RKNE")
-        pairs[name] = label
-    return pairs
 
 
 def show(document: MotionDocument, out: Path) -> None:
@@ -98,5 +78,7 @@ def show(document: MotionDocument, out: Path) -> None:
         table.add_row(f"  {escape(name)}", str(trial.frames), *numbers, escape(lost) or "nothing")
     console.print(table)
     say(console, "Note", "yellow", document.warnings)
-    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
-    console.print(f"  {escape(', '.join([*document.files, FILE_NAME]))}", highlight=False, soft_wrap=True)
+    list_files(console, out, [", ".join([*document.files, "ik.json"])])
+
+
+COMMANDS = (ik,)

@@ -1,13 +1,16 @@
-"""What can be chosen; command line, HTTP body and provenance all come from here."""
+"""What can be chosen for the motion of recordings."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from scaling_service.capabilities.shared.flags import pairs
+from scaling_service.core.options import Flag, Options
 
 
-class MotionOptions(BaseModel):
+class MotionOptions(Options):
     """How recordings are read and followed.
 
     Examples
@@ -16,30 +19,33 @@ class MotionOptions(BaseModel):
     0.0
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    markers: dict[str, str] = Field(
+    poses: Annotated[bool, Flag(name="--poses")] = Field(
+        default=False,
+        description="Whether to write where every segment is, as OpenSim's BodyKinematics does.",
+    )
+    markers: Annotated[
+        dict[str, str],
+        Flag(
+            name="--marker",
+            metavar="MARKER=LABEL",
+            kind=list[str] | None,
+            read=pairs("--marker"),
+            help="A model marker and its label, where known aliases differ; may be given again.",
+        ),
+    ] = Field(
         default={},
         description="Model marker to label in the recordings, where name and known aliases differ.",
     )
-    up: str | None = Field(
+    up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis that points up, such as +z; unless given, found from markers.",
     )
-    forward: str | None = Field(
+    forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None, description="Laboratory axis that the person faces, such as -x; found unless given."
     )
-    smooth_hz: float | None = Field(
+    smooth_hz: Annotated[float | None, Flag(metavar="HZ")] = Field(
         default=None,
         ge=0.0,
         description="Smooth markers by a Butterworth filter with this cutoff, not by the moving average that "
         "scaling takes; 0: not at all.",
     )
-    poses: bool = Field(
-        default=False,
-        description="Whether to write where every segment is, as OpenSim's BodyKinematics does.",
-    )
-
-    def resolved(self) -> dict[str, Any]:
-        """All options with their defaults, for a document."""
-        return self.model_dump()

@@ -20,7 +20,7 @@ from scaling_service.files.recording import READERS
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
-from scaling_service.recording.pipeline import ProcessingSettings
+from scaling_service.recording.settings import ProcessingSettings
 
 _READING = 0.2  # chosen: about the share of reading and processing
 
@@ -101,7 +101,8 @@ def ik(
         evaluation=files,
     )
     report("reading the recordings", 0.0)
-    settings = Settings(processing=processing_of(options), up=options.up, forward=options.forward)
+    processing = ProcessingSettings.smoothed(options.smooth_hz)
+    settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blamed_on(None, files):
         loaded = load(places, settings)
         session = loaded.session
@@ -126,15 +127,6 @@ def _without_subject_file() -> Iterator[None]:
                 "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
             )
         raise
-
-
-def processing_of(options: MotionOptions) -> ProcessingSettings:
-    """What is done to the recordings: as scaling does, unless a cutoff is given."""
-    if options.smooth_hz is None:
-        return ProcessingSettings()
-    if options.smooth_hz == 0.0:
-        return ProcessingSettings(smoothing="none")
-    return ProcessingSettings(smoothing="butterworth", cutoff_hz=options.smooth_hz)
 
 
 def _model(model: str | Path, marker_set: str | Path | None) -> str:

@@ -1,4 +1,4 @@
-"""What following recordings gives, and its document."""
+"""What following recordings gives."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
+from scaling_service.capabilities.motion.document import KinematicErrorDocument, TrackedTrialDocument
 from scaling_service.capabilities.motion.poses import SegmentPoses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
 from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
-from scaling_service.documents.results import Provenance
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 
@@ -43,53 +42,6 @@ class MotionResult:
 
     model: BodyModel
     trials: Mapping[str, TrackedTrial]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class KinematicErrorDocument(_Part):
-    """Distances between measured and model markers over one trial, mm."""
-
-    mean: float = Field(description="Over frames and markers.")
-    rms: float
-    max: float
-    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
-
-
-class TrackedTrialDocument(_Part):
-    """How a model follows one trial."""
-
-    kinematic_error_mm: KinematicErrorDocument
-    not_determined: list[str] = Field(
-        description="Coordinates that the markers determine in no frame: they stand at their default."
-    )
-    frames_not_determined: dict[str, int] = Field(
-        description="Further coordinates to the number of frames that do not determine them: NaN there."
-    )
-    frames_at_range_end: dict[str, int] = Field(
-        description="Coordinates to the number of frames in which they stand at the end of the model's "
-        "range. It decides there, so their standard deviation is NaN."
-    )
-    marker_noise_mm: dict[str, float] = Field(
-        description="Standard deviation of one coordinate of each marker about the model, from this trial's "
-        "residuals; the standard deviations of the coordinates come from it."
-    )
-    frames: int
-
-
-class MotionDocument(Provenance):
-    """``ik.json``."""
-
-    subject: str = Field(default="", description="Empty where recordings were given without a subject.")
-    model: str = Field(description="The model used: a built-in name or a file.")
-    locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
-    axes: str = Field(description="Which laboratory axes were taken for up and forward.")
-    trials: dict[str, TrackedTrialDocument]
-    warnings: list[str]
-    files: list[str] = Field(description="What was written beside this document.")
-    wall_s: float
 
 
 def trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:

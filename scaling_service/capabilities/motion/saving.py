@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion.document import MotionDocument
 from scaling_service.capabilities.motion.motion_files import write_motion, write_motion_sd
 from scaling_service.capabilities.motion.poses import SegmentPoses
-from scaling_service.capabilities.motion.recordings import Tracked, processing_of
-from scaling_service.capabilities.motion.result import MotionDocument, TrackedTrial, trial_document
+from scaling_service.capabilities.motion.recordings import Tracked
+from scaling_service.capabilities.motion.result import TrackedTrial, trial_document
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.hashes import input_hashes
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
+from scaling_service.recording.settings import ProcessingSettings
 
 FILE_NAME = "ik.json"
 
@@ -71,11 +72,12 @@ def poses_table(name: str, times: np.ndarray, poses: SegmentPoses) -> Table:
 def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
     """``ik.json``."""
     session, model = tracked.loaded.session, tracked.result.model
+    processing = ProcessingSettings.smoothed(tracked.options.smooth_hz)
     return MotionDocument(
         code_version=code_version(),
         subject=tracked.subject.id,
         model=Path(tracked.subject.model).name,
-        settings=tracked.options.resolved() | {"processing": asdict(processing_of(tracked.options))},
+        settings=tracked.options.resolved() | {"processing": processing.resolved()},
         input_hashes=input_hashes(tracked.subject, tracked.subject_file),
         seed=0,
         markers_used={name: list(labels) for name, labels in tracked.loaded.markers_used.items()},

@@ -7,23 +7,19 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.discovery.command import find_hidden
-from scaling_service.capabilities.scaling import run as tasks
-from scaling_service.capabilities.scaling.demo import run_demo
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.saving import check_folder, save
-from scaling_service.capabilities.shared import options
-from scaling_service.capabilities.shared.screen import progress_bar, show
+from scaling_service.capabilities.scaling.screen import show
+from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
+from scaling_service.capabilities.shared.flags import Only, names, with_flags
+from scaling_service.capabilities.shared.names import method_names
+from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.documents.results import ComparisonDocument
 
 
+@with_flags
 def demo(
-    out: options.Out,
-    strategy: options.StrategyOption = options.Strategy.JOINT,
-    frames: options.Frames = options.DEFAULT_FRAMES,
-    seed: options.Seed = 0,
-    report: options.Report = True,
+    out: Out,
+    settings: Annotated[Settings, Only("strategy", "n_frames", "seed")],
+    report: Report = True,
     discover: Annotated[
         bool,
         typer.Option(
@@ -38,33 +34,26 @@ def demo(
 
     scaling-service demo --discover --out hidden
     """
-    check_folder(out)
     if discover:
-        find_hidden(out, seed, report=report)
+        from scaling_service.capabilities.discovery.command import find_hidden
+
+        find_hidden(out, settings.seed, report=report)
         return
-    settings = options.resolve(strategy, frames, seed, None, None, None)
-    with progress_bar() as progress:
+    with running(out) as progress:
+        from scaling_service.capabilities.scaling.demo import run_demo
+        from scaling_service.capabilities.scaling.saving import save
+
         results, truth = run_demo(settings, progress=progress)
         document = save(results, out, truth=truth, report=report, progress=progress)
     show(document, out)
 
 
+@with_flags
 def scale(
-    subject: options.SubjectFile,
-    out: options.Out,
-    method: Annotated[str, typer.Option(metavar="|".join(METHODS), help="How to scale.")] = "MB_am",
-    strategy: options.StrategyOption = options.Strategy.JOINT,
-    frames: options.Frames = options.DEFAULT_FRAMES,
-    seed: options.Seed = 0,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    smooth_hz: options.SmoothHz = None,
-    sizes: options.SizesOption = options.Sizes.WEIGHTED,
-    hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
-    hip_regression: options.HipRegression = options.DEFAULT_REGRESSION,
-    knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
-    scaling: options.FactorsOption = options.Factors.UNIFORM,
-    knee: options.KneeOption = options.Knee.HINGE,
+    subject: SubjectFile,
+    out: Out,
+    settings: Settings,
+    method: Annotated[str, typer.Option(metavar="|".join(method_names()), help="How to scale.")] = "MB_am",
 ) -> None:
     """Scale a subject's model by one method.
 
@@ -73,31 +62,21 @@ def scale(
 
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
-    settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, sizes, hip_centre, hip_regression, knee_axis, scaling, knee)
-    _scale(subject, out, (method,), settings, comparison=False)
+    _compare(subject, out, (method,), settings, comparison=False)
 
 
+@with_flags
 def compare(
-    subject: options.SubjectFile,
-    out: options.Out,
+    subject: SubjectFile,
+    out: Out,
+    settings: Settings,
     methods: Annotated[
         str | None,
-        typer.Option(metavar="M,M,…", help=f"Of {', '.join(METHODS)}; all that can be done unless given."),
+        typer.Option(
+            metavar="M,M,…", help=f"Of {', '.join(method_names())}; all that can be done unless given."
+        ),
     ] = None,
-    strategy: options.StrategyOption = options.Strategy.JOINT,
-    frames: options.Frames = options.DEFAULT_FRAMES,
-    seed: options.Seed = 0,
-    up: options.Up = None,
-    forward: options.Forward = None,
-    smooth_hz: options.SmoothHz = None,
-    sizes: options.SizesOption = options.Sizes.WEIGHTED,
-    hip_centre: options.HipCentreOption = options.HipCentre.REGRESSION,
-    hip_regression: options.HipRegression = options.DEFAULT_REGRESSION,
-    knee_axis: options.KneeAxisOption = options.KneeAxis.EPICONDYLES,
-    scaling: options.FactorsOption = options.Factors.UNIFORM,
-    knee: options.KneeOption = options.Knee.HINGE,
-    report: options.Report = True,
+    report: Report = True,
 ) -> None:
     """Scale a subject's model by several methods and compare them.
 
@@ -108,13 +87,11 @@ def compare(
 
     scaling-service compare S01.yaml --methods MB,MB_am --up +z --out results
     """
-    chosen = None if methods is None else tuple(name.strip() for name in methods.split(","))
-    settings = options.resolve(strategy, frames, seed, up, forward, smooth_hz)
-    settings = options.beyond(settings, sizes, hip_centre, hip_regression, knee_axis, scaling, knee)
-    _scale(subject, out, chosen, settings, comparison=True, report=report)
+    chosen = None if methods is None else tuple(names(methods))
+    _compare(subject, out, chosen, settings, comparison=True, report=report)
 
 
-def _scale(
+def _compare(
     subject: Path,
     out: Path,
     methods: tuple[str, ...] | None,
@@ -122,10 +99,14 @@ def _scale(
     *,
     comparison: bool,
     report: bool = False,
-) -> ComparisonDocument:
-    check_folder(out)
-    with progress_bar() as progress:
-        results = tasks.compare(subject, methods, settings, progress=progress)
+) -> None:
+    with running(out) as progress:
+        from scaling_service.capabilities.scaling.run import compare
+        from scaling_service.capabilities.scaling.saving import save
+
+        results = compare(subject, methods, settings, progress=progress)
         document = save(results, out, comparison=comparison, report=report, progress=progress)
     show(document, out)
-    return document
+
+
+COMMANDS = (demo, scale, compare)

@@ -1,36 +1,138 @@
-"""Everything that can be chosen for one run."""
+"""What can be chosen for every run: how recordings are processed and models calibrated."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
-from scaling_service.recording.pipeline import ProcessingSettings
+from pydantic import Field
+
+from scaling_service.capabilities.shared.names import HIP_REGRESSION_NAMES
+from scaling_service.core.options import Flag, Options
+from scaling_service.recording.settings import ProcessingSettings
+
+_BEYOND = "Beyond the paper"
+_LARGEST = 1e9
+"""Of any number. Chosen: far above all that make sense."""
+
+Bound = Annotated[float, Field(ge=0.0, le=_LARGEST)]
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How recordings are processed and models fitted.
+class CalibrationSettings(Options):
+    """Settings of the optimisation-based methods (Puchaud 2019, section 2.2.4), the paper's as defaults."""
 
-    Parameters
-    ----------
-    calibration : CalibrationSettings
-    processing : ProcessingSettings
-    up, forward : str, optional
-        The laboratory's axes, such as ``"+z"`` and ``"-x"``; found from the markers unless given.
-    seed : int
-        Of everything random. Nothing in scaling itself is; virtual subjects are.
-    """
+    strategy: Annotated[Literal["joint", "alternating"], Flag()] = Field(
+        default="joint",
+        description="Motion and parameters together (joint), or in turn as in Puchaud 2019 (alternating).",
+    )
+    n_frames: Annotated[int, Flag(name="--frames", metavar="N")] = Field(
+        default=100,
+        ge=1,
+        le=_LARGEST,
+        description="Frames used to fit, equally spaced over the calibration trials.",
+    )
+    length_bound: Bound = Field(
+        default=0.20, description="Scale factors stay within 1 ± this of their start."
+    )
+    axis_bound_x_deg: Bound = Field(default=20.0, description="Bound on the turn of a knee axis about x.")
+    axis_bound_y_deg: Bound = Field(default=30.0, description="Bound on the turn of a knee axis about y.")
+    marker_bound_m: Bound = Field(
+        default=0.05, description="Bound on each shift of a marker's local coordinate."
+    )
+    length_sd: Bound = Field(
+        default=0.05,
+        description="Prior standard deviation of a size where the first guess has none of its own: what "
+        "remains of a segment's length once stature is known (Puchaud 2019, table 2).",
+    )
+    axis_sd_deg: Bound = Field(
+        default=5.0,
+        description="Prior standard deviation of a knee axis' turns (Puchaud 2019: axes moved by less).",
+    )
+    marker_sd_m: Bound = Field(
+        default=0.010,
+        description="Prior standard deviation of a marker's coordinate (Puchaud 2019: shifts of MB_am were "
+        "12.3 (9.8) mm, 9 mm along each axis).",
+    )
+    prior: bool = Field(
+        default=True,
+        description="Whether the prior around the first guess is used; the paper's loop has none, but stops "
+        "early.",
+    )
+    loop_tolerance: Bound = Field(
+        default=0.01,
+        description="The alternating loop stops when the cumulative kinematic error changes by less than "
+        "this share,",
+    )
+    max_loops: int = Field(
+        default=200, ge=1, le=_LARGEST, description="and at the latest after so many loops."
+    )
+    robust_m: Bound | None = Field(
+        default=None,
+        description="Scale of a Huber loss on marker distances; plain least squares if not given.",
+    )
+    sizes: Annotated[Literal["weighted", "measured"], Flag(panel=_BEYOND)] = Field(
+        default="weighted",
+        description="Weigh each segment's distances and what persons of this stature and mass are like by "
+        "their errors, or take the mean of its distances alone, as the paper does.",
+    )
+    hip_centre: Annotated[Literal["regression", "functional"], Flag(panel=_BEYOND)] = Field(
+        default="regression",
+        description="From the pelvis markers by regression, or where pelvis and thigh turn against each "
+        "other in the calibration trials (three markers on each; SCoRE).",
+    )
+    hip_regression: Annotated[str, Flag(metavar="NAME", panel=_BEYOND)] = Field(
+        default="harrington2007",
+        description=f"Which regression: harrington2007, {', '.join(HIP_REGRESSION_NAMES)}.",
+    )
+    knee_axis: Annotated[Literal["epicondyles", "functional"], Flag(panel=_BEYOND)] = Field(
+        default="epicondyles",
+        description="Along the epicondyles, or where thigh and shank turn against each other in the "
+        "calibration trials (three markers on each; SARA).",
+    )
+    scaling: Annotated[Literal["uniform", "per-axis"], Flag(panel=_BEYOND)] = Field(
+        default="uniform",
+        description="One factor for each segment, or factors along its axes where markers determine them.",
+    )
+    knee: Annotated[Literal["hinge", "universal", "spherical"], Flag(panel=_BEYOND)] = Field(
+        default="hinge",
+        description="Flexion alone, with inward rotation (universal), or with varus and valgus as well "
+        "(spherical).",
+    )
 
-    calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
-    processing: ProcessingSettings = field(default_factory=ProcessingSettings)
-    up: str | None = None
-    forward: str | None = None
-    seed: int = 0
+    @property
+    def uses_movements(self) -> bool:
+        """Whether linear scaling looks at functional movements."""
+        return self.hip_centre == "functional" or self.knee_axis == "functional"
+
+
+PAPER = CalibrationSettings()
+"""The settings of Puchaud 2019, with motion and parameters solved together."""
+
+
+class Settings(Options):
+    """How recordings are processed and models fitted."""
+
+    calibration: CalibrationSettings = CalibrationSettings()
+    processing: Annotated[
+        ProcessingSettings,
+        Flag(
+            name="--smooth-hz",
+            metavar="HZ",
+            kind=Annotated[float | None, Field(ge=0.0)],
+            read=ProcessingSettings.smoothed,
+            help="Smooth by a Butterworth filter with this cutoff, not by a moving average; 0: not at all.",
+        ),
+    ] = ProcessingSettings()
+    up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
+        default=None,
+        description="Laboratory axis that points up, such as +z; unless given, found from markers.",
+    )
+    forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
+        default=None, description="Laboratory axis that the person faces, such as -x."
+    )
+    seed: Annotated[int, Flag(metavar="N")] = Field(
+        default=0, ge=0, le=_LARGEST, description="Seed of everything random."
+    )
 
     def resolved(self) -> dict[str, Any]:
         """All settings with their defaults, as plain values for a document; the seed stands apart."""
-        values = asdict(self)
-        del values["seed"]
-        return values
+        return self.model_dump(exclude={"seed"})

@@ -36,7 +36,7 @@ def routes(kinds: Mapping[str, Kind]) -> APIRouter:
         told, _, more = (kind.request.__doc__ or name).partition("\n")
         result = "" if kind.result is None else f"\n\nThe result follows `{kind.result.__name__}`."
         router.post(
-            f"/{kind.route or name}",
+            f"/{kind.route}",
             name=name,
             summary=told.strip().rstrip("."),
             description=f"{told.strip()}\n{more.strip()}{result}",

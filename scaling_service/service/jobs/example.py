@@ -10,7 +10,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-from scaling_service.capabilities.scaling.request import named_files
+from scaling_service.capabilities.shared.job import named_files
 from scaling_service.core.errors import InputError
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import check_document

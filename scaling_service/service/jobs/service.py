@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.scaling.request import JobRequest
+from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.jobs import State
 from scaling_service.documents.names import plain_name
 from scaling_service.service.jobs.identity import canonical

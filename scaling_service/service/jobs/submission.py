@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 from sqlalchemy import Connection
 
-from scaling_service.capabilities.scaling.request import Documents, JobRequest
+from scaling_service.capabilities.shared.job import Documents, JobRequest
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.dynamics.run import dynamics
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, WrenchUncertainty
 from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array
@@ -155,7 +156,7 @@ def _real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEnt
     found = dynamics(
         file,
         DynamicsSettings(start=AS_IT_IS, samples=settings.samples),
-        replace(UNSMOOTHED, seed=settings.seed),
+        UNSMOOTHED.model_copy(update={"seed": settings.seed}),
     )
     subject = found.prepared.subject.id
     return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from scaling_service.capabilities.cohort.custom_legs import Generic
@@ -73,7 +73,9 @@ def reproduce_puchaud2019(
             f"{subjects} subjects are too few", field="--subjects", remedy=f"Take at least {WALKERS + 1}"
         )
     clock = time.perf_counter()
-    settings = replace(settings, calibration=replace(settings.calibration, sizes="measured"))  # as the paper
+    settings = settings.model_copy(
+        update={"calibration": settings.calibration.model_copy(update={"sizes": "measured"})}
+    )  # as the paper
     people = [
         VirtualPerson(seed, images=True, generic=generic) for seed in person_seeds(settings.seed, subjects)
     ]

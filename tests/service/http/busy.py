@@ -23,4 +23,4 @@ def spin(request: BusyRequest, _inputs: Path, outputs: Path, _progress: Progress
     return {"number": request.number}
 
 
-BUSY = {"busy": Kind(BusyRequest, spin)}
+BUSY = {"busy": Kind(request=BusyRequest, work=spin, route="busy")}

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from scaling_service.capabilities.discovery.request import DiscoverRequest
+from scaling_service.capabilities.discovery.job import DiscoverRequest
 from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.settings import DiscoverSettings
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN
 from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.files.trc import write_trc
 from scaling_service.model.inertia_tables import TABLE_NAMES
 from scaling_service.service.jobs.kinds import KINDS
@@ -43,7 +43,7 @@ def test_all_that_the_command_line_takes_can_be_asked_for() -> None:
     assert choices("start") == {*METHODS, AS_IT_IS}
     assert choices("inertia") == {*TABLE_NAMES, OWN}
     asked = DiscoverRequest.model_validate({"subject": "S01", "start": "none", "cutoff_hz": 8.0})
-    assert asked.chosen == DiscoverSettings("none", None, 8.0)
+    assert asked.part(DiscoverSettings) == DiscoverSettings(start="none", cutoff_hz=8.0)
     assert asked.settings.processing.smoothing == "none"
     assert not asked.settings.processing.solidify
     for wrong in ({"start": "MBB"}, {"inertia": "mine"}, {"cutoff_hz": 0.0}):
@@ -67,7 +67,7 @@ def test_numbers_are_those_of_the_command_line(service: Service, tmp_path: Path)
     job = service.ask("lab", "discovery", {"subject": "S01", "start": "none"})[0].id
     with running(service):
         over_service = done(service, job)
-    results = discover(file, DiscoverSettings("none"))
+    results = discover(file, DiscoverSettings(start="none"))
     there = save_discovery(results, tmp_path / "out").model_dump(mode="json")
     assert untimed(over_service) == untimed(there)
     names = {row.name for row in service.files("lab", job)}

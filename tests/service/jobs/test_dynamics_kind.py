@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from scaling_service.capabilities.dynamics.request import DynamicsRequest
+from scaling_service.capabilities.dynamics.job import DynamicsRequest
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.model.inertia_tables import TABLE_NAMES
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
@@ -41,7 +42,7 @@ def test_all_that_the_command_line_takes_can_be_asked_for() -> None:
     assert choices("start") == {*METHODS, AS_IT_IS}
     assert choices("inertia") == {*TABLE_NAMES, OWN}
     asked = DynamicsRequest.model_validate({"subject": "S01", "free_mass": True, "samples": 7})
-    assert asked.chosen == DynamicsSettings(mass_known=False, samples=7)
+    assert asked.part(DynamicsSettings) == DynamicsSettings(free_mass=True, samples=7)
     assert asked.settings.processing.smoothing == "none"
     for wrong in ({"start": "MBB"}, {"samples": 1}, {"samples": 10**6}, {"cutoff_hz": 0.0}):
         with pytest.raises(ValidationError):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.motion.job import MotionRequest
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.recordings import ik
-from scaling_service.capabilities.motion.request import MotionRequest
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
@@ -33,7 +33,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
 
 def test_the_body_has_all_options_of_the_command() -> None:
     asked = MotionRequest.model_validate({"subject": "S01", "poses": True, "smooth_hz": 0.0, "up": "+z"})
-    assert asked.chosen == MotionOptions(poses=True, smooth_hz=0.0, up="+z")
+    assert asked.part(MotionOptions) == MotionOptions(poses=True, smooth_hz=0.0, up="+z")
     assert KINDS["motion"].route == "motions"
     documents = {"S01": document()}
     assert asked.needed(documents)["S01"] == {"recordings.0": "hips.trc", "recordings.1": "walk.trc"}

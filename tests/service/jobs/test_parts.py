@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scaling_service.capabilities.cohort.request import RECORD
+from scaling_service.capabilities.cohort.job import RECORD
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.service import Service, open_store

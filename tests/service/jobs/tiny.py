@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import Field
 
-from scaling_service.capabilities.scaling.request import Documents, JobRequest, Needed
+from scaling_service.capabilities.shared.job import Documents, JobRequest, Needed
 from scaling_service.core.errors import MarkerMissing
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.sandbox.child import Progress
@@ -43,4 +43,4 @@ def square(request: TinyRequest, inputs: Path, outputs: Path, progress: Progress
     return {"square": request.number**2, "read": read, "pid": os.getpid()}
 
 
-TINY = {"tiny": Kind(TinyRequest, square)}
+TINY = {"tiny": Kind(request=TinyRequest, work=square, route="tiny")}

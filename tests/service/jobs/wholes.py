@@ -56,6 +56,11 @@ def whole(request: WholeRequest, inputs: Path, outputs: Path, _progress: Progres
 
 
 WHOLES = TINY | {
-    "whole": Kind(WholeRequest, whole, parts=Parts("part", WholeRequest.parts, "square.txt")),
-    "part": Kind(PartRequest, part, None),
+    "whole": Kind(
+        request=WholeRequest,
+        work=whole,
+        route="whole",
+        parts=Parts(kind="part", requests=WholeRequest.parts, file="square.txt"),
+    ),
+    "part": Kind(request=PartRequest, work=part, route=None),
 }

@@ -15,7 +15,8 @@ from scaling_service.capabilities.discovery.evidence.watched import Role, Watche
 from scaling_service.capabilities.discovery.laws.loads import Load, Wobbling
 from scaling_service.capabilities.discovery.laws.oscillator import pulled
 from scaling_service.capabilities.discovery.laws.shaking import DRAWS
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ, RatedMotion
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import GroundForces

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ, ORDER, rated_motion
+from scaling_service.capabilities.dynamics.inverse_dynamics import ORDER, rated_motion
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.capabilities.dynamics.uncertainty.noise import LowPass
 from scaling_service.capabilities.dynamics.uncertainty.points import HALO, PointBody
 from scaling_service.core.errors import InputError, TrialUnusable

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
 from scaling_service.capabilities.scaling.methods.frames import CalibrationFrames
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.body import BodyModel
 from scaling_service.numerics.least_squares.estimator import Outcome, Solution, solve, solve_parameters
 from scaling_service.numerics.least_squares.losses import SQUARED, Huber

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from scaling_service.capabilities.scaling.methods.per_axis import AXES
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Joint
 from scaling_service.model.parameters import free_axis, free_marker, free_scale, free_scale_axes

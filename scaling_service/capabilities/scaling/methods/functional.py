@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.posture import Cluster, Posture
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.trial import Trial

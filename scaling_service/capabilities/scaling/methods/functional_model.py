@@ -9,7 +9,7 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints, functional_joints
 from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
 from scaling_service.capabilities.scaling.methods.posture import Posture
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import femur_frame

@@ -15,7 +15,7 @@ from scaling_service.capabilities.scaling.methods.fitting import STRATEGIES, Fit
 from scaling_service.capabilities.scaling.methods.frames import calibration_frames
 from scaling_service.capabilities.scaling.methods.freedom import Freedom, tiltable_knees
 from scaling_service.capabilities.scaling.methods.per_axis import fitted_factor
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.knee_axes import after

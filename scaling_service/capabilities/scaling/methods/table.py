@@ -12,7 +12,7 @@ from scaling_service.capabilities.scaling.methods.freedom import Freedom
 from scaling_service.capabilities.scaling.methods.images import image_based
 from scaling_service.capabilities.scaling.methods.linear import linear
 from scaling_service.capabilities.scaling.methods.optimised import optimise
-from scaling_service.capabilities.subject.calibration_settings import PAPER, CalibrationSettings
+from scaling_service.capabilities.subject.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session

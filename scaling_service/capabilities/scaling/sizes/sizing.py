@@ -22,7 +22,7 @@ from scaling_service.capabilities.scaling.sizes.segment_sizes import (
     estimate_sizes,
     expect_dimensions,
 )
-from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M, BodySizes, Size

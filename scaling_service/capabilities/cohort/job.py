@@ -1,24 +1,20 @@
-"""A request for many subjects, as `batch` on the command line takes it."""
+"""Many subjects' models and their comparison as jobs: one for each subject, and one for the whole."""
 
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
+from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.members import COLUMN
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.request import (
-    ChosenMethods,
-    ChosenSettings,
-    Documents,
-    JobRequest,
-    Needed,
-    ScalingRequest,
-    named_files,
-)
+from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
+from scaling_service.capabilities.shared.job import Documents, JobRequest, Kind, Needed, Parts, named_files
+from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
 
@@ -79,10 +75,10 @@ class BatchRequest(JobRequest):
     )
     methods: ChosenMethods = Field(
         default=None,
-        description=f"Of {', '.join(METHODS)}; all that each subject allows unless given.",
+        description=f"Of {', '.join(method_names())}; all that each subject allows unless given.",
         examples=[["MB", "MB_am"]],
     )
-    settings: ChosenSettings = Field(
+    settings: Settings = Field(
         default=Settings(), description="How recordings are processed and models fitted."
     )
 
@@ -101,3 +97,29 @@ class BatchRequest(JobRequest):
             MemberRequest(subject=name, methods=self.methods, settings=self.settings)
             for name in self.subjects
         ]
+
+
+def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Scale one subject; see ``member_work``."""
+    from scaling_service.capabilities.cohort.member_work import work
+
+    return work(request, inputs, outputs, progress)
+
+
+def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Put the members together; see ``cohort.work``."""
+    from scaling_service.capabilities.cohort.work import work
+
+    return work(request, inputs, outputs, progress)
+
+
+KINDS = {
+    "batch": Kind(
+        request=BatchRequest,
+        work=summarise,
+        route="batches",
+        result=CohortDocument,
+        parts=Parts(kind="batch-member", requests=BatchRequest.members, file=RECORD),
+    ),
+    "batch-member": Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
+}

@@ -1,0 +1,49 @@
+"""Dynamically consistent motion as a job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from scaling_service.capabilities.consistent.document import ConsistentDocument
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
+from scaling_service.capabilities.shared.job import Kind, OfForces
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
+from scaling_service.documents.names import DOCUMENT
+
+
+class ConsistentRequest(OfForces, ForceSettings):
+    """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
+
+    The planar squat_4dof is scaled by its standing.
+    """
+
+    settings: Settings = Field(
+        default=UNSMOOTHED, description="How recordings are processed and models fitted."
+    )
+
+
+def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write ``consistent.json``, motions, models and the report; the document is the result.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject, the model, the recordings or their forces cannot be used.
+    """
+    from scaling_service.capabilities.consistent.run import consistent
+    from scaling_service.capabilities.consistent.saving import save_consistent
+
+    chosen = request.part(ForceSettings)
+    results = consistent(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
+    return save_consistent(results, outputs).model_dump(mode="json")
+
+
+KINDS = {
+    "consistent": Kind(
+        request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
+    ),
+}

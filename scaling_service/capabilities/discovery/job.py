@@ -1,0 +1,58 @@
+"""The search for missing effects as a job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from scaling_service.capabilities.discovery.document import DiscoveryDocument
+from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.shared.job import Kind, OfRecordings
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress, share
+from scaling_service.documents.names import DOCUMENT
+
+_COMPUTING, _WRITING = 0.9, 0.97
+"""Chosen: about the shares of the search and of writing; the rest is what is played back."""
+
+
+class DiscoverRequest(OfRecordings, DiscoverSettings):
+    """Find where a subject's model and recordings disagree, and name the effects that are missing."""
+
+    settings: Settings = Field(
+        default=AS_MEASURED,
+        description="How recordings are processed and models fitted; for the search they are best neither "
+        "smoothed nor filled.",
+    )
+
+
+def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write ``discovery.json``, the corrected model and recordings, and the report; the first is the result.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject, the model, the recordings or their forces cannot be used; or the model does
+        not fit the recordings at all.
+    """
+    from scaling_service.capabilities.discovery.run import discover
+    from scaling_service.capabilities.discovery.saving import save_discovery
+    from scaling_service.capabilities.playback.results import scene_of_discovery
+
+    results = discover(
+        inputs / request.subject / DOCUMENT,
+        request.part(DiscoverSettings),
+        request.settings,
+        progress=share(progress, 0.0, _COMPUTING),
+    )
+    document = save_discovery(results, outputs, progress=share(progress, _COMPUTING, _WRITING))
+    progress("writing what is played back", _WRITING)
+    scene_of_discovery(results, outputs)
+    return document.model_dump(mode="json")
+
+
+KINDS = {
+    "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
+}

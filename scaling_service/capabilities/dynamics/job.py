@@ -1,0 +1,47 @@
+"""Checking a model's dynamics as a job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from scaling_service.capabilities.dynamics.document import DynamicsDocument
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.shared.job import Kind, OfForces
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
+from scaling_service.documents.names import DOCUMENT
+
+
+class DynamicsRequest(OfForces, DynamicsSettings):
+    """Compute joint loads and residuals from a subject's forces, with their uncertainty."""
+
+    settings: Settings = Field(
+        default=UNSMOOTHED, description="How recordings are processed and models fitted."
+    )
+
+
+def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write ``dynamics.json``, each trial's forces and the report; the document is the result.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject, the model, the recordings or their forces cannot be used.
+    """
+    from scaling_service.capabilities.dynamics.run import dynamics
+    from scaling_service.capabilities.dynamics.saving import save_dynamics
+    from scaling_service.capabilities.playback.residuals import write_residuals
+
+    chosen = request.part(DynamicsSettings)
+    results = dynamics(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
+    document = save_dynamics(results, outputs)
+    write_residuals(results, outputs)
+    return document.model_dump(mode="json")
+
+
+KINDS = {
+    "dynamics": Kind(request=DynamicsRequest, work=work, route="dynamics", result=DynamicsDocument),
+}

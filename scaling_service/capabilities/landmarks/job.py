@@ -1,0 +1,81 @@
+"""Landmarks on bones as a job."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, field_validator
+
+from scaling_service.capabilities.landmarks.document import LandmarksDocument
+from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
+from scaling_service.capabilities.shared.names import BONE_NAMES
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.progress import Progress
+from scaling_service.documents.names import DOCUMENT, plain_name
+
+
+class LandmarksRequest(OfOneSubject):
+    """Find joint centres, axes and bony landmarks on surfaces of bones."""
+
+    bones: dict[str, str] | None = Field(
+        default=None,
+        description=f"Of {', '.join(BONE_NAMES)} to an uploaded mesh's name; the subject's unless given.",
+        examples=[{"femur_r": "femur_r.stl"}],
+    )
+    units: Literal["mm", "cm", "m", "detect"] = Field(default="detect", description="Unit of all meshes.")
+
+    @field_validator("bones")
+    @classmethod
+    def _known(cls, bones: dict[str, str] | None) -> dict[str, str] | None:
+        for bone in bones or ():
+            if bone not in BONE_NAMES:
+                raise ValueError(
+                    f"'{bone}' is not a bone that has landmarks; they are {', '.join(BONE_NAMES)}"
+                )
+        return bones
+
+    def meshes(self, document: Mapping[str, Any]) -> dict[str, str]:
+        """Bone to file, as asked for or as the subject's document says."""
+        told = dict(document.get("bones") or {})
+        told.pop("units", None)
+        return self.bones if self.bones is not None else {k: v for k, v in told.items() if v is not None}
+
+    def needed(self, documents: Documents) -> Needed:
+        """The meshes."""
+        found = self.meshes(documents[self.subject])
+        if not found:
+            raise SubjectInvalid(
+                "no bone is given",
+                field="bones",
+                remedy="Name uploaded meshes under `bones` in the request or in the subject's document",
+            )
+        return {
+            self.subject: {f"bones.{bone}": plain_name(file, f"bones.{bone}") for bone, file in found.items()}
+        }
+
+
+def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write ``landmarks.json``, which is also the result.
+
+    Raises
+    ------
+    InputError
+        A mesh cannot be read or used.
+    """
+    from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+
+    folder = inputs / request.subject
+    document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+    bones = {bone: folder / file for bone, file in request.meshes(document).items()}
+    found = save_landmarks(landmark_bones(bones, units=request.units, progress=progress), outputs)
+    return json.loads(found.read_text(encoding="utf-8"))
+
+
+KINDS = {
+    "landmarks": Kind(
+        request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
+    ),
+}

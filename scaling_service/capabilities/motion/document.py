@@ -1,0 +1,54 @@
+"""``ik.json``: how a model follows recordings."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from scaling_service.documents.results import Provenance
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class KinematicErrorDocument(_Part):
+    """Distances between measured and model markers over one trial, mm."""
+
+    mean: float = Field(description="Over frames and markers.")
+    rms: float
+    max: float
+    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
+
+
+class TrackedTrialDocument(_Part):
+    """How a model follows one trial."""
+
+    kinematic_error_mm: KinematicErrorDocument
+    not_determined: list[str] = Field(
+        description="Coordinates that the markers determine in no frame: they stand at their default."
+    )
+    frames_not_determined: dict[str, int] = Field(
+        description="Further coordinates to the number of frames that do not determine them: NaN there."
+    )
+    frames_at_range_end: dict[str, int] = Field(
+        description="Coordinates to the number of frames in which they stand at the end of the model's "
+        "range. It decides there, so their standard deviation is NaN."
+    )
+    marker_noise_mm: dict[str, float] = Field(
+        description="Standard deviation of one coordinate of each marker about the model, from this trial's "
+        "residuals; the standard deviations of the coordinates come from it."
+    )
+    frames: int
+
+
+class MotionDocument(Provenance):
+    """``ik.json``."""
+
+    subject: str = Field(default="", description="Empty where recordings were given without a subject.")
+    model: str = Field(description="The model used: a built-in name or a file.")
+    locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
+    axes: str = Field(description="Which laboratory axes were taken for up and forward.")
+    trials: dict[str, TrackedTrialDocument]
+    warnings: list[str]
+    files: list[str] = Field(description="What was written beside this document.")
+    wall_s: float

@@ -1,0 +1,177 @@
+"""Scaling and the comparison of methods as jobs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from scaling_service.capabilities.scaling.comparisons import (
+    JointAngleComparison,
+    KinematicErrorComparison,
+    SegmentLengthComparison,
+)
+from scaling_service.capabilities.shared.job import Kind, OfRecordings
+from scaling_service.capabilities.shared.names import check_methods, method_names
+from scaling_service.core.progress import Progress, share
+from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.results import ComparisonDocument, ScalingDocument
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.scaling.run import Results
+
+_COMPUTING, _WRITING = 0.6, 0.95
+"""Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
+is what is played back."""
+
+ChosenMethods = Annotated[list[str] | None, AfterValidator(check_methods)]
+
+
+class ScalingRequest(OfRecordings):
+    """Scale a subject's model by one or several methods and compare them."""
+
+    methods: ChosenMethods = Field(
+        default=None,
+        description=f"Of {', '.join(method_names())}; all that the recordings allow unless given.",
+        examples=[["MB", "MB_am"]],
+    )
+
+
+class KinematicErrorRequest(ScalingRequest):
+    """Compare how closely the methods' models follow the markers, on recordings fitted and held out."""
+
+
+class SegmentLengthsRequest(ScalingRequest):
+    """Compare the segment lengths and joint centres of the methods' models."""
+
+
+class JointAnglesRequest(ScalingRequest):
+    """Compare the joint angles that the methods' models give in the same recordings."""
+
+
+class LinearRequest(OfRecordings):
+    """Scale a subject's model in closed form: from marker distances, or from images."""
+
+    method: Literal["MB", "EB"] = Field(
+        default="MB", description="MB from marker distances, EB from bones.", examples=["MB"]
+    )
+
+
+class OptimisedRequest(OfRecordings):
+    """Scale a subject's model by optimisation over its calibration trials."""
+
+    method: str = Field(
+        default="MB_am",
+        description="What is free, and what it starts from.",
+        examples=["MB_am"],
+        json_schema_extra={"enum": [name for name in method_names() if name not in ("MB", "EB")]},
+    )
+
+
+def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write each method's folder, ``comparison.json`` and ``report.html``; the comparison is the result.
+
+    Raises
+    ------
+    InputError
+        Whatever in the subject, the model or the recordings cannot be used.
+    """
+    return _compare(request, inputs, outputs, progress)[1].model_dump(mode="json")
+
+
+def scale_by_one(
+    request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
+) -> Any:
+    """Write the method's folder; its ``scaling.json`` is the result. Raises as the comparison does."""
+    _scale(request, (request.method,), inputs, outputs, progress, comparison=False)
+    return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
+
+
+def view_errors(request: KinematicErrorRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write the comparison, ``kinematic_error.json`` and ``.csv``; raises as the comparison does."""
+    from scaling_service.capabilities.scaling.comparison_views import kinematic_error_view, write_view
+
+    _, document = _compare(request, inputs, outputs, progress)
+    return write_view(outputs, "kinematic_error", kinematic_error_view(document))
+
+
+def view_lengths(request: SegmentLengthsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write the comparison, ``segment_lengths.json`` and ``.csv``; raises as the comparison does."""
+    from scaling_service.capabilities.scaling.comparison_views import segment_length_view, write_view
+
+    _, document = _compare(request, inputs, outputs, progress)
+    return write_view(outputs, "segment_lengths", segment_length_view(document))
+
+
+def view_angles(request: JointAnglesRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Write the comparison, ``joint_angles.json`` and ``.csv``; raises as the comparison does."""
+    from scaling_service.capabilities.scaling.comparison_views import joint_angle_view, write_view
+
+    results, document = _compare(request, inputs, outputs, progress)
+    return write_view(outputs, "joint_angles", joint_angle_view(results, document))
+
+
+def _compare(
+    request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress
+) -> tuple[Results, ComparisonDocument]:
+    return _scale(request, request.methods, inputs, outputs, progress, comparison=True)
+
+
+def _scale(
+    request: OfRecordings,
+    methods: Sequence[str] | None,
+    inputs: Path,
+    outputs: Path,
+    progress: Progress,
+    *,
+    comparison: bool,
+) -> tuple[Results, ComparisonDocument]:
+    """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
+    from scaling_service.capabilities.playback.results import scene_of_results
+    from scaling_service.capabilities.scaling.run import compare
+    from scaling_service.capabilities.scaling.saving import save
+
+    results = compare(
+        inputs / request.subject / DOCUMENT,
+        methods,
+        request.settings,
+        progress=share(progress, 0.0, _COMPUTING),
+    )
+    document = save(results, outputs, comparison=comparison, progress=share(progress, _COMPUTING, _WRITING))
+    progress("writing what is played back", _WRITING)
+    scene_of_results(results, outputs)
+    return results, document
+
+
+KINDS = {
+    "linear-scaling": Kind(
+        request=LinearRequest, work=scale_by_one, route="scalings/linear", result=ScalingDocument
+    ),
+    "optimised-scaling": Kind(
+        request=OptimisedRequest, work=scale_by_one, route="scalings/optimised", result=ScalingDocument
+    ),
+    "scaling": Kind(
+        request=ScalingRequest, work=compare_methods, route="comparisons", result=ComparisonDocument
+    ),
+    "kinematic-error": Kind(
+        request=KinematicErrorRequest,
+        work=view_errors,
+        route="comparisons/kinematic-error",
+        result=KinematicErrorComparison,
+    ),
+    "segment-lengths": Kind(
+        request=SegmentLengthsRequest,
+        work=view_lengths,
+        route="comparisons/segment-lengths",
+        result=SegmentLengthComparison,
+    ),
+    "joint-angles": Kind(
+        request=JointAnglesRequest,
+        work=view_angles,
+        route="comparisons/joint-angles",
+        result=JointAngleComparison,
+    ),
+}

@@ -1,0 +1,172 @@
+"""Commands from options: a parameter that is an options model becomes a flag for each flagged field."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args, get_origin
+
+import annotated_types
+import typer
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from scaling_service.core.errors import InputError
+from scaling_service.core.options import Flag, Options
+
+
+@dataclass(frozen=True, slots=True)
+class Only:
+    """Beside an options model in a command's signature: the flags that this command has.
+
+    Parameters
+    ----------
+    names : str
+        Of fields, wherever in the model they are.
+    """
+
+    names: tuple[str, ...]
+
+    def __init__(self, *names: str) -> None:
+        object.__setattr__(self, "names", names)
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """A flagged field: where it is in the model, and how it is shown."""
+
+    path: tuple[str, ...]
+    info: FieldInfo
+    flag: Flag
+
+    @property
+    def parameter(self) -> str:
+        """The flag as a name in Python."""
+        return self.option.removeprefix("--").replace("-", "_")
+
+    @property
+    def option(self) -> str:
+        """The flag as it is typed."""
+        return self.flag.name or f"--{self.path[-1].replace('_', '-')}"
+
+    def signature(self, default: Options) -> inspect.Parameter:
+        """The parameter that typer makes an option of."""
+        value = functools.reduce(getattr, self.path, default)
+        bounds: dict[str, Any] = {}
+        for constraint in self.info.metadata:
+            if isinstance(constraint, annotated_types.Ge):
+                bounds["min"] = constraint.ge
+            if isinstance(constraint, annotated_types.Le):
+                bounds["max"] = constraint.le
+        option = typer.Option(
+            self.option,
+            help=self.flag.help or self.info.description,
+            metavar=self.flag.metavar,
+            rich_help_panel=self.flag.panel,
+            **bounds,
+        )
+        return inspect.Parameter(
+            self.parameter,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=None if self.flag.read is not None else value,
+            annotation=Annotated[self.flag.kind or self.info.annotation, option],
+        )
+
+
+def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function as a command: it is called with models made of the flags that were given.
+
+    Parameters
+    ----------
+    function : callable
+        A parameter's default, where its annotation is an options model, holds the defaults of its flags.
+
+    Raises
+    ------
+    InputError
+        By the command: a value is outside of what the model allows.
+    """
+    models: dict[str, tuple[Options, list[_Field]]] = {}
+    shown: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function, eval_str=True).parameters.values():
+        model, only = _options_of(parameter.annotation)
+        if model is None:
+            shown.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        default = model() if parameter.default is inspect.Parameter.empty else parameter.default
+        fields = [f for f in _flagged(model) if only is None or f.path[-1] in only.names]
+        models[parameter.name] = (default, fields)
+        shown.extend(field.signature(default) for field in fields)
+
+    @functools.wraps(function)
+    def command(**given: Any) -> Any:
+        made = {
+            name: _fill(default, [(f, given.pop(f.parameter)) for f in fields])
+            for name, (default, fields) in models.items()
+        }
+        return function(**given, **made)
+
+    command.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    return command
+
+
+def pairs(field: str) -> Callable[[list[str]], Mapping[str, str]]:
+    """The reader of a flag that takes ``NAME=VALUE`` and may be given again."""
+
+    def read(given: list[str]) -> Mapping[str, str]:
+        found: dict[str, str] = {}
+        for text in given:
+            name, sign, value = (part.strip() for part in text.partition("="))
+            if not (name and sign and value) or name in found:
+                problem = f"'{name}' is mapped twice" if name in found else f"'{text}' is not MARKER=LABEL"
+                raise InputError(problem, field=field, remedy=f"Give it like {field} RLFE=RKNE")
+            found[name] = value
+        return found
+
+    return read
+
+
+def names(text: str) -> list[str]:
+    """The reader of a flag that takes names with commas between."""
+    return [name.strip() for name in text.split(",")]
+
+
+def _options_of(annotation: Any) -> tuple[type[Options] | None, Only | None]:
+    """The model, where the annotation is one, and which of its flags count."""
+    if get_origin(annotation) is Annotated:
+        kind, *extra = get_args(annotation)
+        model, _ = _options_of(kind)
+        return model, next((e for e in extra if isinstance(e, Only)), None)
+    if isinstance(annotation, type) and issubclass(annotation, Options):
+        return annotation, None
+    return None, None
+
+
+def _flagged(model: type[Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
+    for name, info in model.model_fields.items():
+        flag = next((m for m in info.metadata if isinstance(m, Flag)), None)
+        if flag is not None:
+            yield _Field((*above, name), info, flag)
+        elif isinstance(info.annotation, type) and issubclass(info.annotation, Options):
+            yield from _flagged(info.annotation, (*above, name))
+
+
+def _fill(default: Options, given: list[tuple[_Field, Any]]) -> Options:
+    """The model with what was given in place of its defaults."""
+    values = default.model_dump()
+    for field, value in given:
+        if field.flag.read is not None and value is None:
+            continue
+        inner = functools.reduce(dict.__getitem__, field.path[:-1], values)
+        inner[field.path[-1]] = value if field.flag.read is None else field.flag.read(value)
+    try:
+        return type(default).model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        names_of = {f.path: f.option for f, _ in given}
+        option = names_of.get(tuple(str(part) for part in first["loc"]), ".".join(map(str, first["loc"])))
+        problem = first["msg"].removeprefix("Value error, ")
+        raise InputError(problem, field=option, remedy="See --help") from None

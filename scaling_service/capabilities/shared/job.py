@@ -1,0 +1,160 @@
+"""What a capability offers to the service: a request, the work that it asks for, and how its result looks."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, Field
+
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.options import Options
+from scaling_service.core.progress import Progress
+from scaling_service.documents.names import plain_name
+from scaling_service.documents.reading import check_document
+from scaling_service.documents.subject import Identifier, SubjectDocument
+
+Documents = Mapping[str, Mapping[str, Any]]
+"""Subject to its document, as JSON gave it."""
+
+Needed = Mapping[str, Mapping[str, str]]
+"""Subject to the files that a job reads: where the name stands (a field), and the name."""
+
+Work = Callable[[Any, Path, Path, Progress], Any]
+"""Request, folder of inputs, folder of outputs, progress -> the result, JSON-ready.
+
+The folder of inputs has one folder for each subject, with its document as ``subject.json`` and the
+uploaded files beside it. What is written to the folder of outputs becomes the job's files.
+"""
+
+Chosen = TypeVar("Chosen", bound=Options)
+
+
+class JobRequest(Options):
+    """A request for a job. Unknown keys are errors."""
+
+    reads_every_file: ClassVar[bool] = False
+    """Whether it reads all uploaded files of its subjects, and not only those that it needs."""
+
+    @property
+    @abstractmethod
+    def subjects(self) -> tuple[str, ...]:
+        """Whose data the job rests on."""
+
+    @abstractmethod
+    def needed(self, documents: Documents) -> Needed:
+        """The uploaded files that it reads.
+
+        Raises
+        ------
+        SubjectInvalid
+            A document does not allow what is asked for.
+        """
+
+    def part(self, kind: type[Chosen]) -> Chosen:
+        """The options of one kind among those of the request."""
+        return kind(**{name: getattr(self, name) for name in kind.model_fields})
+
+
+class OfOneSubject(JobRequest):
+    """A request that concerns one subject."""
+
+    subject: Identifier = Field(description="Name of the subject, as uploaded.", examples=["S01"])
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """The one."""
+        return (self.subject,)
+
+
+class OfRecordings(OfOneSubject):
+    """A request that rests on all files of a subject's document."""
+
+    settings: Settings = Field(
+        default=Settings(), description="How recordings are processed and models fitted."
+    )
+
+    def needed(self, documents: Documents) -> Needed:
+        """All files that the subject's document names."""
+        return {self.subject: named_files(check_document(documents[self.subject]))}
+
+
+class OfForces(OfRecordings):
+    """A request that rests on recordings with forces."""
+
+    subject: Identifier = Field(
+        description="Name of the subject, as uploaded: a model with feet, and recordings with forces.",
+        examples=["S02"],
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """How a job is made of others, which any runner computes at any time; its own work comes after them.
+
+    Parameters
+    ----------
+    kind : str
+        Of the parts.
+    requests : callable
+        From the request to those of the parts; each concerns subjects of the whole.
+    file : str
+        Name of the file of each part that the work needs: it lies where the part wrote it, but among the
+        inputs. How the parts ended stands there, too (``PARTS`` in ``documents.names``). All files of the
+        parts become files of the whole.
+    """
+
+    kind: str
+    requests: Callable[[Any], Sequence[JobRequest]]
+    file: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """One kind of job; a capability's ``job`` module has a table ``KINDS`` of them.
+
+    Parameters
+    ----------
+    request : type
+        What is asked for; its fields are the body over HTTP.
+    work : callable
+        A function that can be named from another process; it runs there, and imports what computes there.
+    route : str, optional
+        Where it is asked for over HTTP, below the version. None: it is a part of others only.
+    result : type, optional
+        What the result follows.
+    parts : Parts, optional
+        Where it is made of others. Its work then sees the subjects' documents, but not their files.
+    """
+
+    request: type[JobRequest]
+    work: Work
+    route: str | None
+    result: type[BaseModel] | None = None
+    parts: Parts | None = None
+
+
+def named_files(document: SubjectDocument) -> dict[str, str]:
+    """Field to the file that stands there; uploaded files have plain names.
+
+    Raises
+    ------
+    InputError
+        A name is a path or has special characters.
+    """
+    trials = document.trials
+    named: dict[str, str | None] = {
+        "model": document.model if document.model_is_file else None,
+        "marker_set": document.marker_set,
+        "scale_setup": document.scale_setup,
+        "trials.static": trials.static,
+        "image_markers": document.image_markers,
+    }
+    named |= {f"trials.calibration.{k}": name for k, name in enumerate(trials.calibration)}
+    named |= {f"trials.evaluation.{k}": name for k, name in enumerate(trials.evaluation)}
+    named |= {f"forces.{trial}": name for trial, name in document.forces.items()}
+    named |= {f"bones.{b}": name for b, name in (document.bones.meshes if document.bones else {}).items()}
+    return {field: plain_name(name, field) for field, name in named.items() if name is not None}

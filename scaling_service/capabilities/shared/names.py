@@ -1,0 +1,99 @@
+"""Names that options take, without importing what they stand for; each method's and table's is tested."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.options import Flag
+from scaling_service.model.inertia_tables import TABLE_NAMES
+
+AS_IT_IS = "none"
+"""In place of a method: the given model is used as it is."""
+
+OWN = "model"
+"""In place of an inertial table's name: what the model holds."""
+
+HIP_REGRESSION_NAMES = (
+    "harrington2007_multi",
+    "harrington2007_single",
+    "bell1990",
+    "hara2016",
+    "davis1991",
+    "plug_in_gait",
+)
+"""Of ``model.anatomy.hip_centre``."""
+
+BONE_NAMES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
+"""Of ``bones.whole``."""
+
+_METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
+
+
+@cache
+def method_names() -> tuple[str, ...]:
+    """The built-in scaling methods, and those of other distributions (entry points)."""
+    added = sorted(point.name for point in entry_points(group="scaling_service.methods"))
+    return (*_METHODS, *(name for name in added if name not in _METHODS))
+
+
+def check_method(method: str | None) -> str | None:
+    """Refuse a name that no method has (SubjectInvalid)."""
+    if method is not None and method not in method_names():
+        raise SubjectInvalid(
+            f"there is no method '{method}'",
+            field="method",
+            remedy=f"Methods are {', '.join(method_names())}",
+        )
+    return method
+
+
+def check_methods(methods: list[str] | None) -> list[str] | None:
+    """Refuse names that no method has, and names given twice (SubjectInvalid)."""
+    for method in methods or ():
+        check_method(method)
+    if methods is not None and (not methods or len(set(methods)) < len(methods)):
+        raise SubjectInvalid(
+            "name each method once, and at least one", field="methods", remedy="Leave it out for all"
+        )
+    return methods
+
+
+def check_start(start: str | None) -> str | None:
+    """Refuse a start that there is not (SubjectInvalid)."""
+    if start is not None and start not in (*method_names(), AS_IT_IS):
+        raise SubjectInvalid(
+            f"there is no method '{start}'",
+            field="start",
+            remedy=f"Methods are {', '.join(method_names())}; '{AS_IT_IS}' takes the model as it is",
+        )
+    return start
+
+
+def check_inertia(inertia: str | None) -> str | None:
+    """Refuse a table that there is not (SubjectInvalid)."""
+    if inertia is not None and inertia not in (*TABLE_NAMES, OWN):
+        raise SubjectInvalid(
+            f"there is no inertial table '{inertia}'",
+            field="inertia",
+            remedy=f"Use one of {', '.join(TABLE_NAMES)}, or '{OWN}' for the model's own",
+        )
+    return inertia
+
+
+def _one_of(*names: str) -> WithJsonSchema:
+    return WithJsonSchema({"anyOf": [{"enum": list(names), "type": "string"}, {"type": "null"}]})
+
+
+STARTS = (*method_names(), AS_IT_IS)
+Start = Annotated[str | None, AfterValidator(check_start), Flag(metavar="|".join(STARTS)), _one_of(*STARTS)]
+Inertia = Annotated[
+    str | None,
+    AfterValidator(check_inertia),
+    Flag(metavar="|".join((*TABLE_NAMES, OWN))),
+    _one_of(*TABLE_NAMES, OWN),
+]

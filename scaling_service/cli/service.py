@@ -1,0 +1,176 @@
+"""The commands of the service: serve, its API keys, what it keeps, its settings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from scaling_service.service.store.database import Database
+
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--settings",
+        metavar="FILE",
+        help="YAML file of settings; SCALING_SERVICE_* variables win over it.",
+        show_default=False,
+        readable=False,
+    ),
+]
+
+
+def serve(
+    settings: SettingsFile = None,
+    host: Annotated[
+        str | None,
+        typer.Option(
+            help="Address to listen on, 127.0.0.1 unless set; others need API keys.", show_default=False
+        ),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Port, 8000 unless set.", show_default=False)
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Where everything is kept, ./scaling-service-data unless set."),
+    ] = None,
+) -> None:
+    """Serve over HTTP, with a runner for jobs beside; the routes are shown at /docs.
+
+    Ends on SIGTERM or Ctrl-C: jobs that run are queued again and go on at the next start.
+
+    [bold]Examples[/bold]: scaling-service serve
+
+    scaling-service keys create lab && scaling-service serve --host 0.0.0.0
+    """
+    from scaling_service.service.jobs.configuration import (
+        load_settings,  # the other commands need no database
+    )
+
+    chosen: dict[str, Any] = {"host": host, "port": port, "data_directory": data}
+    loaded = load_settings(settings, **{name: value for name, value in chosen.items() if value is not None})
+    # By its name: commands and routes know nothing of each other, but one command runs the other side.
+    import_module("scaling_service.service.http.serving").serve(loaded)
+
+
+keys = typer.Typer(help="Make, list and revoke API keys of the service.", no_args_is_help=True)
+
+
+@keys.command("create")
+def create_key(
+    owner: Annotated[str, typer.Argument(help="Whose key it is; an owner sees their own things only.")],
+    label: Annotated[str, typer.Option(help="What it is for.")] = "",
+    settings: SettingsFile = None,
+) -> None:
+    """Make a key. It is shown once; the service keeps only its digest."""
+    from scaling_service.service.store import keys as store
+
+    with _database(settings) as database:
+        row, secret = store.create(database, owner, label)
+    typer.echo(f"Key {row.id} of {row.owner}; it is not shown again:", err=True)
+    typer.echo(secret)
+
+
+@keys.command("list")
+def list_keys(settings: SettingsFile = None) -> None:
+    """List all keys, without their secrets."""
+    from scaling_service.service.store import keys as store
+
+    with _database(settings) as database:
+        rows = store.every(database)
+    for row in rows:
+        state = "valid" if row.revoked_us is None else f"revoked {_day(row.revoked_us)}"
+        typer.echo(f"{row.id}  {row.owner}  made {_day(row.created_us)}  {state}  {row.label}".rstrip())
+    if not rows:
+        typer.echo("There is no key.", err=True)
+
+
+@keys.command("revoke")
+def revoke_key(
+    key: Annotated[str, typer.Argument(help="The key's id, as `keys list` shows it.")],
+    settings: SettingsFile = None,
+) -> None:
+    """Let a key open nothing any more; what its owner has stays."""
+    from scaling_service.service.store import keys as store
+
+    with _database(settings) as database:
+        store.revoke(database, key)
+    typer.echo(f"Key {key} opens nothing any more.")
+
+
+@contextmanager
+def _database(settings: SettingsFile) -> Iterator[Database]:
+    from scaling_service.service.jobs.configuration import load_settings
+    from scaling_service.service.jobs.service import open_store
+
+    store = open_store(load_settings(settings))
+    try:
+        yield store.database
+    finally:
+        store.close()
+
+
+def _day(microseconds: int) -> str:
+    return datetime.fromtimestamp(microseconds / 1e6, UTC).date().isoformat()
+
+
+data = typer.Typer(help="Delete what the service keeps, for good.", no_args_is_help=True)
+settings = typer.Typer(help="Show the settings of the service.", no_args_is_help=True)
+
+
+@data.command()
+def delete(
+    owner: Annotated[str, typer.Argument(help="Whose subject it is.")],
+    subject: Annotated[str, typer.Argument(help="The subject's id.")],
+    settings: SettingsFile = None,
+) -> None:
+    """Delete a subject, its files, and all jobs on them: rows, contents and traces."""
+    from scaling_service.service.jobs.configuration import load_settings
+    from scaling_service.service.jobs.service import Service
+
+    service = Service.open(load_settings(settings))
+    try:
+        service.delete_subject(owner, subject)
+        service.store.tidy()
+    finally:
+        service.close()
+    typer.echo(f"Subject {subject} of {owner} and all that rests on it is deleted.")
+
+
+@data.command()
+def expire(
+    days: Annotated[float, typer.Option(min=0.0, help="Older than this.", show_default=False)],
+    settings: SettingsFile = None,
+) -> None:
+    """Delete jobs and subjects that are older than so many days, now and once."""
+    from scaling_service.service.jobs.configuration import load_settings
+    from scaling_service.service.jobs.service import open_store
+    from scaling_service.service.store import deletion
+
+    store = open_store(load_settings(settings))
+    try:
+        jobs, subjects = deletion.expire(store.database, store.blobs, days)
+        store.tidy()
+    finally:
+        store.close()
+    typer.echo(f"Deleted for good: {jobs} jobs and {subjects} subjects older than {days:g} days.")
+
+
+@settings.command()
+def show(settings: SettingsFile = None) -> None:
+    """Print all settings as they are resolved, without passwords; refuses what is unsafe."""
+    from scaling_service.service.jobs.configuration import load_settings, shown
+
+    typer.echo(json.dumps(shown(load_settings(settings)), indent=1))
+
+
+COMMANDS = (serve,)
+GROUPS = {"keys": keys, "data": data, "settings": settings}

@@ -1,0 +1,28 @@
+"""Names that options take without importing what they stand for are the names of what there is."""
+
+from __future__ import annotations
+
+import pytest
+
+from scaling_service.bones.whole import BONES
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.shared.names import (
+    BONE_NAMES,
+    HIP_REGRESSION_NAMES,
+    check_methods,
+    method_names,
+)
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS
+
+
+def test_names_are_those_of_what_there_is() -> None:
+    assert method_names() == tuple(METHODS)
+    assert tuple(HIP_REGRESSIONS) == HIP_REGRESSION_NAMES
+    assert BONES == BONE_NAMES
+
+
+@pytest.mark.parametrize("methods", [["MB", "MB"], [], ["MBB"]])
+def test_methods_that_cannot_be_compared_are_refused(methods: list[str]) -> None:
+    with pytest.raises(SubjectInvalid):
+        check_methods(methods)

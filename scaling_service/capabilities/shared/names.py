@@ -8,7 +8,6 @@ from typing import Annotated
 
 from pydantic import AfterValidator, WithJsonSchema
 
-from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.options import Flag
 from scaling_service.model.inertia_tables import TABLE_NAMES
 
@@ -41,46 +40,32 @@ def method_names() -> tuple[str, ...]:
     return (*_METHODS, *(name for name in added if name not in _METHODS))
 
 
-def check_method(method: str | None) -> str | None:
-    """Refuse a name that no method has (SubjectInvalid)."""
-    if method is not None and method not in method_names():
-        raise SubjectInvalid(
-            f"there is no method '{method}'",
-            field="method",
-            remedy=f"Methods are {', '.join(method_names())}",
-        )
-    return method
-
-
 def check_methods(methods: list[str] | None) -> list[str] | None:
-    """Refuse names that no method has, and names given twice (SubjectInvalid)."""
+    """Refuse names that no method has, and names given twice (ValueError)."""
     for method in methods or ():
-        check_method(method)
+        if method not in method_names():
+            raise ValueError(f"there is no method '{method}'; methods are {', '.join(method_names())}")
     if methods is not None and (not methods or len(set(methods)) < len(methods)):
-        raise SubjectInvalid(
-            "name each method once, and at least one", field="methods", remedy="Leave it out for all"
-        )
+        raise ValueError("name each method once, and at least one")
     return methods
 
 
 def check_start(start: str | None) -> str | None:
-    """Refuse a start that there is not (SubjectInvalid)."""
-    if start is not None and start not in (*method_names(), AS_IT_IS):
-        raise SubjectInvalid(
-            f"there is no method '{start}'",
-            field="start",
-            remedy=f"Methods are {', '.join(method_names())}; '{AS_IT_IS}' takes the model as it is",
+    """Refuse a start that there is not (ValueError)."""
+    if start is not None and start not in STARTS:
+        raise ValueError(
+            f"there is no method '{start}'; methods are {', '.join(method_names())}, and '{AS_IT_IS}' takes "
+            "the model as it is"
         )
     return start
 
 
 def check_inertia(inertia: str | None) -> str | None:
-    """Refuse a table that there is not (SubjectInvalid)."""
+    """Refuse a table that there is not (ValueError)."""
     if inertia is not None and inertia not in (*TABLE_NAMES, OWN):
-        raise SubjectInvalid(
-            f"there is no inertial table '{inertia}'",
-            field="inertia",
-            remedy=f"Use one of {', '.join(TABLE_NAMES)}, or '{OWN}' for the model's own",
+        raise ValueError(
+            f"there is no inertial table '{inertia}'; use one of {', '.join(TABLE_NAMES)}, or '{OWN}' for "
+            "the model's own"
         )
     return inertia
 

@@ -106,7 +106,7 @@ def run(arguments: Sequence[str]) -> int:
         _complain(str(stop))
         return EXIT_INTERRUPTED
     except typer.TyperException as error:
-        said = error.format_message().rstrip(".")
+        said = error.format_message().replace("Value error, ", "").rstrip(".")
         return _complain(f"{said}. See --help.") if said else EXIT_INPUT
     except (KeyboardInterrupt, typer.Abort):
         result = EXIT_INTERRUPTED

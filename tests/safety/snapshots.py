@@ -1,4 +1,4 @@
-"""Snapshots as text: JSON of six significant digits, a line for each innermost group."""
+"""Snapshots as text: JSON of six significant digits, a line for each innermost group, repeats told once."""
 
 from __future__ import annotations
 
@@ -8,18 +8,22 @@ from typing import Any
 
 FOLDER = Path(__file__).parent / "snapshots"
 _LINE = 108
+_SAME = "same as"
+_SHORTEST = 200
+"""Characters of a group that is not written again where it has been written before."""
 
 
 def load_snapshot(name: str) -> Any:
     """What is held of a case; None where nothing is yet."""
     file = snapshot_file(name)
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+    return restore_repeats(json.loads(file.read_text(encoding="utf-8")), "", {}) if file.exists() else None
 
 
 def save_snapshot(name: str, document: Any) -> None:
     """Hold a document from now on."""
     FOLDER.mkdir(exist_ok=True)
-    snapshot_file(name).write_text(write_compactly(round_numbers(document)) + "\n", encoding="utf-8")
+    shared = share_repeats(round_numbers(document), "", {})
+    snapshot_file(name).write_text(write_compactly(shared) + "\n", encoding="utf-8")
 
 
 def snapshot_file(name: str) -> Path:
@@ -33,6 +37,32 @@ def round_numbers(value: Any) -> Any:
     if isinstance(value, list):
         return [round_numbers(one) for one in value]
     return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def share_repeats(value: Any, path: str, seen: dict[str, str]) -> Any:
+    """A document in which long groups that were there before are told by where."""
+    if not isinstance(value, dict | list):
+        return value
+    text = json.dumps(value)
+    if len(text) >= _SHORTEST and seen.setdefault(text, path) != path:
+        return {_SAME: seen[text]}
+    if isinstance(value, list):
+        return [share_repeats(one, f"{path} / {k}", seen) for k, one in enumerate(value)]
+    return {key: share_repeats(one, f"{path} / {key}", seen) for key, one in value.items()}
+
+
+def restore_repeats(value: Any, path: str, seen: dict[str, Any]) -> Any:
+    """The whole document again."""
+    if not isinstance(value, dict | list):
+        return value
+    if isinstance(value, list):
+        found: Any = [restore_repeats(one, f"{path} / {k}", seen) for k, one in enumerate(value)]
+    elif value.keys() == {_SAME}:
+        return seen[value[_SAME]]
+    else:
+        found = {key: restore_repeats(one, f"{path} / {key}", seen) for key, one in value.items()}
+    seen[path] = found
+    return found
 
 
 def write_compactly(value: Any, depth: int = 0) -> str:

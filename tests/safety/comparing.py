@@ -26,7 +26,7 @@ class Difference:
 
     def __str__(self) -> str:
         size = "" if math.isinf(self.excess) else f"   ({self.excess:.3g} x tolerance)"
-        return f"{self.path}\n    stored {self.stored!r}\n    now    {self.now!r}{size}"
+        return f"{self.path}\n    stored {_show(self.stored)}\n    now    {_show(self.now)}{size}"
 
 
 def compare(stored: Any, now: Any, path: str = "") -> Iterator[Difference]:
@@ -75,7 +75,11 @@ def _compare_lists(stored: list[Any], now: list[Any], path: str) -> Iterator[Dif
             if isinstance(one, float) and _is_number(other):
                 yield from _compare_number(one, other, f"{path} / {k}", scale)
             else:
-                yield from compare(one, other, f"{path} / {k}")
+                yield from compare(one, other, f"{path} / {_name_item(one, k)}")
+
+
+def _name_item(item: Any, k: int) -> str:
+    return f"{k} ({item['name']})" if isinstance(item, dict) and "name" in item else str(k)
 
 
 def _compare_texts(stored: list[str], now: list[str], path: str) -> Iterator[Difference]:
@@ -127,6 +131,10 @@ def _compare_number(stored: Any, now: Any, path: str, scale: float) -> Iterator[
     elif not abs(stored - now) <= allowed:
         excess = abs(stored - now) / allowed
         yield Difference(path, stored, now, excess if math.isfinite(excess) else math.inf)
+
+
+def _show(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else repr(value)
 
 
 def _is_number(value: Any) -> bool:

@@ -34,14 +34,14 @@ def test_a_scaling_over_http_is_that_of_the_command_line(tmp_path: Path) -> None
         job = _scale(f"{url}/v1", tmp_path / "recordings")
         result = requests.get(f"{url}/v1/jobs/{job}/result", timeout=30).json()
         found = list(compare(_known(stored[f"{WRITTEN}scaling.json"]), _known(reduce_document(result, {}))))
-        for name in (name.removeprefix(WRITTEN) for name in stored if name.startswith(WRITTEN)):
-            file = tmp_path / "downloaded" / name
+        for name in (name for name in stored if name.startswith(WRITTEN)):
+            file = tmp_path / name
             file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(_get(f"{url}/v1/jobs/{job}/files/{name}"))
-            if name != "scaling.json":
-                found += compare(stored[WRITTEN + name], read_file(file, {}), name)
+            file.write_bytes(_get(f"{url}/v1/jobs/{job}/files/{name.removeprefix('scale/')}"))
+            if not name.endswith("scaling.json"):
+                found += compare(stored[name], read_file(file, {}), name)
         assert not found, tell_differences(found)
-        assert json.loads((tmp_path / "downloaded" / "scaling.json").read_text()) == result
+        assert json.loads((tmp_path / WRITTEN / "scaling.json").read_text()) == result
 
 
 def _scale(api: str, recordings: Path) -> str:

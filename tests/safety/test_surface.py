@@ -12,6 +12,6 @@ from tests.safety.surface import SURFACES
 @pytest.mark.parametrize("name", SURFACES)
 def test_the_surface_is_what_it_was(name: str) -> None:
     found = list(compare(load_snapshot(name), SURFACES[name]()))
-    assert not found, (
-        f"{name}: {tell_differences(found)}\nif this is intended: python -m tests.safety.renew {name}"
-    )
+    if found:
+        advice = f"if this is intended: python -m tests.safety.renew {name}"
+        pytest.fail(f"{name}: {tell_differences(found)}\n{advice}", pytrace=False)

@@ -28,7 +28,7 @@ def tolerance(pattern: str, relative: float, absolute: float) -> Tolerance:
 
 TOLERANCES = (
     # Written with four decimals: a unit of the last one, and half of one for the rounding of the snapshot.
-    tolerance(r"_(mm|deg|N|Nm|pct|s|kg)(?=\W|_|$)|^\S*(comparison|scaling|ik)\.json", RELATIVE, 2e-4),
+    tolerance(r"_(mm|deg|N|Nm|pct|s|kg)(?=\W|_|$)", RELATIVE, 2e-4),
 )
 """The first pattern found in a number's path counts."""
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from tests.safety.sentences import clean_sentence, sort_sentences, split_page
+from tests.safety.sentences import ABOUT_TIME, clean_sentence, sort_sentences, split_page
 
 MOST_KEPT = 32
 """A longer array becomes a summary."""
@@ -24,7 +24,7 @@ SUMMARISED = "summary"
 SUMMARY = ("count", "missing", "mean", "rms", "min", "max", "order")
 """``order`` is the mean of the numbers times the cosine of their place: an exchange of two shows in it."""
 
-_DROPPED = frozenset(("code_version", "wall_s"))
+_DROPPED = frozenset(("code_version", "wall_s", "slowest_subject_s", "seconds"))
 _HASHES = "input_hashes"
 
 Replaced = Mapping[str, str]
@@ -55,6 +55,11 @@ def summarise(numbers: np.ndarray | Sequence[float]) -> dict[str, Any]:
 def reduce_document(value: Any, replaced: Replaced) -> Any:
     """A JSON value without what may vary, long arrays of numbers summarised."""
     if isinstance(value, dict):
+        timed = [
+            one for one in value.values() if isinstance(one, str) and ABOUT_TIME in clean_sentence(one, {})
+        ]
+        if timed:
+            return {"claim": clean_sentence(timed[0], replaced)}
         return {
             clean_sentence(key, replaced): _unhashed(key, reduce_document(one, replaced))
             for key, one in value.items()

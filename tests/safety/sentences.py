@@ -10,11 +10,19 @@ NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w|\.\d)")
 MOST_NUMBERS = 32
 """A sentence with more is a drawing's data."""
 
+ABOUT_TIME = "a claim about time"
+_TIMED_CLAIMS = ("A person takes at most 20 s", "A subject is scaled in less than four minutes")
+"""What studies say of computing time: whether it holds, and so how many do, depends on the machine."""
+
 _VARIES = (
     (re.compile(r"\b[0-9a-f]{12,64}\b"), "HASH"),
     (re.compile(r"\b\d+(?:\.\d+)? s for (?=\d+ persons)"), "TIME for "),
     (re.compile(r"scaling-service \d+\.\d+\.\d+\w*"), "scaling-service VERSION"),
     (re.compile(r"^version \| .*"), "version | VERSION"),
+    (re.compile(r"\bThe search took [\d.]+ s"), "The search took TIME"),
+    (re.compile(r"^seconds in all \| .*"), "seconds in all | TIME"),
+    (re.compile(rf"^.*({'|'.join(_TIMED_CLAIMS)}).*$"), rf"{ABOUT_TIME}: \1"),
+    (re.compile(r"^\d+ of (?=\d+ claims hold)"), "SOME of "),
 )
 """What may differ though nothing has changed, and what stands for it."""
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
+
+from tests.safety.cases import BY_NAME
 
 FOLDER = Path(__file__).parent / "snapshots"
 _LINE = 108
@@ -16,18 +19,30 @@ _SHORTEST = 200
 def load_snapshot(name: str) -> Any:
     """What is held of a case; None where nothing is yet."""
     file = snapshot_file(name)
-    return restore_repeats(json.loads(file.read_text(encoding="utf-8")), "", {}) if file.exists() else None
+    if not file.exists():
+        return None
+    content = file.read_bytes()
+    text = gzip.decompress(content) if file.suffix == ".gz" else content
+    return restore_repeats(json.loads(text), "", {})
 
 
 def save_snapshot(name: str, document: Any) -> None:
     """Hold a document from now on."""
     FOLDER.mkdir(exist_ok=True)
-    shared = share_repeats(round_numbers(document), "", {})
-    snapshot_file(name).write_text(write_compactly(shared) + "\n", encoding="utf-8")
+    text = write_compactly(share_repeats(round_numbers(document), "", {})) + "\n"
+    file, content = snapshot_file(name), text.encode()
+    file.write_bytes(gzip.compress(content, mtime=0) if file.suffix == ".gz" else content)
 
 
 def snapshot_file(name: str) -> Path:
-    return FOLDER / f"{name}.json"
+    """Plain text, to be read in a change; packed where it is of a costly case, for these are large."""
+    costly = name in BY_NAME and BY_NAME[name].costly
+    return FOLDER / (f"{name}.json.gz" if costly else f"{name}.json")
+
+
+def list_snapshots() -> set[str]:
+    """The names of all that are held."""
+    return {file.name.partition(".")[0] for file in FOLDER.iterdir()}
 
 
 def round_numbers(value: Any) -> Any:

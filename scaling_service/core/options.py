@@ -23,6 +23,10 @@ class Options(BaseModel):
         return self.model_dump()
 
 
+LARGEST = 1e9
+"""Of any number among options. Chosen: far above all that make sense."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flag:
     """How a field is given on the command line, where that does not follow from the field.
@@ -38,6 +42,8 @@ class Flag:
     kind : type, optional
         What the command line reads, where ``read`` makes the field's value of it.
     read : callable, optional
+    least : float, optional
+        The smallest that is read.
     """
 
     name: str | None = None
@@ -46,3 +52,4 @@ class Flag:
     help: str | None = None
     kind: Any = None
     read: Callable[[Any], Any] | None = None
+    least: float | None = None

@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field
 
-from scaling_service.core.options import Options
+from scaling_service.core.options import LARGEST, Options
 
 LONGEST_SPLINE_S = 0.15
 """Puchaud et al. 2019, sec. 2.1: spline up to 15 frames at 100 Hz, solidification beyond."""
@@ -19,13 +19,13 @@ class ProcessingSettings(Options):
     cutoff_hz: float = Field(
         default=6.0,
         ge=0.0,
-        le=1e9,
+        le=LARGEST,
         description="Of the Butterworth filter (chosen: the custom for walking, Winter 2009, sec. 3.4.3).",
     )
     longest_spline_s: float = Field(
         default=LONGEST_SPLINE_S,
         ge=0.0,
-        le=1e9,
+        le=LARGEST,
         description="Gaps up to this long are interpolated by a spline.",
     )
     solidify: bool = Field(

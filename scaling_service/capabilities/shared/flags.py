@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from scaling_service.core.errors import InputError
-from scaling_service.core.options import Flag, Options
+from scaling_service.core.options import LARGEST, Flag, Options
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +54,11 @@ class _Field:
     def signature(self, default: Options) -> inspect.Parameter:
         """The parameter that typer makes an option of."""
         value = functools.reduce(getattr, self.path, default)
-        bounds: dict[str, Any] = {}
+        bounds: dict[str, Any] = {} if self.flag.least is None else {"min": self.flag.least}
         for constraint in self.info.metadata:
             if isinstance(constraint, annotated_types.Ge):
                 bounds["min"] = constraint.ge
-            if isinstance(constraint, annotated_types.Le):
+            if isinstance(constraint, annotated_types.Le) and constraint.le < LARGEST:  # type: ignore[operator]
                 bounds["max"] = constraint.le
         option = typer.Option(
             self.option,

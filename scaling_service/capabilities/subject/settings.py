@@ -7,14 +7,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from scaling_service.capabilities.shared.names import HIP_REGRESSION_NAMES
-from scaling_service.core.options import Flag, Options
+from scaling_service.core.options import LARGEST, Flag, Options
 from scaling_service.recording.settings import ProcessingSettings
 
 _BEYOND = "Beyond the paper"
-_LARGEST = 1e9
-"""Of any number. Chosen: far above all that make sense."""
 
-Bound = Annotated[float, Field(ge=0.0, le=_LARGEST)]
+Bound = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
 class CalibrationSettings(Options):
@@ -27,7 +25,7 @@ class CalibrationSettings(Options):
     n_frames: Annotated[int, Flag(name="--frames", metavar="N")] = Field(
         default=100,
         ge=1,
-        le=_LARGEST,
+        le=LARGEST,
         description="Frames used to fit, equally spaced over the calibration trials.",
     )
     length_bound: Bound = Field(
@@ -63,7 +61,7 @@ class CalibrationSettings(Options):
         "this share,",
     )
     max_loops: int = Field(
-        default=200, ge=1, le=_LARGEST, description="and at the latest after so many loops."
+        default=200, ge=1, le=LARGEST, description="and at the latest after so many loops."
     )
     robust_m: Bound | None = Field(
         default=None,
@@ -117,7 +115,8 @@ class Settings(Options):
         Flag(
             name="--smooth-hz",
             metavar="HZ",
-            kind=Annotated[float | None, Field(ge=0.0)],
+            kind=float | None,
+            least=0.0,
             read=ProcessingSettings.smoothed,
             help="Smooth by a Butterworth filter with this cutoff, not by a moving average; 0: not at all.",
         ),
@@ -130,7 +129,7 @@ class Settings(Options):
         default=None, description="Laboratory axis that the person faces, such as -x."
     )
     seed: Annotated[int, Flag(metavar="N")] = Field(
-        default=0, ge=0, le=_LARGEST, description="Seed of everything random."
+        default=0, ge=0, le=LARGEST, description="Seed of everything random."
     )
 
     def resolved(self) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def _compare_groups(stored: dict[str, Any], now: dict[str, Any], path: str) -> I
         inner = f"{path} / {key}" if path else key
         if key not in now or key not in stored:
             yield Difference(inner, _shorten(stored.get(key, _ABSENT)), _shorten(now.get(key, _ABSENT)))
-        elif key == SUMMARISED:
+        elif key == SUMMARISED and isinstance(stored[key], list) and isinstance(now[key], list):
             yield from _compare_summaries(stored[key], now[key], path)
         else:
             yield from compare(stored[key], now[key], inner)

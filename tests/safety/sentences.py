@@ -22,6 +22,7 @@ _VARIES = (
     (re.compile(r"\bThe search took [\d.]+ s"), "The search took TIME"),
     (re.compile(r"^seconds in all \| .*"), "seconds in all | TIME"),
     (re.compile(rf"^.*({'|'.join(_TIMED_CLAIMS)}).*$"), rf"{ABOUT_TIME}: \1"),
+    (re.compile(r"^(\S+ \| done \|.*\|) [\d.]+$"), r"\1 TIME"),
     (re.compile(r"^\d+ of (?=\d+ claims hold)"), "SOME of "),
 )
 """What may differ though nothing has changed, and what stands for it."""

@@ -1,7 +1,7 @@
 """By how much a number may differ from what is held, and why.
 
 Measured on the cases ``scale``, ``scale_otherwise`` and ``dynamics``: with two threads instead of one,
-and with the kernels of another processor (``OPENBLAS_CORETYPE=Nehalem``, numpy without AVX2 and FMA), no number
+and with the kernels of another processor (``OPENBLAS_CORETYPE=Nehalem``, numpy without AVX2), no number
 leaves its tolerance. So no optimisation needs a softer one; a pattern may be added below where one does.
 """
 

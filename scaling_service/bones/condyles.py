@@ -95,10 +95,7 @@ class Knee:
 def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     """Spheres on both condyles at one end of the bone, or why there are none.
 
-    Parameters
-    ----------
-    distal_end : float
-        1 for the end of largest x, -1 for the other.
+    ``distal_end``: 1 for the end of largest x, -1 for the other.
     """
     up = np.array([-distal_end, 0.0, 0.0])
     height = surface.smooth @ up

@@ -48,13 +48,8 @@ def refined_cylinder(
 ) -> CylinderOnBone | None:
     """The robust least-squares cylinder near a first guess, or None where there is none.
 
-    Parameters
-    ----------
-    ridge : float
-        Largest sine of the angle between a normal and the plane across the axis: small values keep to
-        the ridges of barrel-shaped condyles.
-    within : ndarray of bool, shape (n,)
-        The only vertices to use.
+    ``ridge``: largest sine of the angle between a normal and the plane across the axis: small values keep
+    to the ridges of barrel-shaped condyles. ``within`` (n,): the only vertices to use.
     """
     chosen = surface.part(within)
     limit = _BAND * radius

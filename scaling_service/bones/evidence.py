@@ -18,20 +18,13 @@ _LANDMARKS = {
 
 
 def evidence_of(
-    found: Mapping[str, BoneLandmarks],
-    markers: Mapping[str, tuple[str, Vector]],
-    bones: Mapping[str, Bone],
+    found: Mapping[str, BoneLandmarks], markers: Mapping[str, tuple[str, Vector]], bones: Mapping[str, Bone]
 ) -> ImageEvidence:
     """Landmarks under the names of a built-in leg model's joints and markers.
 
-    Parameters
-    ----------
-    found : mapping
-        Bone (``pelvis``, ``femur_r`` …) to its landmarks, all of one image.
-    markers : mapping
-        Skin markers seen in that image: model marker to (segment, position in m).
-    bones : mapping
-        The surfaces themselves.
+    ``found``: bone (``pelvis``, ``femur_r`` …) to its landmarks, all of one image. ``markers``: skin
+    markers seen in that image: model marker to (segment, position in m). ``bones``: the surfaces
+    themselves.
     """
     return ImageEvidence(
         dict(_centres(found)),

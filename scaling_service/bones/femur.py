@@ -8,14 +8,7 @@ from numpy.typing import NDArray
 from scaling_service.bones.condyles import Knee, find_knee
 from scaling_service.bones.head import HEAD_COVERED, find_head
 from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import (
-    BoneLandmarks,
-    Cylinder,
-    Quality,
-    Side,
-    Sphere,
-    confidence,
-)
+from scaling_service.bones.results import BoneLandmarks, Cylinder, Quality, Side, Sphere, confidence
 from scaling_service.bones.spheres import SphereOnBone
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tips import tip
@@ -35,26 +28,12 @@ def femur_landmarks(
 ) -> BoneLandmarks:
     """Landmarks of a femur of unknown orientation and side.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        What the bone is called; believed only where its shape does not tell.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: what the bone is called; believed
+    only where its shape does not tell. Returns points ``hip_centre``, ``knee_centre``,
+    ``epicondyle_medial`` and ``epicondyle_lateral``; spheres ``head``, ``condyle_medial``,
+    ``condyle_lateral``; cylinder ``condyles``; axis ``knee``. Raises MeshRefused: it is no femur, is called
+    by the wrong side, or neither of its ends can be used.
 
-    Returns
-    -------
-    BoneLandmarks
-        Points ``hip_centre``, ``knee_centre``, ``epicondyle_medial`` and ``epicondyle_lateral``;
-        spheres ``head``, ``condyle_medial``, ``condyle_lateral``; cylinder ``condyles``; axis ``knee``.
-
-    Raises
-    ------
-    MeshRefused
-        It is no femur, is called by the wrong side, or neither of its ends can be used.
-
-    References
-    ----------
     Pillet et al. 2014 (sphere on the head); Kai et al. 2014 and Sauret et al. 2016 (condyles);
     Modenese & Renault 2021 (description only).
     """

@@ -19,12 +19,7 @@ def refined_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces
     A midpoint is lifted off its chord by an eighth of the chord times the turn of the normals, which is
     exact on a circle to third order (as in curved PN triangles; Vlachos et al. 2001).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-    faces : ndarray of int, shape (m, 3)
-    edge : float
-        In the points' unit.
+    ``points``: (n, 3). ``faces``: (m, 3). ``edge``: in the points' unit.
     """
     for _ in range(_MOST_TIMES):
         sides = points[faces] - points[np.roll(faces, -1, axis=1)]

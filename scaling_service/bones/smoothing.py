@@ -36,10 +36,7 @@ def vertex_normals(points: Array, faces: Faces) -> Array:
 class Smoother:
     """Averages over neighbouring vertices without shrinking (Taubin 1995, SIGGRAPH: 351-358).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-    faces : ndarray of int, shape (m, 3)
+    ``points``: (n, 3). ``faces``: (m, 3).
     """
 
     def __init__(self, points: Array, faces: Faces) -> None:
@@ -55,11 +52,8 @@ class Smoother:
     def smoothed(self, sigma: float, *, edges_of: Array | None = None) -> Array:
         """The points with waves shorter than about ``sigma`` (their unit) taken off.
 
-        Parameters
-        ----------
-        edges_of : ndarray, shape (n, 3), optional
-            The same vertices with less noise, whose edges tell the length of a step: noise makes edges
-            longer, so that too few steps would be taken.
+        ``edges_of`` (n, 3): the same vertices with less noise, whose edges tell the length of a step: noise
+        makes edges longer, so that too few steps would be taken.
         """
         # One half step spreads a point by a quarter of the squared edge along each direction.
         edge = _median_edge(self._points if edges_of is None else edges_of, self._faces)
@@ -77,10 +71,7 @@ def without_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, flo
     The noise is the standard deviation of the vertices along the normals of the smoothed surface. Up to
     :data:`QUIET_M` the points are returned as they are.
 
-    Parameters
-    ----------
-    sigma : float, m
-        Length of the waves to take off.
+    ``sigma`` m: length of the waves to take off.
     """
     smoother = Smoother(points, faces)
     smooth = smoother.smoothed(sigma)

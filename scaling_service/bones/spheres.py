@@ -29,22 +29,14 @@ _CLOSED = 6  # steps after which the limit has closed to its widest final value
 class SphereOnBone:
     """A sphere with the share of it that the surface covers.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (3,), m
-        In the surface's own frame.
-    radius, rms : float, m
-    covered : float
-        Share of the sphere's full solid angle.
-    support : ndarray, shape (n,)
-        Weight of every vertex, 0 to 1.
+    ``radius``, ``rms``: m.
     """
 
-    centre: Array
+    centre: Array  # (3,), m; in the surface's own frame
     radius: float
     rms: float
-    covered: float
-    support: Array
+    covered: float  # share of the sphere's full solid angle
+    support: Array  # (n,); weight of every vertex, 0 to 1
 
 
 def spheres(
@@ -55,14 +47,8 @@ def spheres(
     Every vertex votes, with its area, for the centres that lie behind it (before it, if ``hollow``)
     at each radius, as in a Hough transform; the peaks are refined by geometric least squares.
 
-    Parameters
-    ----------
-    radii : tuple of float, m
-        Smallest and largest.
-    hollow : bool
-        Sockets, whose normals point to their centre, in place of balls.
-    most : int
-        How many peaks to refine.
+    ``radii`` m: smallest and largest. ``hollow``: sockets, whose normals point to their centre, in place of
+    balls. ``most``: how many peaks to refine.
     """
     found: list[SphereOnBone] = []
     for centre, radius in _peaks(surface, radii, hollow, most):
@@ -74,13 +60,7 @@ def spheres(
     return sorted(found, key=lambda sphere: -sphere.covered)
 
 
-def refined(
-    surface: Surface,
-    centre: Array,
-    radius: float,
-    *,
-    hollow: bool = False,
-) -> SphereOnBone | None:
+def refined(surface: Surface, centre: Array, radius: float, *, hollow: bool = False) -> SphereOnBone | None:
     """The robust least-squares sphere near a first guess, or None where there is none.
 
     Selection uses the smoothed surface, the fit the vertices themselves, each weighted by its area and
@@ -120,24 +100,16 @@ def refined(
 class _Around:
     """The vertices around a place: a sphere is on a small part of a bone.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (3,), m
-    reach : float, m
-        No vertex nearer to the centre is missing.
-    rows : ndarray of int, shape (n,)
-        Which vertices of the surface these are.
-    points, smooth, normals : ndarray, shape (n, 3)
-    areas : ndarray, shape (n,), m2
+    ``points``, ``smooth``, ``normals``: (n, 3).
     """
 
-    centre: Array
-    reach: float
-    rows: NDArray[np.intp]
+    centre: Array  # (3,), m
+    reach: float  # m; no vertex nearer to the centre is missing
+    rows: NDArray[np.intp]  # (n,); which vertices of the surface these are
     points: Array
     smooth: Array
     normals: Array
-    areas: Array
+    areas: Array  # (n,), m2
 
     @classmethod
     def of(cls, surface: Surface, centre: Array, reach: float) -> _Around:

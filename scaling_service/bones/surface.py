@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from scaling_service.bones.refining import refined_mesh
 from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.shells import (
-    boundary_share,
-    merged,
-    shells,
-    without_useless_faces,
-    wound_alike,
-)
+from scaling_service.bones.shells import boundary_share, merged, shells, without_useless_faces, wound_alike
 from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals, without_noise
 
 Array = NDArray[np.float64]
@@ -43,38 +37,21 @@ OPEN_SHARE = 1e-3
 class Surface:
     """A cleaned bone in its own principal frame, m.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), m
-        Vertices, without their noise where there was much; the longest principal axis is x, the shortest z.
-    smooth : ndarray, shape (n, 3), m
-        The same vertices smoothed over 5 mm, for selecting; fits use ``points``.
-    normals : ndarray, shape (n, 3)
-        Outward unit normals of the smoothed surface.
-    areas : ndarray, shape (n,), m2
-        What each vertex stands for.
-    shell : ndarray of int, shape (n,)
-        Number of the connected piece, the largest first.
-    faces : ndarray of int, shape (m, 3)
-    origin : ndarray, shape (3,), m
-    R_image_own : ndarray, shape (3, 3)
-        Rotates this frame into the image's.
-    noise : float, m
-        Standard deviation of what was taken off the vertices along their normals; 0 on a quiet mesh.
-    notes : tuple of str
-        What was repaired.
+    ``points`` (n, 3), m: vertices, without their noise where there was much; the longest principal axis is
+    x, the shortest z. ``noise`` m: standard deviation of what was taken off the vertices along their
+    normals; 0 on a quiet mesh.
     """
 
     points: Array
-    smooth: Array
-    normals: Array
-    areas: Array
-    shell: NDArray[np.intp]
-    faces: Faces
-    origin: Array
-    R_image_own: Array
+    smooth: Array  # (n, 3), m; the same vertices smoothed over 5 mm, for selecting; fits use ``points``
+    normals: Array  # (n, 3); outward unit normals of the smoothed surface
+    areas: Array  # (n,), m2; what each vertex stands for
+    shell: NDArray[np.intp]  # (n,); number of the connected piece, the largest first
+    faces: Faces  # (m, 3)
+    origin: Array  # (3,), m
+    R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
         """Points (..., 3) of this frame in the image."""
@@ -102,15 +79,8 @@ class Surface:
 def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     """Clean a mesh and put it into its own frame.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-
-    Raises
-    ------
-    MeshRefused
-        Empty, not finite, or faces that name vertices that do not exist.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). Raises MeshRefused: empty, not finite, or faces that name
+    vertices that do not exist.
     """
     vertices, triangles = _checked(vertices, faces)
     notes: list[str] = []

@@ -34,33 +34,15 @@ _TRIED = 5
 
 
 def talus_landmarks(
-    vertices: Array,
-    faces: NDArray[np.integer],
-    *,
-    named_side: Side | None = None,
-    tibia: TibiaFrame,
+    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None, tibia: TibiaFrame
 ) -> BoneLandmarks:
     """The ankle's centre and axis from a talus beside its tibia.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        A talus alone is what it is called.
-    tibia : TibiaFrame
-        Of the same image: the trochlea faces it, and the axis is signed by it. A talus alone has other
-        cylinders (its neck, the rims of its facets) that carry as much surface.
-
-    Returns
-    -------
-    BoneLandmarks
-        Point ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``.
-
-    Raises
-    ------
-    MeshRefused
-        It is no talus, or no part of it is a cylinder of a trochlea's size.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: a talus alone is what it is
+    called. ``tibia``: of the same image: the trochlea faces it, and the axis is signed by it. A talus alone
+    has other cylinders (its neck, the rims of its facets) that carry as much surface. Returns point
+    ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``. Raises MeshRefused: it is no talus, or no part
+    of it is a cylinder of a trochlea's size.
     """
     surface, notes = one_bone(prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))

@@ -53,24 +53,10 @@ def tibia_landmarks(
 ) -> tuple[BoneLandmarks, TibiaFrame]:
     """Landmarks of a tibia of unknown orientation and side, the fibula joined, apart or absent.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        What the bone is called; believed only where its shape does not tell.
-
-    Returns
-    -------
-    BoneLandmarks
-        Points ``ankle_centre`` (midpoint of the malleoli's tips; Wu et al. 2002), the tips and the
-        prominences of the malleoli, ``fibula_head``, ``plateau_medial`` and ``plateau_lateral``.
-    TibiaFrame
-
-    Raises
-    ------
-    MeshRefused
-        It is no tibia, or holds a second one.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: what the bone is called; believed
+    only where its shape does not tell. Returns points ``ankle_centre`` (midpoint of the malleoli's tips; Wu
+    et al. 2002), the tips and the prominences of the malleoli, ``fibula_head``, ``plateau_medial`` and
+    ``plateau_lateral``. Raises MeshRefused: it is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
     shank = without_fibula(surface)

@@ -39,12 +39,7 @@ def tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: fl
     a paraboloid are then distributed so that their variance over the depth is what the mean lies below
     the summit; by that the mean is lifted.
 
-    Parameters
-    ----------
-    direction : ndarray, shape (3,)
-        Unit vector.
-    within : ndarray of bool, shape (n,)
-    depth : float, m
+    ``direction`` (3,): unit vector. ``within``: (n,). ``depth``: m.
     """
     points = surface.smooth[within]
     height = points @ direction

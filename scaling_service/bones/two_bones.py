@@ -34,10 +34,7 @@ class Shank:
 def without_fibula(surface: Surface) -> Shank:
     """A shank's surface into its bones.
 
-    Raises
-    ------
-    MeshRefused
-        There is a further piece that is no fibula.
+    Raises MeshRefused: there is a further piece that is no fibula.
     """
     inner, outer = inner_shells(surface)
     notes = [f"{len(inner)} shells inside the bones were left out"] if inner else []

@@ -41,15 +41,8 @@ _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed imag
 def unit_of(extents: Mapping[str, float]) -> str:
     """The unit in which all bones have the size of bones.
 
-    Parameters
-    ----------
-    extents : mapping of str to float
-        Bone to the largest distance between two of its points, in the unknown unit.
-
-    Raises
-    ------
-    MeshRefused
-        None, or not the same for all.
+    ``extents``: bone to the largest distance between two of its points, in the unknown unit. Raises
+    MeshRefused: none, or not the same for all.
 
     Examples
     --------
@@ -72,9 +65,7 @@ def unit_of(extents: Mapping[str, float]) -> str:
 
 
 def find_landmarks(
-    bones: Mapping[str, Mesh],
-    *,
-    progress: Callable[[str], None] | None = None,
+    bones: Mapping[str, Mesh], *, progress: Callable[[str], None] | None = None
 ) -> dict[str, BoneLandmarks]:
     """Landmarks of every bone of one image.
 

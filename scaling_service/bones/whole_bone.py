@@ -22,10 +22,7 @@ LONG_M = (0.08, 0.62)
 def one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
     """Without inner shells (the marrow cavity of a CT segmentation); refuses a second bone.
 
-    Raises
-    ------
-    MeshRefused
-        There is a second bone.
+    Raises MeshRefused: there is a second bone.
     """
     inner, outer = inner_shells(surface)
     notes = [f"{len(inner)} shells inside the bone were left out"] if inner else []
@@ -59,10 +56,7 @@ def inner_shells(surface: Surface) -> tuple[list[int], list[int]]:
 def require_long(surface: Surface, bone: str) -> None:
     """Refuses what is not long and thin, or has an impossible length.
 
-    Raises
-    ------
-    MeshRefused
-        With the length, and the unit that would make it possible.
+    Raises MeshRefused: with the length, and the unit that would make it possible.
     """
     size = np.ptp(surface.points, axis=0)
     length, thickness = float(size[0]), float(size[1:].max())

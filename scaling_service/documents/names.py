@@ -20,10 +20,7 @@ _MOST_BYTES = 255
 def plain_name(name: str, field: str = "name") -> str:
     """The name, if it is one that an uploaded file can have.
 
-    Raises
-    ------
-    InputError
-        It has a folder or a special character in it, is too long, or is reserved.
+    Raises InputError: it has a folder or a special character in it, is too long, or is reserved.
 
     Examples
     --------

@@ -46,37 +46,19 @@ _WORKER = Path(__file__).with_name("c3d_worker.py")
 class C3dFile:
     """What a C3D file holds, in its own units.
 
-    Parameters
-    ----------
-    name : str
-    points : (n_frames, n_points, 3)
-        In ``point_unit``; NaN where not seen.
-    labels : tuple of str, length n_points
-        Empty where a point has none.
-    computed : frozenset of str
-        Labels of points that are results (angles, moments, virtual points).
-    point_unit : str
-    rate_hz : float
-    analog : (n_samples, n_channels)
-        Scaled to the units of ``ANALOG:UNITS``.
-    parameters : mapping
-        Group to name to list of values; numeric arrays as nested lists, first index first.
-    has_rotations : bool
-        Whether it holds segment poses (markerless systems).
-    stated_frames : int or None
-        Number of frames by the file's header; None where it cannot tell.
+    ``parameters``: group to name to list of values; numeric arrays as nested lists, first index first.
     """
 
     name: str
-    points: Array
-    labels: tuple[str, ...]
-    computed: frozenset[str]
+    points: Array  # (n_frames, n_points, 3); in ``point_unit``; NaN where not seen
+    labels: tuple[str, ...]  # empty where a point has none
+    computed: frozenset[str]  # labels of points that are results (angles, moments, virtual points)
     point_unit: str
     rate_hz: float
-    analog: Array
+    analog: Array  # (n_samples, n_channels); scaled to the units of ``ANALOG:UNITS``
     parameters: Mapping[str, Mapping[str, Any]]
-    has_rotations: bool = False
-    stated_frames: int | None = None
+    has_rotations: bool = False  # whether it holds segment poses (markerless systems)
+    stated_frames: int | None = None  # number of frames by the file's header; None where it cannot tell
 
     @property
     def analog_rate_hz(self) -> float:
@@ -88,25 +70,11 @@ class C3dFile:
 def read_c3d(path: str | os.PathLike[str]) -> Trial:
     """Read the markers of a C3D file.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Trial
-        Positions in m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros);
-        time starts at 0 with the first frame of the file. ``repairs`` names the points that were left out:
-        computed ones and those without a label.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, damaged, not C3D, or has two markers of one name.
-    TrialUnusable
-        If it has no marker, no frame or no frame rate, or only segment poses (Theia).
-    DependencyMissing
-        If ezc3d is not installed.
+    Returns positions in m in the laboratory's axes, NaN where not seen (residual below zero or exact
+    zeros); time starts at 0 with the first frame of the file. ``repairs`` names the points that were left
+    out: computed ones and those without a label. Raises FileUnreadable if it is absent, empty, damaged, not
+    C3D, or has two markers of one name. Raises TrialUnusable if it has no marker, no frame or no frame
+    rate, or only segment poses (Theia). Raises DependencyMissing if ezc3d is not installed.
     """
     file = Path(path)
     return c3d_trial(read_c3d_file(file), file)
@@ -115,16 +83,8 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
 def c3d_trial(content: C3dFile, file: Path, *, unlabelled: bool = False) -> Trial:
     """The markers of a file that was parsed; see :func:`read_c3d`.
 
-    Parameters
-    ----------
-    content : C3dFile
-    file : Path
-    unlabelled : bool
-        Whether trajectories such as ``*110``, which nobody labelled, are kept.
-
-    Raises
-    ------
-    FileUnreadable, TrialUnusable
+    ``unlabelled``: whether trajectories such as ``*110``, which nobody labelled, are kept. Raises
+    FileUnreadable, TrialUnusable.
     """
     if not content.labels and content.has_rotations:
         raise TrialUnusable(
@@ -217,20 +177,8 @@ def _cut(content: C3dFile) -> tuple[Repair, ...]:
 def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
     """Read everything that a C3D file holds, without judging it.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    C3dFile
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, damaged or not C3D.
-    DependencyMissing
-        If ezc3d is not installed.
+    Raises FileUnreadable if it is absent, empty, damaged or not C3D. Raises DependencyMissing if ezc3d is
+    not installed.
     """
     file = Path(path)
     content = read_bytes(file, _KIND)
@@ -272,8 +220,6 @@ def _order(content: bytes) -> str:
 def _refuse_cut(content: bytes, file: Path) -> None:
     """Raise if the file ends before the frames that its header counts, or counts and holds none.
 
-    Notes
-    -----
     Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
     negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
     """

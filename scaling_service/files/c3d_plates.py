@@ -26,23 +26,10 @@ _KINDS = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF", 4: "FFFMMM"}
 def read_c3d_plates(source: str | os.PathLike[str] | C3dFile) -> PlateRecording:
     """Read the force plates of a C3D file.
 
-    Parameters
-    ----------
-    source : path or C3dFile
-
-    Returns
-    -------
-    PlateRecording
-        Samples that are not numbers stay NaN. ``repairs`` names units that had to be assumed and baselines
-        that were taken off.
-
-    Raises
-    ------
-    TrialUnusable
-        No plate or no analog signal; a type other than 1 to 4; channels that are not in the file; a unit that
-        is not known; corners that are no rectangle.
-    FileUnreadable
-        As ``read_c3d_file``.
+    Returns samples that are not numbers stay NaN. ``repairs`` names units that had to be assumed and
+    baselines that were taken off. Raises TrialUnusable: no plate or no analog signal; a type other than 1
+    to 4; channels that are not in the file; a unit that is not known; corners that are no rectangle. Raises
+    FileUnreadable: as ``read_c3d_file``.
     """
     content = source if isinstance(source, C3dFile) else read_c3d_file(source)
     file = content.name if isinstance(source, C3dFile) else Path(source).name

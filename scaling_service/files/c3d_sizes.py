@@ -44,10 +44,7 @@ def stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
     A length's unit is the one of mm, cm and m in which a person can have it; zeros, which stand for what
     was not entered, and values that no person has are left out.
 
-    Parameters
-    ----------
-    parameters : mapping
-        Group to name to value, as ``C3dFile`` holds them.
+    ``parameters``: group to name to value, as ``C3dFile`` holds them.
 
     Examples
     --------

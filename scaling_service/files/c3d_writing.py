@@ -17,16 +17,8 @@ from scaling_service.model.trial import Trial
 def write_c3d(path: str | os.PathLike[str], trial: Trial) -> None:
     """Write markers as C3D: mm, 32-bit floats, residual -1 where not seen.
 
-    Parameters
-    ----------
-    path : path
-    trial : Trial
-        Its clock must be regular; C3D holds a rate, not times.
-
-    Raises
-    ------
-    DependencyMissing
-        If ezc3d is not installed.
+    ``trial``: its clock must be regular; C3D holds a rate, not times. Raises DependencyMissing if ezc3d is
+    not installed.
     """
     try:
         import ezc3d

@@ -37,24 +37,14 @@ _OWN_KEYS = frozenset({"version", "nrows", "ncolumns", "indegrees", "datatype"})
 class Table:
     """Columns of numbers over time, in the units of the file.
 
-    Parameters
-    ----------
-    name : str
-    columns : tuple of str, length k
-        The first is ``time``.
-    data : (n, k)
-        NaN where a value is missing; time in s, strictly increasing.
-    in_degrees : bool or None
-        Whether rotations are in degrees (translations never are); None where the file does not say, which
-        is ambiguous: decide by context, never by default.
-    header : mapping
-        All keys of the header as they stand.
-    repairs : tuple of Repair
+    ``in_degrees``: whether rotations are in degrees (translations never are); None where the file does not
+    say, which is ambiguous: decide by context, never by default. ``header``: all keys of the header as they
+    stand.
     """
 
     name: str
-    columns: tuple[str, ...]
-    data: Array
+    columns: tuple[str, ...]  # the first is ``time``
+    data: Array  # (n, k); NaN where a value is missing; time in s, strictly increasing
     in_degrees: bool | None = None
     header: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     repairs: tuple[Repair, ...] = ()
@@ -73,10 +63,7 @@ class Table:
     def column(self, name: str) -> Array:
         """One column, (n,).
 
-        Raises
-        ------
-        TrialUnusable
-            If there is none of that name.
+        Raises TrialUnusable if there is none of that name.
         """
         if name not in self.columns:
             shown = ", ".join(self.columns[:12]) + (", …" if len(self.columns) > 12 else "")
@@ -93,22 +80,10 @@ class Table:
 def read_sto(path: str | os.PathLike[str]) -> Table:
     """Read a STO or MOT file of any header version.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Table
-        Values as in the file; ``repairs`` lists what did not follow the format.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, something else, has two columns of one name, no ``time``, cells that are no
-        numbers or a data type other than double.
-    TrialUnusable
-        If it has no row, or times that do not increase.
+    Returns values as in the file; ``repairs`` lists what did not follow the format. Raises FileUnreadable
+    if it is absent, empty, something else, has two columns of one name, no ``time``, cells that are no
+    numbers or a data type other than double. Raises TrialUnusable if it has no row, or times that do not
+    increase.
     """
     file = Path(path)
     text, repairs = read_text(file, _KIND)
@@ -216,18 +191,10 @@ def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[R
 def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     """Write a STO or MOT file that OpenSim reads (header version 1).
 
-    Parameters
-    ----------
-    path : path
-    table : Table
-        Twelve significant digits are written; NaN as ``nan``. ``inDegrees`` is written if it is known.
-        OpenSim 4.6 reads ``nan`` as a TimeSeriesTable, but its older Storage stops at that row, whatever the
-        spelling: give its tools motions without NaN.
-
-    Raises
-    ------
-    TrialUnusable
-        If a column name cannot stand in a tab-delimited file.
+    ``table``: twelve significant digits are written; NaN as ``nan``. ``inDegrees`` is written if it is
+    known. OpenSim 4.6 reads ``nan`` as a TimeSeriesTable, but its older Storage stops at that row, whatever
+    the spelling: give its tools motions without NaN. Raises TrialUnusable if a column name cannot stand in
+    a tab-delimited file.
     """
     for name in table.columns:
         if not name or name != name.strip() or re.search(r"[\t\r\n]", name):
@@ -258,17 +225,8 @@ def motion_table(
 ) -> Table:
     """An OpenSim motion: rotations in degrees, translations in m, ``inDegrees=yes``.
 
-    Parameters
-    ----------
-    name : str
-    times : (n,), s
-    coordinates, kinds : length k
-        Names, and whether each is a rotation or a translation.
-    values : (n, k), rad or m
-
-    Returns
-    -------
-    Table
+    ``times``: (n,), s. ``coordinates``, ``kinds``: names, and whether each is a rotation or a translation.
+    ``values``: (n, k), rad or m.
     """
     data = np.asarray(values, float)
     factors = np.array([180.0 / np.pi if kind == "rotation" else 1.0 for kind in kinds])
@@ -285,23 +243,9 @@ def motion_values(
 ) -> tuple[tuple[str, ...], Array]:
     """The coordinates of a motion in rad and m.
 
-    Parameters
-    ----------
-    table : Table
-    kinds : mapping
-        Coordinate to its kind; columns that are not named here are left out.
-    in_degrees : bool, optional
-        What holds where the file does not say.
-
-    Returns
-    -------
-    coordinates : tuple of str, length k
-    values : (n, k), rad or m
-
-    Raises
-    ------
-    TrialUnusable
-        If there is a rotation and neither the file nor the caller says whether it is in degrees.
+    ``kinds``: coordinate to its kind; columns that are not named here are left out. ``in_degrees``: what
+    holds where the file does not say. Returns ``values``: (n, k), rad or m. Raises TrialUnusable if there
+    is a rotation and neither the file nor the caller says whether it is in degrees.
     """
     names = tuple(name for name in table.columns[1:] if name in kinds)
     degrees = table.in_degrees if table.in_degrees is not None else in_degrees

@@ -49,15 +49,7 @@ Line = tuple[int, str]
 def read_bytes(path: Path, kind: str) -> bytes:
     """The content of a file that must exist and hold something.
 
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        What it should be, for the message: ``"a TRC file"``.
-
-    Raises
-    ------
-    FileUnreadable
+    ``kind``: what it should be, for the message: ``"a TRC file"``. Raises FileUnreadable.
     """
     try:
         content = path.read_bytes()
@@ -76,16 +68,8 @@ def read_bytes(path: Path, kind: str) -> bytes:
 def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
     """The text of a file, as UTF-8 or, where it is not, Latin-1.
 
-    Returns
-    -------
-    text : str
-        Without byte order mark, lines ended by a line feed.
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty or not text.
+    Returns ``text``: without byte order mark, lines ended by a line feed. Raises FileUnreadable if it is
+    absent, empty or not text.
     """
     content = read_bytes(path, kind)
     repairs: tuple[Repair, ...] = ()
@@ -126,26 +110,10 @@ class _Tally:
 def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tuple[Array, tuple[Repair, ...]]:
     """Rows of numbers under named columns.
 
-    Parameters
-    ----------
-    lines : sequence of (number, text)
-        Blank ones are skipped.
-    columns : sequence of str
-        Their names, for messages.
+    ``lines`` sequence of (number, text): blank ones are skipped. ``columns``: their names, for messages.
+    Returns ``data`` (n_rows, n_columns): NaN where a cell is blank or says that it is missing. Raises
+    FileUnreadable if a cell holds something that is neither a number nor a sign of absence.
 
-    Returns
-    -------
-    data : (n_rows, n_columns)
-        NaN where a cell is blank or says that it is missing.
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    FileUnreadable
-        If a cell holds something that is neither a number nor a sign of absence.
-
-    Notes
-    -----
     A tab-delimited row that ends early lacks its last cells. In a row delimited by blanks an absent cell
     leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
     """
@@ -251,11 +219,7 @@ def _describe(tally: _Tally) -> tuple[Repair, ...]:
 def formatted_rows(form: str, data: Array) -> Iterator[str]:
     """Rows as text, many at a time.
 
-    Parameters
-    ----------
-    form : str
-        Of one row, for the ``%`` operator.
-    data : (n_rows, n_columns)
+    ``form``: of one row, for the ``%`` operator. ``data``: (n_rows, n_columns).
     """
     for start in range(0, len(data), _TOGETHER):
         part = data[start : start + _TOGETHER]
@@ -283,18 +247,8 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
 def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:
     """Raise if two columns have one name.
 
-    Parameters
-    ----------
-    names : sequence of str
-    columns : sequence of int
-        Position of each in the file, from 1, for the message.
-    kind : str
-        ``"marker"`` or ``"column"``.
-
-    Raises
-    ------
-    FileUnreadable
-        Naming both columns.
+    ``columns``: position of each in the file, from 1, for the message. ``kind``: ``"marker"`` or
+    ``"column"``. Raises FileUnreadable: naming both columns.
     """
     first: dict[str, int] = {}
     for name, column in zip(names, columns, strict=True):
@@ -311,15 +265,7 @@ def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, 
 def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) -> None:
     """Raise unless times are known and increase from row to row.
 
-    Parameters
-    ----------
-    times : (n_rows,), s
-    lines : sequence of int, optional
-        Line number of each row, for the message.
-
-    Raises
-    ------
-    TrialUnusable
+    ``times``: (n_rows,), s. ``lines``: line number of each row, for the message. Raises TrialUnusable.
     """
     bad = ~np.isfinite(times) | (np.abs(times) > LONGEST_S)
     if bad.any():
@@ -343,17 +289,9 @@ def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) ->
 def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[Repair, ...]]:
     """Mark as missing what cannot be a position.
 
-    Parameters
-    ----------
-    markers : (n_frames, n_markers, 3), m
-    labels : sequence of str
-
-    Returns
-    -------
-    markers : (n_frames, n_markers, 3), m
-        All three coordinates NaN where one is missing, where all are exactly zero (how several systems
-        write a lost marker) or where one is impossibly large.
-    repairs : tuple of Repair
+    ``markers``: (n_frames, n_markers, 3), m. Returns ``markers`` (n_frames, n_markers, 3), m: all three
+    coordinates NaN where one is missing, where all are exactly zero (how several systems write a lost
+    marker) or where one is impossibly large.
     """
     known = np.isfinite(markers)
     zero: Flags = np.all(np.equal(markers, 0.0), axis=-1)

@@ -49,23 +49,10 @@ _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 def read_trc(path: str | os.PathLike[str]) -> Trial:
     """Read a TRC file.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Trial
-        Positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
-        the format. Labels are as in the file, prefixes included.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, something else, truncated, has two markers of one name or a cell that is no
-        number.
-    TrialUnusable
-        If it has no frame, no marker, or times that do not increase.
+    Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
+    the format. Labels are as in the file, prefixes included. Raises FileUnreadable if it is absent, empty,
+    something else, truncated, has two markers of one name or a cell that is no number. Raises TrialUnusable
+    if it has no frame, no marker, or times that do not increase.
     """
     file = Path(path)
     text, repairs = read_text(file, _KIND)
@@ -328,19 +315,10 @@ def _measured_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | 
 def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "m"] = "mm") -> None:
     """Write a TRC file that strict readers accept.
 
-    Parameters
-    ----------
-    path : path
-    trial : Trial
-        Positions with NaN where not seen; written as ``nan``.
-    units : 'mm' or 'm'
-        Positions are rounded to 10 nm, times to 1 ns. A position that rounds to zero on all three axes would
-        be read as a lost marker; its x is written as 10 nm.
-
-    Raises
-    ------
-    TrialUnusable
-        If a label cannot stand in a tab-delimited file, or a position is infinite.
+    ``trial``: positions with NaN where not seen; written as ``nan``. ``units`` 'mm' or 'm': positions are
+    rounded to 10 nm, times to 1 ns. A position that rounds to zero on all three axes would be read as a
+    lost marker; its x is written as 10 nm. Raises TrialUnusable if a label cannot stand in a tab-delimited
+    file, or a position is infinite.
     """
     for label in trial.labels:
         if not label.strip() or label != label.strip() or re.search(r"[\t\r\n]", label):

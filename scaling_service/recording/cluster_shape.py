@@ -45,16 +45,11 @@ _EVERY_ORDER = 7
 class Exchange:
     """Labels of one segment that stand for each other for a while.
 
-    Parameters
-    ----------
-    labels : tuple of str
-        Those that are wrong.
-    start_s, end_s : float
-    difference_m, left_m : float
-        How far distances are from the usual ones as labelled, and with the labels put right.
+    ``difference_m``, ``left_m``: how far distances are from the usual ones as labelled, and with the labels
+    put right.
     """
 
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # those that are wrong
     start_s: float
     end_s: float
     difference_m: float
@@ -64,11 +59,7 @@ class Exchange:
 def shape_of(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
     """The usual distance of every two markers of a segment, over the recordings that show both.
 
-    Parameters
-    ----------
-    trials : iterable of Trial
-        In m; of each, its median counts once, however long it is.
-    clusters : mapping
+    ``trials``: in m; of each, its median counts once, however long it is.
     """
     found: dict[tuple[str, str], list[float]] = {}
     for trial in trials:
@@ -89,13 +80,8 @@ def _distance(trial: Trial, one: str, other: str) -> Array:
 def exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchange]:
     """Where labels of one segment would fit the usual shape far better in another order.
 
-    Parameters
-    ----------
-    trial : Trial
-        In m, before gaps are filled and positions smoothed.
-    clusters : mapping
-    usual : mapping
-        Of other recordings, :func:`shape_of`.
+    ``trial``: in m, before gaps are filled and positions smoothed. ``usual``: of other recordings,
+    :func:`shape_of`.
     """
     for labels in clusters.values():
         names = sorted(name for name in labels if name in trial.labels)

@@ -43,20 +43,10 @@ _Places = Mapping[str, tuple[str, Array]]
 def exchanged(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Say where the labels of two landmarks look exchanged, for a while or throughout.
 
-    Parameters
-    ----------
-    trial : Trial
-        In any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
-    roles : mapping, optional
-        Label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given.
+    ``trial``: in any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
+    ``roles``: label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given. Returns
+    one sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
 
-    Returns
-    -------
-    tuple of str
-        One sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
-
-    Notes
-    -----
     The line from the medial to the lateral landmark is followed from frame to frame. Where it jumps to
     the opposite direction the labels changed places; the stretches in which it points inwards, seen along
     the pelvis, are the wrong ones. Of arms, and where nothing tells the body's right from its left, the

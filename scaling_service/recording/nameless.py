@@ -19,33 +19,18 @@ OVERLAP = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Nameless:
-    """One trajectory without a label.
+    """One trajectory without a label."""
 
-    Parameters
-    ----------
-    label : str
-        As the file has it.
-    frames : int
-        In which it is seen.
-    fills : str, optional
-        The marker in whose gaps it lies.
-    filled : int
-        Frames of those gaps that it shows.
-    """
-
-    label: str
-    frames: int
-    fills: str | None = None
-    filled: int = 0
+    label: str  # as the file has it
+    frames: int  # in which it is seen
+    fills: str | None = None  # the marker in whose gaps it lies
+    filled: int = 0  # frames of those gaps that it shows
 
 
 def nameless(trial: Trial) -> Iterator[Nameless]:
     """The trajectories without a label, each with the marker that it seems to be.
 
-    Parameters
-    ----------
-    trial : Trial
-        In m.
+    ``trial``: in m.
     """
     shown = seen(trial.markers)
     named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
@@ -66,13 +51,8 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
 def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
     """How far a trajectory, prolonged by a frame, misses another where that is lost or found again, m.
 
-    Returns
-    -------
-    distance : float
-        Median over those frames; infinite where the two are seen side by side or never take turns.
-    other : int
-    frames : int
-        In which the trajectory is seen and the other is not.
+    Returns ``distance``: median over those frames; infinite where the two are seen side by side or never
+    take turns. ``frames``: in which the trajectory is seen and the other is not.
     """
     here, there = shown[:, column], shown[:, other]
     if (here & there).sum() > OVERLAP * here.sum():

@@ -39,27 +39,10 @@ def process(
 ) -> Trial:
     """Turn, scale, smooth and fill a recording.
 
-    Parameters
-    ----------
-    trial : Trial
-        As read.
-    axes : Orientation
-        The session's; see ``decide``.
-    clusters : mapping
-        Segment to the labels that sit on it.
-    settings : ProcessingSettings, optional
-
-    Returns
-    -------
-    Trial
-        X forward, Y up, Z right, m; NaN only where nothing could be told. Everything done is in ``repairs``.
-
-    Raises
-    ------
-    TrialUnusable
-        If no marker is seen at all, or the unit cannot be told.
-    InputError
-        If the cutoff does not suit the frame rate.
+    ``trial``: as read. ``axes``: the session's; see ``decide``. ``clusters``: segment to the labels that
+    sit on it. Returns X forward, Y up, Z right, m; NaN only where nothing could be told. Everything done is
+    in ``repairs``. Raises TrialUnusable if no marker is seen at all, or the unit cannot be told. Raises
+    InputError if the cutoff does not suit the frame rate.
     """
     chosen = settings or ProcessingSettings()
     turned = orientation.apply(axes, trial)

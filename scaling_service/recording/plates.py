@@ -26,18 +26,8 @@ MOSTLY = 0.5
 def ground_forces(recording: PlateRecording) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
 
-    Parameters
-    ----------
-    recording : PlateRecording
-
-    Returns
-    -------
-    GroundForces
-
-    Raises
-    ------
-    TrialUnusable
-        If a loaded plate's centre of pressure lies mostly off the plate: units or corners are wrong.
+    Raises TrialUnusable if a loaded plate's centre of pressure lies mostly off the plate: units or corners
+    are wrong.
     """
     repairs = list(recording.repairs)
     parts = [
@@ -147,17 +137,9 @@ _KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
 def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     """Wrenches in X forward, Y up, Z right, pushing the body up.
 
-    Parameters
-    ----------
-    axes : Orientation
-        As decided for the markers of the session.
-    forces : GroundForces
-        In the laboratory's axes.
-
-    Raises
-    ------
-    TrialUnusable
-        If the markers' unit of length had to be corrected: the plates' corners then have no sure unit.
+    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes. Raises
+    TrialUnusable if the markers' unit of length had to be corrected: the plates' corners then have no sure
+    unit.
     """
     if axes.scale is not None and axes.scale != 1.0:
         raise TrialUnusable(

@@ -49,24 +49,15 @@ Mask = NDArray[np.bool_]
 class FootContacts:
     """Who stands where.
 
-    Parameters
-    ----------
-    feet : tuple of str
-    foot : ndarray of int, shape (n, n_plates)
-        The row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
-    on_floor : ndarray of bool, shape (n, n_feet)
-        By the markers alone.
-    supported : ndarray of bool, shape (n,)
-        Frames whose forces are all known: every loaded plate bears a known foot, and no foot stands
-        beside the plates.
-    repairs : tuple of Repair
-        ``plate_foot`` for every contact; ``two_feet``, ``two_plates``, ``in_swing``, ``no_plate``,
-        ``no_foot`` where markers and forces disagree.
+    ``foot`` (n, n_plates): the row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
+    ``supported`` (n,): frames whose forces are all known: every loaded plate bears a known foot, and no
+    foot stands beside the plates. ``repairs``: ``plate_foot`` for every contact; ``two_feet``,
+    ``two_plates``, ``in_swing``, ``no_plate``, ``no_foot`` where markers and forces disagree.
     """
 
     feet: tuple[str, ...]
     foot: NDArray[np.intp]
-    on_floor: Mask
+    on_floor: Mask  # (n, n_feet); by the markers alone
     supported: Mask
     repairs: tuple[Repair, ...]
 
@@ -127,19 +118,8 @@ def assign_plates(
 def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]) -> SegmentLoads:
     """The wrench that each foot's segment receives from all plates it stands on.
 
-    Parameters
-    ----------
-    forces : GroundForces
-    contacts : FootContacts
-        Of these forces.
-    segments : mapping
-        Foot to the model's segment.
-
-    Returns
-    -------
-    SegmentLoads
-        NaN where a plate's force is not known: it might bear any foot. Loads below the threshold count for
-        nobody.
+    ``contacts``: of these forces. ``segments``: foot to the model's segment. Returns NaN where a plate's
+    force is not known: it might bear any foot. Loads below the threshold count for nobody.
     """
     owns = contacts.foot[:, None, :] == np.arange(len(contacts.feet))[None, :, None]
     unknown = ~forces.known

@@ -21,16 +21,8 @@ ORDER = 4
 def smooth_by_average(trial: Trial, *, window: int = WINDOW, passes: int = PASSES) -> Trial:
     """Central moving average in several passes.
 
-    Parameters
-    ----------
-    trial : Trial
-    window, passes : int
-        Odd number of frames, and how often.
-
-    Returns
-    -------
-    Trial
-        Missing where it was missing. One Repair, ``smoothing``.
+    ``window``, ``passes``: odd number of frames, and how often. Returns missing where it was missing. One
+    Repair, ``smoothing``.
     """
     detail = f"central moving average of {window} frames in {passes} passes"
     return trial.with_markers(
@@ -42,23 +34,9 @@ def smooth_by_average(trial: Trial, *, window: int = WINDOW, passes: int = PASSE
 def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> Trial:
     """Zero-phase low-pass Butterworth filter with half power at the cutoff.
 
-    Parameters
-    ----------
-    trial : Trial
-    cutoff_hz : float
-    order : int
-        Effective order of both passes together.
-
-    Returns
-    -------
-    Trial
-        Missing where it was missing. One Repair, ``smoothing``, and one ``not_smoothed`` for each marker with
-        runs too short to filter, which are left as measured.
-
-    Raises
-    ------
-    InputError
-        If the cutoff is not between 0 and half the frame rate.
+    ``order``: effective order of both passes together. Returns missing where it was missing. One Repair,
+    ``smoothing``, and one ``not_smoothed`` for each marker with runs too short to filter, which are left as
+    measured. Raises InputError if the cutoff is not between 0 and half the frame rate.
     """
     if not 0 < cutoff_hz < 0.5 * trial.rate_hz:
         raise InputError(

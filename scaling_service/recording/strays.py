@@ -20,15 +20,8 @@ def without_strays(trial: Trial) -> Trial:
 
     A single one outweighs all other markers in a least-squares fit.
 
-    Parameters
-    ----------
-    trial : Trial
-        In any axes and unit.
-
-    Returns
-    -------
-    Trial
-        One Repair, ``stray``, for each marker concerned; the same trial where there is none.
+    ``trial``: in any axes and unit. Returns one Repair, ``stray``, for each marker concerned; the same
+    trial where there is none.
     """
     shown = seen(trial.markers)
     rows = np.flatnonzero(shown.sum(axis=1) >= FEWEST)

@@ -17,19 +17,8 @@ UNIT_MIXUPS = (1e-3, 1e3)
 def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
     """The factor that makes the size of the body plausible, 1 where the stated unit can be true.
 
-    Parameters
-    ----------
-    trial : Trial
-
-    Returns
-    -------
-    factor : float
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    TrialUnusable
-        If no marker is seen at all, or neither the stated unit nor mm taken for m or m for mm gives a body.
+    Raises TrialUnusable if no marker is seen at all, or neither the stated unit nor mm taken for m or m for
+    mm gives a body.
     """
     low, high = extremes(trial.markers)
     largest = (high - low).max(axis=1)

@@ -18,15 +18,8 @@ FILE_NAME = "datasets.yaml"
 def read_catalogue(file: Traversable | None = None) -> dict[str, Dataset]:
     """All datasets by name, in the catalogue's order.
 
-    Parameters
-    ----------
-    file : path, optional
-        Another catalogue than the one that comes with the product.
-
-    Raises
-    ------
-    InputError
-        The file does not follow ``CatalogueDocument``.
+    ``file``: another catalogue than the one that comes with the product. Raises InputError: the file does
+    not follow ``CatalogueDocument``.
 
     Examples
     --------
@@ -48,10 +41,7 @@ def read_catalogue(file: Traversable | None = None) -> dict[str, Dataset]:
 def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
     """One dataset by name.
 
-    Raises
-    ------
-    InputError
-        There is none of that name; close ones, or all, are told.
+    Raises InputError: there is none of that name; close ones, or all, are told.
     """
     if name in catalogue:
         return catalogue[name]

@@ -22,20 +22,8 @@ def image_markers(model: Path) -> str:
     Where each body of a model has the image's origin and axes, as in models from NMSBuilder or STAPLE,
     a marker's place on its body is its place in the image.
 
-    Parameters
-    ----------
-    model : Path
-        An ``.osim`` file of OpenSim 4, positions in m.
-
-    Returns
-    -------
-    str
-        CSV with the columns ``marker,segment,x_mm,y_mm,z_mm``.
-
-    Raises
-    ------
-    FileUnreadable
-        It holds no markers, or one without a place.
+    ``model``: an ``.osim`` file of OpenSim 4, positions in m. Returns CSV with the columns
+    ``marker,segment,x_mm,y_mm,z_mm``. Raises FileUnreadable: it holds no markers, or one without a place.
     """
     rows = [_row(marker, model) for marker in parse_xml(model).iter("Marker")]
     if not rows:
@@ -63,11 +51,7 @@ def _row(marker: Element, model: Path) -> tuple[str, ...]:
 def source_note(name: str, dataset: Dataset) -> str:
     """``SOURCE.md``: where everything is from, on what terms, and what was made here.
 
-    Parameters
-    ----------
-    name : str
-        Of the dataset.
-    dataset : Dataset
+    ``name``: of the dataset.
     """
     return "\n".join([*_head(name, dataset), *_table(dataset), *_made_here(dataset)]) + "\n"
 

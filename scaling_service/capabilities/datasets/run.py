@@ -33,20 +33,11 @@ _MB = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Obtained:
-    """What a download left.
-
-    Parameters
-    ----------
-    folder : Path
-    written : tuple of str
-        Files that this run wrote, relative to the folder.
-    kept : tuple of str
-        Files that were there already, with the right content.
-    """
+    """What a download left."""
 
     folder: Path
-    written: tuple[str, ...]
-    kept: tuple[str, ...]
+    written: tuple[str, ...]  # files that this run wrote, relative to the folder
+    kept: tuple[str, ...]  # files that were there already, with the right content
 
 
 def get_dataset(

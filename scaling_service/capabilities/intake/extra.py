@@ -32,15 +32,8 @@ def extra_markers(
 ) -> list[ExtraMarker]:
     """The segment of each further label: as its set or name says, else the one it keeps its distances to.
 
-    Parameters
-    ----------
-    markers : sequence of MarkerProof
-        With the labels that were proposed.
-    unused : sequence of str
-        Labels that no marker took; points that software computed are left out.
-    trials : mapping
-        Name to recording, m.
-    model : BodyModel
+    ``markers``: with the labels that were proposed. ``unused``: labels that no marker took; points that
+    software computed are left out. ``trials``: name to recording, m.
     """
     known = tracking_segments(unused, model)
     carried: dict[str, list[str]] = {}
@@ -61,14 +54,7 @@ def with_extra_markers(
 
     Only labels that are seen while standing, which places them, and in a movement, which they then follow.
 
-    Parameters
-    ----------
-    proposed : mapping
-    model : BodyModel
-    unused : sequence of str
-        Labels that no marker of the model took.
-    trials : mapping
-        File to recording.
+    ``unused``: labels that no marker of the model took. ``trials``: file to recording.
     """
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:

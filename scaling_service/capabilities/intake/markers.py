@@ -52,23 +52,9 @@ def propose(
 ) -> tuple[list[MarkerProof], list[str]]:
     """A label for every marker of a model.
 
-    Parameters
-    ----------
-    model : BodyModel
-    trials : mapping
-        Name to recording, in one set of axes, m.
-    standing : Trial, optional
-        The one in which places are compared.
-    document : mapping
-        Model marker to label, as the subject's document says.
-    laboratory : mapping
-        Label to model marker, as the laboratory has them.
-
-    Returns
-    -------
-    markers : list of MarkerProof
-    unused : list of str
-        Labels that no marker took.
+    ``trials``: name to recording, in one set of axes, m. ``standing``: the one in which places are
+    compared. ``document``: model marker to label, as the subject's document says. ``laboratory``: label to
+    model marker, as the laboratory has them. Returns ``unused``: labels that no marker took.
     """
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]

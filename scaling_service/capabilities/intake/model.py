@@ -19,12 +19,8 @@ _FOREFOOT = ("TOE", "MT1", "MT5")
 def choose_model(movements: Sequence[Sequence[str]], forces: bool) -> tuple[str, str]:
     """A built-in model and why.
 
-    Parameters
-    ----------
-    movements : sequence of sequences of str
-        Labels that are seen in each movement; those of standing where there is none.
-    forces : bool
-        Whether there are ground forces.
+    ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
+    whether there are ground forces.
     """
     known = [{canonical(label) or strip_prefix(label).upper() for label in labels} for labels in movements]
     common = set.intersection(*known) if known else set()

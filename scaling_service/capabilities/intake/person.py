@@ -17,11 +17,7 @@ _DECIMALS = 3
 def sizes_proof(known: Mapping[str, Any], recordings: Sequence[Seen]) -> SizesProof:
     """Sizes as the document states them, else as the recordings do.
 
-    Parameters
-    ----------
-    known : mapping
-        The subject's document, which need not be whole.
-    recordings : sequence of Seen
+    ``known``: the subject's document, which need not be whole.
     """
     person = known.get("subject") or {}
     own = MeasuredSizes(

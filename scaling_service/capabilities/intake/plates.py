@@ -40,15 +40,8 @@ def describe_plates(
 ) -> list[PlateEntry]:
     """Plates with type, place, who stood on them and when, and their offset.
 
-    Parameters
-    ----------
-    entries : list of PlateEntry
-    forces : GroundForces
-        At the times of the trial, in its axes.
-    trial : Trial
-        X forward, Y up, Z right, m.
-    kinds : tuple of int
-        Types of the plates; empty for forces of tables.
+    ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
+    types of the plates; empty for forces of tables.
     """
     feet = _feet(trial)
     centre, pressing = forces.centre_of_pressure(), forces.pressing

@@ -61,25 +61,12 @@ def roles_of(found: Sequence[Found], document: Mapping[str, Any]) -> Roles:
 
 
 def proposal(
-    document: Mapping[str, Any],
-    found: Sequence[Found],
-    roles: Roles,
-    model: str,
-    markers: Mapping[str, str],
+    document: Mapping[str, Any], found: Sequence[Found], roles: Roles, model: str, markers: Mapping[str, str]
 ) -> dict[str, Any] | None:
     """The document with what was proposed; None where there is no recording to use.
 
-    Parameters
-    ----------
-    document : mapping
-        What the user wrote.
-    found : sequence of Found
-    roles : mapping
-        File to its place.
-    model : str
-        Built-in model, where neither the document nor a file gives one.
-    markers : mapping
-        Model marker to label, what names do not tell.
+    ``document``: what the user wrote. ``roles``: file to its place. ``model``: built-in model, where
+    neither the document nor a file gives one. ``markers``: model marker to label, what names do not tell.
     """
     content = dict(document)
     usable = {f.name for f in found if f.usable}

@@ -32,36 +32,16 @@ _HEADER_BYTES = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """A recording as it was read.
-
-    Parameters
-    ----------
-    file : str
-    trial : Trial
-        In the laboratory's axes, m as stated.
-    unit : str
-        As the file states it.
-    axes : Orientation
-        What this recording alone says.
-    forces : GroundForces, optional
-        Of its own plates, in the laboratory's axes.
-    corners : ndarray, shape (n_plates, 4, 3), m, optional
-        Of its own plates, in the laboratory's axes.
-    kinds : tuple of int
-        Types of its own plates by the C3D standard.
-    unlabelled : tuple of Nameless
-        Trajectories without a label.
-    problems : tuple of ProblemEntry
-    """
+    """A recording as it was read."""
 
     file: str
-    trial: Trial
-    unit: str
-    axes: Orientation
-    forces: GroundForces | None = None
-    corners: Array | None = None
-    kinds: tuple[int, ...] = ()
-    unlabelled: tuple[Nameless, ...] = ()
+    trial: Trial  # in the laboratory's axes, m as stated
+    unit: str  # as the file states it
+    axes: Orientation  # what this recording alone says
+    forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
+    corners: Array | None = None  # (n_plates, 4, 3), m; of its own plates, in the laboratory's axes
+    kinds: tuple[int, ...] = ()  # types of its own plates by the C3D standard
+    unlabelled: tuple[Nameless, ...] = ()  # trajectories without a label
     problems: tuple[ProblemEntry, ...] = ()
 
 
@@ -82,16 +62,8 @@ def problem_of(error: InputError, severity: str = "error", file: str | None = No
 def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
     """Read one recording.
 
-    Parameters
-    ----------
-    file : Path
-    up, forward : str, optional
-        The laboratory's axes, where they are known.
-
-    Raises
-    ------
-    InputError
-        Its markers cannot be used at all. What is wrong with its plates is told in the result.
+    ``up``, ``forward``: the laboratory's axes, where they are known. Raises InputError: its markers cannot
+    be used at all. What is wrong with its plates is told in the result.
     """
     if file.suffix.lower() != ".c3d":
         trial = without_strays(read_recording(file))
@@ -118,14 +90,7 @@ def session_axes(
 ) -> Orientation:
     """One decision for all recordings, as scaling takes it.
 
-    Parameters
-    ----------
-    seen : sequence of Seen
-        At least one.
-    static : str, optional
-        The file of standing.
-    up, forward : str, optional
-        As given.
+    ``seen``: at least one. ``static``: the file of standing. ``up``, ``forward``: as given.
     """
     first = next((item for item in seen if item.file == static), seen[0])
     decided = {Path(first.file): first.axes}

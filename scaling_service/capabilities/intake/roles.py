@@ -157,10 +157,7 @@ def bone_of(name: str) -> str | None:
 def of_others(found: Sequence[Found], imaged: bool) -> Iterator[tuple[str, tuple[str, str]]]:
     """Model, marker set, scale set-up and image markers, each where there is only one to choose.
 
-    Parameters
-    ----------
-    imaged : bool
-        Whether there are bones, which go with built-in models only.
+    ``imaged``: whether there are bones, which go with built-in models only.
     """
     markers = [f.name for f in found if f.kind == "image_markers" and f.usable]
     if imaged and len(markers) == 1:

@@ -8,10 +8,7 @@ from scaling_service.capabilities.intake.document import MarkerSetProof, SizesPr
 from scaling_service.model.anatomy.marker_sets import plane_marker, recognise
 from scaling_service.model.anatomy.markers import canonical
 
-_JOINTS = (
-    ("knee", "LFE", "MFE", "knee_width", "thigh"),
-    ("ankle", "LM", "MM", "ankle_width", "shank"),
-)
+_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
 """Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
 
 
@@ -32,11 +29,7 @@ def marker_set_proof(labels: Sequence[str]) -> MarkerSetProof | None:
 def consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[str]:
     """What landmarks that are missing mean for scaling.
 
-    Parameters
-    ----------
-    labels : sequence of str
-        Of all recordings.
-    sizes : SizesProof
+    ``labels``: of all recordings.
     """
     there = {canonical(label) for label in labels}
     if "SACR" in there and not {"RPSIS", "LPSIS"} <= there:

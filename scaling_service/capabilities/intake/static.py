@@ -41,30 +41,15 @@ _STEP_M = 0.002  # chosen: sway that differs by less is equal
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a recording would do as the static trial.
-
-    Parameters
-    ----------
-    file : str
-    sway_m : float
-    landmarks : int
-        That are seen in it.
-    frames : int
-    pelvis : float
-        The pelvis' size over that in the movements; 1 where that is not known.
-    upright : bool
-        Whether the legs are straight, as far as that is known.
-    named : bool
-        Whether its name says standing.
-    """
+    """How a recording would do as the static trial."""
 
     file: str
     sway_m: float
-    landmarks: int
+    landmarks: int  # that are seen in it
     frames: int
-    pelvis: float
-    upright: bool
-    named: bool
+    pelvis: float  # the pelvis' size over that in the movements; 1 where that is not known
+    upright: bool  # whether the legs are straight, as far as that is known
+    named: bool  # whether its name says standing
 
     @property
     def still(self) -> bool:

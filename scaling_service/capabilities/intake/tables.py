@@ -43,21 +43,8 @@ def recording_proof(
 ) -> tuple[RecordingProof, Trial]:
     """One recording as it travels, its tables written, and the recording in the session's axes.
 
-    Parameters
-    ----------
-    item : Seen
-    axes : Orientation
-        The session's.
-    ground : Ground, optional
-        Forces in the laboratory's axes.
-    given : (up, forward)
-        Axes as given.
-    files : ArrayFiles
-
-    Raises
-    ------
-    InputError
-        The unit of its positions cannot be told.
+    ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
+    given. Raises InputError: the unit of its positions cannot be told.
     """
     trial = apply(axes, item.trial)
     turned, problems = _turned(ground, axes, item)

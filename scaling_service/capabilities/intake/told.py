@@ -20,12 +20,8 @@ Roles = Mapping[str, tuple[str, str]]
 def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
-    Parameters
-    ----------
-    roles, trials : mapping
-        By file.
-    wanted : bool
-        Whether standing is missed: not where the user named the trials and left it out.
+    ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
+    trials and left it out.
     """
     static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
     moving = {file: trial for file, trial in trials.items() if file != static and file in roles}

@@ -29,10 +29,7 @@ _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path],
-    *,
-    units: str = DETECT,
-    progress: Callable[[str, float], None] | None = None,
+    bones: Mapping[str, Path], *, units: str = DETECT, progress: Callable[[str, float], None] | None = None
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
@@ -82,10 +79,7 @@ def landmark_bones(
 def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
     """Write ``landmarks.json`` into a folder, complete or not at all; returns its path.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be made or written to.
+    Raises InputError: the folder cannot be made or written to.
     """
     check_folder(folder)
     target = Path(folder) / FILE_NAME

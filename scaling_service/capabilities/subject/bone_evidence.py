@@ -20,16 +20,8 @@ from scaling_service.model.subject import Subject
 def gather(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:
     """What a subject's bones and image markers say, and what to tell of it.
 
-    Returns
-    -------
-    evidence : ImageEvidence or None
-        None where there are no bones, or they cannot be used with the model.
-    notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or a mesh is not the bone that it is said to be.
+    Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
+    InputError: a file cannot be read, or a mesh is not the bone that it is said to be.
     """
     if not subject.bones:
         return None, ()

@@ -33,15 +33,7 @@ inner side of a joint alone. The other way round is common."""
 def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
     """One recording under two names would count twice, or pass for one that was never fitted.
 
-    Parameters
-    ----------
-    trials : mapping
-        File to what it holds, in m.
-
-    Raises
-    ------
-    SubjectInvalid
-        Naming both files.
+    ``trials``: file to what it holds, in m. Raises SubjectInvalid: naming both files.
     """
     fields = {path: f"trials.evaluation.{k}" for k, path in enumerate(subject.evaluation)}
     fields |= {path: f"trials.calibration.{k}" for k, path in enumerate(subject.calibration)}
@@ -67,15 +59,7 @@ def _same(one: Trial, other: Trial) -> bool:
 def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
     """Two markers of one segment with the same positions give it no size.
 
-    Parameters
-    ----------
-    trial : Trial
-        In m, with the model's names.
-
-    Raises
-    ------
-    TrialUnusable
-        Naming both.
+    ``trial``: in m, with the model's names. Raises TrialUnusable: naming both.
     """
     carried: dict[str, list[Marker]] = {}
     for marker in model.markers:
@@ -106,9 +90,7 @@ def require_landmarks(session: Session) -> None:
     the outer landmark of a knee or ankle as soon as the inner one is. A leg that was not marked at all
     is nobody's mistake. Landmarks of which the model has no marker are not needed.
 
-    Raises
-    ------
-    MarkerMissing
+    Raises MarkerMissing.
     """
     trials = [*([session.static] if session.static is not None else []), *session.dynamic]
     ours = {landmark: m.name for m in session.model.markers if (landmark := canonical(m.name)) is not None}
@@ -128,17 +110,8 @@ def require_landmarks(session: Session) -> None:
 def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[str]:
     """Refuse a scale set-up whose measurements cannot be taken, and tell what it scales in vain.
 
-    Parameters
-    ----------
-    trial : Trial
-        The one that lengths are measured on.
-    file : Path
-        The set-up.
-
-    Raises
-    ------
-    TrialUnusable
-        A measurement's marker is not in the model or never seen, or the time range holds no frame.
+    ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
+    measurement's marker is not in the model or never seen, or the time range holds no frame.
     """
     rows = _rows(setup, trial, file)
     for measurement in setup.measurements:

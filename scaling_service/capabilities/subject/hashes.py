@@ -15,11 +15,8 @@ from scaling_service.model.subject import Subject
 def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
     """SHA-256 of the subject file and of every file that it names.
 
-    Returns
-    -------
-    dict
-        File to hexadecimal digest. Files at or below the subject file's folder are named relative to
-        it, so that the same data elsewhere give the same document.
+    Returns file to hexadecimal digest. Files at or below the subject file's folder are named relative to
+    it, so that the same data elsewhere give the same document.
     """
     folder = None if subject_file is None else subject_file.resolve().parent
     found: dict[str, str] = {}

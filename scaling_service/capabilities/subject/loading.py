@@ -43,21 +43,13 @@ _FEWEST = 3  # markers without which a segment has no pose of its own
 class Loaded:
     """A session, and how its labels and axes were understood.
 
-    Parameters
-    ----------
-    session : Session
-    markers_used : mapping
-        Model marker to the labels that were taken for it, one unless trials differ.
-    axes : str
-        Which laboratory axes were taken for up and forward.
-    orientation : Orientation, optional
-        The same as a rotation, for forces.
+    ``markers_used``: model marker to the labels that were taken for it, one unless trials differ.
     """
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    axes: str = ""
-    orientation: Orientation | None = None
+    axes: str = ""  # which laboratory axes were taken for up and forward
+    orientation: Orientation | None = None  # the same as a rotation, for forces
 
 
 def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
@@ -142,12 +134,8 @@ def recordings(subject: Subject) -> tuple[Path, ...]:
 def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:
     """The subject with height, mass and sizes that its recordings state and its file does not.
 
-    Returns
-    -------
-    subject : Subject
-    notes : tuple of str
-        What two of them state differently: the subject file counts before the recordings, then the first
-        recording.
+    Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
+    then the first recording.
     """
     own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
     notes = tuple(
@@ -169,11 +157,6 @@ def with_tracking_markers(
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
     markers, those whose place the set tells are taken. Only for built-in models: others bring their own.
-
-    Returns
-    -------
-    subject : Subject
-    notes : tuple of str
     """
     if subject.extra_markers or subject.model not in BUILTIN_NAMES:
         return subject, ()
@@ -201,12 +184,7 @@ def _explicit_in(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
 def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
     """Let errors raised inside name a file.
 
-    Parameters
-    ----------
-    file : Path, optional
-        Named where an error names none.
-    trials : iterable of Path
-        Named where an error names the bare stem of one.
+    ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
     """
     try:
         yield
@@ -344,12 +322,8 @@ def _axes(
 def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
-    Parameters
-    ----------
-    decided : mapping
-        File to its own decision, at least one, all with the same up.
-    static : Path, optional
-        The recording of standing, which counts only where there is no other.
+    ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
+    standing, which counts only where there is no other.
     """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
     most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]

@@ -35,10 +35,7 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 def notes(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
     """One plain sentence for each thing.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        With the model's names, before gaps are filled and positions smoothed.
+    ``trials``: with the model's names, before gaps are filled and positions smoothed.
     """
     shown = {trial.name: _shown(trial) for trial in trials}
     if subject.calibration and not subject.evaluation:

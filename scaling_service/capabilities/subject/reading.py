@@ -49,18 +49,8 @@ def subject_from_document(
 ) -> Subject:
     """The subject that a checked document describes.
 
-    Parameters
-    ----------
-    document : SubjectDocument
-    folder : Path
-        What the document's paths are relative to.
-    file : path, optional
-        Named in errors.
-
-    Raises
-    ------
-    SubjectInvalid
-        A file is absent, of a format that is not read, or the built-in model does not exist.
+    ``folder``: what the document's paths are relative to. ``file``: named in errors. Raises SubjectInvalid:
+    a file is absent, of a format that is not read, or the built-in model does not exist.
     """
     find = _Finder(folder, str(file) if file is not None else None)
     person, trials = document.subject, document.trials

@@ -20,18 +20,10 @@ _NO_TURN = 1e-15
 def joint_chain(joint: Json, laws: Sequence[Law], *, reversed_: bool = False) -> tuple[Joint, ...]:
     """The chain from the parent body's frame to the child body's.
 
-    Parameters
-    ----------
-    joint : mapping
-        ``parent`` and ``child`` frames (body and offsets, outwards) and the ``axes``: for each its
-        kind, direction in the parent's joint frame and whether it scales with the parent.
-    laws : sequence of Law
-        One per axis.
-    reversed_ : bool
-        Whether the chain is to lead from the child body to the parent body.
+    ``joint``: ``parent`` and ``child`` frames (body and offsets, outwards) and the ``axes``: for each its
+    kind, direction in the parent's joint frame and whether it scales with the parent. ``laws``: one per
+    axis. ``reversed_``: whether the chain is to lead from the child body to the parent body.
 
-    Notes
-    -----
     OpenSim's joints move by translations along axes fixed in the parent's joint frame, followed by
     body-fixed successive rotations (Simbody's function-based mobilizer).
     """

@@ -16,10 +16,7 @@ from scaling_service.core.errors import DependencyMissing
 def opensim() -> Any:
     """The opensim module with its chatter silenced.
 
-    Raises
-    ------
-    DependencyMissing
-        If it is not installed, or its shared libraries do not load.
+    Raises DependencyMissing if it is not installed, or its shared libraries do not load.
     """
     try:
         module = importlib.import_module("opensim")

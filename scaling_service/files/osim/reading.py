@@ -114,10 +114,7 @@ def _no_model(path: Path) -> FileUnreadable:
 def model_from(description: Json, *, source: str) -> BodyModel:
     """A body model from what the worker says of an OpenSim model.
 
-    Raises
-    ------
-    ModelRefused
-        If the joints form a loop, leave a body loose, or a coupler cannot be substituted.
+    Raises ModelRefused if the joints form a loop, leave a body loose, or a coupler cannot be substituted.
     """
     follows = _resolved(description["couplers"])
     segments = [_substituted(segment, follows) for segment in _segments(description)]

@@ -17,23 +17,12 @@ _STEPS = ("measurements", "manualScale")
 def read_scale_setup(path: Path) -> ScaleSetup:
     """Read an OpenSim scale tool set-up of any version.
 
-    Parameters
-    ----------
-    path : Path
-        The set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
-        and marker files that it names are ignored: the subject file names its own.
-
-    Returns
-    -------
-    ScaleSetup
-        Only what is applied: measurements, manual scales and tasks switched off are left out, and
-        ``placement`` is None where the marker placer does not apply or moves no marker.
-        ``placement.fixed`` is empty: which markers stay is in the model, not in this file.
-
-    Raises
-    ------
-    FileUnreadable
-        If the file is no scale set-up, or an entry of it cannot be used; ``field`` names the entry.
+    ``path``: the set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
+    and marker files that it names are ignored: the subject file names its own. Returns only what is
+    applied: measurements, manual scales and tasks switched off are left out, and ``placement`` is None
+    where the marker placer does not apply or moves no marker. ``placement.fixed`` is empty: which markers
+    stay is in the model, not in this file. Raises FileUnreadable if the file is no scale set-up, or an
+    entry of it cannot be used; ``field`` names the entry.
     """
     tool = _tool(path, "ScaleTool")
     scaler = tool.find("ModelScaler")
@@ -55,15 +44,9 @@ def read_scale_setup(path: Path) -> ScaleSetup:
 def read_ik_tasks(path: Path) -> tuple[dict[str, float], dict[str, float]]:
     """Marker and coordinate weights of an inverse kinematics set-up (or a bare IKTaskSet).
 
-    Returns
-    -------
-    marker_weights, coordinate_weights : dict
-        Of the tasks that apply. Markers have weights per m2, coordinates per rad2 (or m2).
-
-    Raises
-    ------
-    FileUnreadable
-        If the file holds no inverse kinematics tasks, or one cannot be used; ``field`` names it.
+    Returns ``marker_weights``, ``coordinate_weights``: of the tasks that apply. Markers have weights per
+    m2, coordinates per rad2 (or m2). Raises FileUnreadable if the file holds no inverse kinematics tasks,
+    or one cannot be used; ``field`` names it.
     """
     root = parse_xml(path)
     tasks = next((e for e in root.iter() if e.tag == "IKTaskSet"), None)

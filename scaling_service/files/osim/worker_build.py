@@ -62,11 +62,7 @@ def _joint(model: Any, item: Mapping[str, Any]) -> Any:
     parent = model.getGround() if item["parent"] == "ground" else bodies.get(item["parent"])
     frames: list[Any] = []
     for body, offset in ((parent, item["parent_offset"]), (bodies.get(item["child"]), item["child_offset"])):
-        frames += [
-            body,
-            library.Vec3(*offset["translation"]),
-            library.Vec3(*euler_xyz(offset["rotation"])),
-        ]
+        frames += [body, library.Vec3(*offset["translation"]), library.Vec3(*euler_xyz(offset["rotation"]))]
     if not item["axes"]:
         return library.WeldJoint(item["name"], *frames)
     return library.CustomJoint(item["name"], *frames, _transform(item["axes"]))

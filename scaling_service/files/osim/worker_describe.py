@@ -123,10 +123,7 @@ def _add_markers(model: Any, path: Path) -> None:
 def describe(model: Any) -> dict[str, Any]:
     """Everything of a connected model that a BodyModel holds.
 
-    Raises
-    ------
-    ModelRefused
-        Names the joint, constraint, coordinate or frame that cannot be represented.
+    Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
     """
     spans = _spans(model)
     couplers = _couplers(model, spans)

@@ -27,20 +27,10 @@ one further turn to each side."""
 def function_terms(function: Any, coordinate: str | None, span: tuple[float, float], component: str) -> Terms:
     """A function as terms ``gain * shape(coordinate)``.
 
-    Parameters
-    ----------
-    function : opensim.Function
-    coordinate : str, optional
-        Its argument; None where the component names none.
-    span : (lower, upper)
-        The coordinate's range, where polynomials are represented best.
-    component : str
-        The joint or constraint, for the message.
-
-    Raises
-    ------
-    ModelRefused
-        If the function is of another kind, or has no argument and is not constant.
+    ``coordinate``: its argument; None where the component names none. ``span`` (lower, upper): the
+    coordinate's range, where polynomials are represented best. ``component``: the joint or constraint, for
+    the message. Raises ModelRefused if the function is of another kind, or has no argument and is not
+    constant.
     """
     kind = function.getConcreteClassName()
     library = opensim()

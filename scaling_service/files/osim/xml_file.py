@@ -12,11 +12,8 @@ from scaling_service.core.errors import FileUnreadable
 def parse_xml(path: Path) -> Element:
     """The root element of an XML file.
 
-    Raises
-    ------
-    FileUnreadable
-        If the file is absent, empty, not well-formed, or declares a document type or entities, which
-        OpenSim's files never do and which can be abused to read other files or fill the memory.
+    Raises FileUnreadable if the file is absent, empty, not well-formed, or declares a document type or
+    entities, which OpenSim's files never do and which can be abused to read other files or fill the memory.
     """
     try:
         content = path.read_bytes()

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cylinders import CylinderOnBone, refined_cylinder
-from scaling_service.bones.spheres import SphereOnBone, covered_share
+from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, covered_share, refined_cylinder
 from scaling_service.bones.surface import Surface
 from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 

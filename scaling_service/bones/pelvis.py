@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Quality, Sphere, confidence
-from scaling_service.bones.spheres import SphereOnBone, spheres
+from scaling_service.bones.fits import SphereOnBone, spheres, tip
+from scaling_service.bones.results import BoneLandmarks, MeshRefused, Quality, Sphere, confidence
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import tip
 
 Array = NDArray[np.float64]
 

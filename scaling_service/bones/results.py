@@ -1,4 +1,4 @@
-"""What is found on bones: frozen, in m, in the image's own axes."""
+"""What is found on bones, in m, in the image's own axes; and what is said of a mesh that cannot be used."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scaling_service.core.errors import InputError
 
 Array = NDArray[np.float64]
 Side = Literal["r", "l"]
@@ -79,3 +81,7 @@ class BoneLandmarks:
     definitions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     refused: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()
+
+
+class MeshRefused(InputError):
+    """A mesh is not the bone that it is given as, or too poor to say where its landmarks are."""

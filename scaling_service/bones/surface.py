@@ -11,10 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.refining import refined_mesh
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.shells import boundary_share, merged, shells, without_useless_faces, wound_alike
-from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals, without_noise
+from scaling_service.bones.mesh import (
+    Smoother,
+    boundary_share,
+    merged,
+    refined_mesh,
+    shells,
+    vertex_areas,
+    vertex_normals,
+    without_noise,
+    without_useless_faces,
+    wound_alike,
+)
+from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.intp]

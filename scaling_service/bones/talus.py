@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cylinders import CylinderOnBone, refined_cylinder
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Cylinder, Quality, Side, confidence
+from scaling_service.bones.fits import CylinderOnBone, refined_cylinder
+from scaling_service.bones.pieces import one_bone
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
-from scaling_service.bones.whole_bone import one_bone
 from scaling_service.numerics.geometry.fits import across
 
 Array = NDArray[np.float64]

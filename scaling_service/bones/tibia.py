@@ -7,14 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.head import HEAD_COVERED, HEAD_RADII_M
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Side
-from scaling_service.bones.spheres import spheres
+from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
+from scaling_service.bones.fits import SHARP_M, spheres, tip
+from scaling_service.bones.pieces import require_long, without_fibula
+from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import SHARP_M, tip
-from scaling_service.bones.two_bones import without_fibula
-from scaling_service.bones.whole_bone import require_long
 
 Array = NDArray[np.float64]
 

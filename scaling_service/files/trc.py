@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.files.tables import (
     Line,
     check_times,
@@ -26,15 +27,8 @@ from scaling_service.files.tables import (
 )
 from scaling_service.model.trial import Array, Repair, Trial
 
-METRES = {
-    "mm": 1e-3,
-    "millimeters": 1e-3,
-    "millimetres": 1e-3,
-    "cm": 1e-2,
-    "m": 1.0,
-    "meters": 1.0,
-    "metres": 1.0,
-}
+METRES = dict.fromkeys(("mm", "millimeters", "millimetres"), 1e-3) | {"cm": 1e-2}
+METRES |= dict.fromkeys(("m", "meters", "metres"), 1.0)
 
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""
@@ -46,7 +40,7 @@ _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 
 
-def read_trc(path: str | os.PathLike[str]) -> Trial:
+def read_trc(path: str | os.PathLike[str]) -> Recording:
     """Read a TRC file.
 
     Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
@@ -82,13 +76,14 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     times, positions, rate, clock = _regular_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = clean_positions(positions, labels)
     counts = _check_counts(header, len(data))
-    return Trial(
+    return Recording(
         file.stem,
         times,
         labels,
         positions,
         rate,
         (*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
+        unit=header.unit or NOT_STATED,
     )
 
 
@@ -98,6 +93,7 @@ class _Header:
     first_row: int
     rate_hz: float
     metres_per_unit: float
+    unit: str  # as it stands there; empty where it does not
     stated_frames: str
     stated_markers: str
     repairs: tuple[Repair, ...]
@@ -127,6 +123,7 @@ def _read_header(lines: list[Line], file: Path) -> _Header:
         first_row,
         _positive(stated.get("datarate", "")),
         METRES[unit],
+        stated.get("units", "")[:20],
         stated.get("numframes", ""),
         stated.get("nummarkers", ""),
         (*unit_repairs, *label_repairs, *layout),

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial
-from scaling_service.recording.units import extremes, given_unit, unit_factor
+from scaling_service.recording.plausibility import extremes, given_unit, unit_factor
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""

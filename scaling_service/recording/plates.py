@@ -8,6 +8,7 @@ which shows once the axes are known (:func:`orient_forces`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -23,12 +24,14 @@ MOSTLY = 0.5
 """Chosen: share of the loaded samples that decides."""
 
 
-def ground_forces(recording: PlateRecording) -> GroundForces:
+def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
 
-    Raises TrialUnusable if a loaded plate's centre of pressure lies mostly off the plate: units or corners
-    are wrong.
+    Raises TrialUnusable if that is what reading the plates gave, or a loaded plate's centre of pressure lies
+    mostly off the plate: units or corners are wrong.
     """
+    if isinstance(recording, TrialUnusable):
+        raise copy(recording)  # whoever catches it adds the file's path
     repairs = list(recording.repairs)
     parts = [
         _in_laboratory(plate, name, recording.name, repairs)

@@ -10,11 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
-from scaling_service.capabilities.datasets.document import SOURCE_FILE, Dataset
+from scaling_service.capabilities.datasets.catalogue import SOURCE_FILE, Dataset, find_dataset, read_catalogue
 from scaling_service.capabilities.datasets.downloads import BASE_URL, default_cache
-from scaling_service.capabilities.datasets.files import terms
-from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands
+from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands, terms
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar
 

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlsplit
 import pooch
 import requests
 
-from scaling_service.capabilities.datasets.document import RemoteFile
+from scaling_service.capabilities.datasets.catalogue import RemoteFile
 from scaling_service.core.errors import FileUnreadable, InputError
 
 BASE_URL = "https://raw.githubusercontent.com"

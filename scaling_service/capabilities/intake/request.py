@@ -8,7 +8,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.scaling.request import ChosenSettings, Documents, Needed, OfOneSubject
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.documents.markermap import MarkerLabels
+from scaling_service.documents.service import MarkerLabels
 
 
 class ProofRequest(OfOneSubject):

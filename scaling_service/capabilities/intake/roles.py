@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.files import Found
 from scaling_service.capabilities.intake.recordings import Seen
-from scaling_service.capabilities.intake.static import STANDING, Standing, standings, words
+from scaling_service.capabilities.intake.standing import STANDING, Standing, standings, words
 from scaling_service.capabilities.intake.tables import WALKED_M, walked
 from scaling_service.core.text import few
 from scaling_service.model.forces import GroundForces

@@ -17,16 +17,26 @@ from scaling_service.capabilities.intake.document import (
     ProofDocument,
     RecordingProof,
 )
-from scaling_service.capabilities.intake.extra import extra_markers, with_extra_markers
 from scaling_service.capabilities.intake.files import Found, look_into
-from scaling_service.capabilities.intake.markers import propose
-from scaling_service.capabilities.intake.model import choose_model
-from scaling_service.capabilities.intake.person import sizes_proof, unknown_person, with_sizes
-from scaling_service.capabilities.intake.proposal import named_in, ordered, proposal, roles_of
-from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of, session_axes
-from scaling_service.capabilities.intake.set import consequences, marker_set_proof
+from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
+from scaling_service.capabilities.intake.markers import extra_markers, propose, with_extra_markers
+from scaling_service.capabilities.intake.proposal import (
+    named_in,
+    ordered,
+    proposal,
+    roles_of,
+    sizes_proof,
+    unknown_person,
+    with_sizes,
+)
+from scaling_service.capabilities.intake.recordings import (
+    Seen,
+    axes_entry,
+    problem_of,
+    session_axes,
+)
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
-from scaling_service.capabilities.intake.told import (
+from scaling_service.capabilities.intake.warnings import (
     exchange_in,
     of_exchanges,
     of_labels,
@@ -34,8 +44,8 @@ from scaling_service.capabilities.intake.told import (
     of_standing,
     of_times,
     of_units,
+    warning_entry,
 )
-from scaling_service.capabilities.intake.warnings import warning_entry
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
@@ -45,6 +55,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.recording import Recording
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
@@ -136,7 +147,9 @@ def prove(
     report("asking what scaling would refuse", _SHOWN)
     sheet.problems += [*_compared(found, known, roles, seen, sheet), *unknown_person(sizes)]
     told = {exchange_in(problem) for problem in sheet.problems} - {None}
-    sheet.problems += [p for p in _refusals(folder, proposed, settings) if exchange_in(p) not in told]
+    read = {(folder / item.file).absolute(): item.trial for item in seen}
+    refused = _refusals(folder, proposed, settings, read)
+    sheet.problems += [p for p in refused if exchange_in(p) not in told]
     every = list(dict.fromkeys(label for trial in sheet.trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
@@ -289,13 +302,15 @@ def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[
     return {marker: label for marker, label in sure.items() if label not in named.values()} | named
 
 
-def _refusals(folder: Path, proposed: Mapping[str, Any] | None, settings: Settings) -> Iterator[ProblemEntry]:
+def _refusals(
+    folder: Path, proposed: Mapping[str, Any] | None, settings: Settings, read: Mapping[Path, Recording]
+) -> Iterator[ProblemEntry]:
     """The first thing that scaling would refuse, and what it would warn of."""
     if proposed is None:
         return
     try:
         subject = subject_from_document(check_document(proposed), folder=folder)
-        session = load(subject, settings).session
+        session = load(subject, settings, read).session
         yield from map(warning_entry, session.warnings)
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)

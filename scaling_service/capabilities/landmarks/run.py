@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit
 from scaling_service.capabilities.scaling.documents import code_version

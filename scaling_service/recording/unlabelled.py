@@ -18,7 +18,7 @@ OVERLAP = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Nameless:
+class Unlabelled:
     """One trajectory without a label."""
 
     label: str  # as the file has it
@@ -27,7 +27,7 @@ class Nameless:
     filled: int = 0  # frames of those gaps that it shows
 
 
-def nameless(trial: Trial) -> Iterator[Nameless]:
+def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
     """The trajectories without a label, each with the marker that it seems to be.
 
     ``trial``: in m.
@@ -43,9 +43,9 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
         )
         frames = int(shown[:, k].sum())
         if best[0] <= NEAR_M:
-            yield Nameless(label, frames, trial.labels[best[1]], best[2])
+            yield Unlabelled(label, frames, trial.labels[best[1]], best[2])
         else:
-            yield Nameless(label, frames)
+            yield Unlabelled(label, frames)
 
 
 def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.intake.extra import said_of
+from scaling_service.capabilities.intake.markers import said_of
 from scaling_service.capabilities.intake.recordings import Seen
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.cluster_shape import shape_of
-from scaling_service.recording.units import unit_factor
+from scaling_service.recording.exchanged import shape_of
+from scaling_service.recording.plausibility import unit_factor
 
 STILL_M = 0.02
 """Chosen: markers of pelvis and legs of somebody who stands sway less than this (standard deviation; 1 to 10

@@ -1,11 +1,17 @@
-"""Whether the unit that a recording states can be true of a body."""
+"""What cannot be true of a body: the unit that a recording states, and positions far from all others."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.numerics.least_squares.masks import seen
+
+_AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 
 PLAUSIBLE_EXTENT_M = (0.2, 5.0)
 """Largest extent of a body's markers (chosen: a child's shank, and arms stretched overhead, with reserve)."""
@@ -63,8 +69,53 @@ def given_unit(scale: float, trial: Trial) -> tuple[Repair, ...]:
 
 def extremes(positions: Array) -> tuple[Array, Array]:
     """Smallest and largest coordinate among the markers of each frame, (n_frames, 3); NaN if none is seen."""
-    seen = np.isfinite(positions)
-    low = np.where(seen, positions, np.inf).min(axis=1, initial=np.inf)
-    high = np.where(seen, positions, -np.inf).max(axis=1, initial=-np.inf)
-    none = ~seen.any(axis=1)
+    known = np.isfinite(positions)
+    low = np.where(known, positions, np.inf).min(axis=1, initial=np.inf)
+    high = np.where(known, positions, -np.inf).max(axis=1, initial=-np.inf)
+    none = ~known.any(axis=1)
     return np.where(none, np.nan, low), np.where(none, np.nan, high)
+
+
+FARTHEST = 20.0
+"""Distance from the middle of a frame's markers, over the typical one, beyond which a marker is no part of a
+body (chosen: real recordings of whole bodies and of legs reach 2 to 5)."""
+
+FEWEST = 4
+"""Markers of a frame that tell where its middle is (chosen: of three, two may be the strays)."""
+
+
+def without_strays(trial: _AnyTrial) -> _AnyTrial:
+    """Mark positions that no body can reach as not seen.
+
+    A single one outweighs all other markers in a least-squares fit.
+
+    ``trial``: in any axes and unit. Returns one Repair, ``stray``, for each marker concerned; the same
+    trial where there is none.
+    """
+    shown = seen(trial.markers)
+    rows = np.flatnonzero(shown.sum(axis=1) >= FEWEST)
+    if not len(rows):
+        return trial
+    known = np.where(shown[rows, :, None], trial.markers[rows], np.nan)
+    distance = np.linalg.norm(known - _median(known), axis=2)
+    flags = np.zeros_like(shown)
+    flags[rows] = distance > FARTHEST * np.median(distance[shown[rows]])
+    if not flags.any():
+        return trial
+    detail = f"over {FARTHEST:g} times farther from the other markers than usual, taken as not seen"
+    repairs = [
+        Repair("stray", label, detail, n)
+        for label, n in zip(trial.labels, flags.sum(axis=0).tolist(), strict=True)
+        if n
+    ]
+    markers = np.where(flags[..., None], np.nan, trial.markers)
+    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+
+
+def _median(positions: Array) -> Array:
+    """Median over the markers (n, m, 3) that are known, (n, 1, 3); numpy's own takes ten times as long."""
+    ordered = np.sort(positions, axis=1)  # NaN last
+    count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
+    low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
+    middle: Array = 0.5 * (low + high)
+    return middle

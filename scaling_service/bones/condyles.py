@@ -13,8 +13,7 @@ from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 
 Array = NDArray[np.float64]
 
-DISTAL_M = 0.05
-"""Height of the block that holds the condyles: chosen, a little above their posterior rims."""
+DISTAL_M = 0.05  # height of the block that holds the condyles: chosen, a little above their posterior rims
 
 ARC_DEG = (-90.0, 50.0)
 """Part of the condyles that is fitted, about the knee axis from straight posterior, proximal positive:

@@ -21,11 +21,8 @@ from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
-FLARE = 1.3
-"""Largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2."""
-
-AXES_APART_DEG = 3.0
-"""Sphere axis against cylinder axis, above which a warning is given (contract)."""
+FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2
+AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
 
 def femur_landmarks(
@@ -185,8 +182,7 @@ HEAD_RADII_M = (0.015, 0.032)
 HEAD_COVERED = 0.42
 """Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
 
-HEAD_RMS = 0.08
-"""Largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)."""
+HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
 
 SET_OFF_M = 0.008
 """Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its

@@ -65,7 +65,6 @@ def refined(surface: Surface, centre: Array, radius: float, *, hollow: bool = Fa
 
     Selection uses the smoothed surface, the fit the vertices themselves, each weighted by its area and
     by Tukey's biweight of its distance, the limit of which follows the scatter that is found.
-
     """
     sign = -1.0 if hollow else 1.0
     limit = _START * radius

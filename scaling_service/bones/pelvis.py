@@ -15,17 +15,14 @@ from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
-SOCKET_RADII_M = (0.017, 0.036)
-"""A socket is 1-3 mm wider than the head in it."""
+SOCKET_RADII_M = (0.017, 0.036)  # a socket is 1-3 mm wider than the head in it
 
-SOCKET_COVERED = 0.15
-"""Least covered share of a socket's sphere: chosen, half of the usual 0.31-0.36."""
+SOCKET_COVERED = 0.15  # least covered share of a socket's sphere: chosen, half of the usual 0.31-0.36
 
 SOCKETS_APART_M = (0.11, 0.24)
 """Hip centres lie 174 (10) mm apart in adults (Puchaud 2019); a child's to a giant's."""
 
-ALIKE = 1.2
-"""Largest ratio of both sockets' radii: chosen, sides differ by 1-3 %."""
+ALIKE = 1.2  # largest ratio of both sockets' radii: chosen, sides differ by 1-3 %
 
 _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
 """Where both ends of the anterior plane lie, as shares of half the distance between the sockets:

@@ -35,8 +35,7 @@ SMOOTHING_M = 5.0e-3
 """Length of the waves that are taken off before points are selected: chosen, above voxels of MRI (1-2 mm),
 so that stairs and noise do not turn normals, and far below the radius of a condyle (20 mm)."""
 
-COARSE_M = 3e-3
-"""Median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices."""
+COARSE_M = 3e-3  # median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices
 
 OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a word."""

@@ -14,17 +14,12 @@ from scaling_service.numerics.geometry.fits import across
 
 Array = NDArray[np.float64]
 
-RADII_M = (0.013, 0.032)
-"""Trochleae have radii of 18-25 mm in adults; chosen around them."""
+RADII_M = (0.013, 0.032)  # trochleae have radii of 18-25 mm in adults; chosen around them
 
-SIZE_M = (0.035, 0.085)
-"""Length of a talus, a child's to a giant's; adults have 50-65 mm."""
+SIZE_M = (0.035, 0.085)  # length of a talus, a child's to a giant's; adults have 50-65 mm
 
-ARC = 0.15
-"""Least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees."""
-
-AREA = 0.5
-"""Least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2."""
+ARC = 0.15  # least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees
+AREA = 0.5  # least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2
 
 _RIDGE = float(np.sin(np.deg2rad(25.0)))  # keeps to the dome; its sides stand across
 _DIRECTIONS = 150  # chosen: about 11 degrees apart on the half sphere

@@ -15,20 +15,13 @@ from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
-PLATEAU_M = 0.02
-"""Height of the block that holds the plateau: chosen, above the tuberosity."""
+PLATEAU_M = 0.02  # height of the block that holds the plateau: chosen, above the tuberosity
+ANKLE_M = 0.03  # height of the block that holds a malleolus: chosen, above their prominences (12-15 mm)
 
-ANKLE_M = 0.03
-"""Height of the block that holds a malleolus: chosen, above their prominences (12-15 mm)."""
+PLATEAU_WIDTH_M = (0.045, 0.11)  # width of a plateau from a child to a giant; adults have 65-85 mm
 
-PLATEAU_WIDTH_M = (0.045, 0.11)
-"""Width of a plateau from a child to a giant; adults have 65-85 mm."""
-
-WIDER = 1.2
-"""Least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 times as wide as the ankle end."""
-
-FLARE = 1.3
-"""Least ratio of the ankle end's width to the narrowest shaft's: chosen, ankles have 1.6-2."""
+WIDER = 1.2  # least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 times as wide as the ankle end
+FLARE = 1.3  # least ratio of the ankle end's width to the narrowest shaft's: chosen, ankles have 1.6-2
 
 MALLEOLUS_M = 3e-3
 """How far the medial malleolus stands below the rest of the end at least; chosen, usual are 10-15 mm."""

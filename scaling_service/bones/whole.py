@@ -32,8 +32,7 @@ SIZE_M: Mapping[str, tuple[float, float]] = {
 """Largest extents, parts of long bones included. Each range spans less than a factor of ten, so that
 no two of mm, cm and m can both be right."""
 
-UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Metres in a unit."""
+UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # metres in a unit
 
 _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed images included
 

@@ -15,8 +15,7 @@ from pydantic_core import ErrorDetails
 from scaling_service.core.errors import FileUnreadable, SubjectInvalid
 from scaling_service.documents.subject import SubjectDocument
 
-MAX_BYTES = 1_000_000
-"""Chosen: a subject document has a few kB; beyond this it is some other file."""
+MAX_BYTES = 1_000_000  # chosen: a subject document has a few kB; beyond this it is some other file
 
 
 def read_document(path: str | Path) -> SubjectDocument:

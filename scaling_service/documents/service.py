@@ -171,8 +171,7 @@ class Vocabulary(_Travels):
     bones: list[str] = Field(description="Segments of which meshes can be given.")
 
 
-MOST = 2000
-"""Entries of a map. Chosen: many times the markers of a whole body."""
+MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
 
 _Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]

@@ -11,8 +11,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
-SIZE_UNIT = "_mm"
-"""How the name of a size ends in a subject file."""
+SIZE_UNIT = "_mm"  # how the name of a size ends in a subject file
 
 SIDED: Mapping[str, tuple[float, float]] = MappingProxyType(
     {

@@ -19,11 +19,8 @@ from scaling_service.files.sto import Table, read_sto
 from scaling_service.model.forces import CONTACT_N, GroundForces, plate_names
 from scaling_service.model.trial import Array, Repair
 
-FARTHEST_M = 20.0
-"""Chosen: a loaded point beyond this is in mm; walkways are shorter."""
-
-MARGIN_M = 0.1
-"""Chosen: how far an unloaded point may leave the places where the plate was loaded."""
+FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
+MARGIN_M = 0.1  # chosen: how far an unloaded point may leave the places where the plate was loaded
 
 
 @dataclass(frozen=True, slots=True)

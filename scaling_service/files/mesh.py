@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
 
-MAX_FACES = 3_000_000
-"""Most triangles used: chosen, landmarking takes about a minute with as many."""
+MAX_FACES = 3_000_000  # most triangles used: chosen, landmarking takes about a minute with as many
 
 _REMEDY = "Export the surface again as binary STL"
 

@@ -30,8 +30,7 @@ READERS: Mapping[str, EntryPoint] = MappingProxyType(
 )
 """Suffix (lower case) to what takes a path and gives a Recording; it is imported when first used."""
 
-NOT_STATED = "mm (not stated)"
-"""The unit of files that state none: mm is usual."""
+NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
 
 @dataclass(frozen=True, slots=True, eq=False)

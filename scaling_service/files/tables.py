@@ -35,15 +35,12 @@ MISSING = frozenset(
 FARTHEST_M = 1e6
 """A coordinate beyond this is no position (chosen: a laboratory in mm read as m stays far below)."""
 
-LONGEST_S = 1e7
-"""A time beyond this is no time of a recording (chosen: four months)."""
-
+LONGEST_S = 1e7  # a time beyond this is no time of a recording (chosen: four months)
 _TOGETHER = 100  # rows; measured: fewer or many more take longer
 
 Flags = NDArray[np.bool_]
 
-Line = tuple[int, str]
-"""Line number in the file, from 1, and its text."""
+Line = tuple[int, str]  # line number in the file, from 1, and its text
 
 
 def read_bytes(path: Path, kind: str) -> bytes:

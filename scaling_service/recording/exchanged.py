@@ -26,8 +26,7 @@ that only a jump tells anything about them."""
 
 _LEGS = {lateral for lateral, _ in LEG_PAIRS}
 
-SHORTEST_S = 0.1
-"""A stretch shorter than this is a flicker that smoothing and robust fits survive (chosen)."""
+SHORTEST_S = 0.1  # a stretch shorter than this is a flicker that smoothing and robust fits survive (chosen)
 
 ABRUPT = 0.5
 """Share of the distance between two markers by which the line between them must change from one frame to the
@@ -39,8 +38,7 @@ CLEAR = 0.5
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
 _BELOW = (("RLM", "LLM"), ("RLFE", "LLFE"))
 _REMEDY = "correct the labels in the recording"
-_Places = Mapping[str, tuple[str, Array]]
-"""Landmark to its label and its trajectory, (n_frames, 3)."""
+_Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
 
 def exchanged(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
@@ -173,8 +171,7 @@ def _sides(trial: Trial, places: _Places) -> Iterator[str]:
         )
 
 
-Clusters = Mapping[str, Sequence[str]]
-"""Segment to labels on it."""
+Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
 
 Shape = Mapping[tuple[str, str], float]
 """Two labels of one segment, in alphabetical order, to their usual distance, m."""
@@ -191,8 +188,7 @@ JUMP_M = 0.015
 """Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
 (1.5 m/s at 100 frames per second; skin in running stays below 1)."""
 
-_EVERY_ORDER = 7
-"""Markers of a segment whose every order is tried (5040); of more, exchanges of two."""
+_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
 
 
 @dataclass(frozen=True, slots=True)

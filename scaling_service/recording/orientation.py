@@ -19,8 +19,7 @@ from scaling_service.recording.plausibility import extremes, given_unit, unit_fa
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
 
-WALKED_M = 0.5
-"""Chosen: displacement that counts as walking; sway and squats stay below."""
+WALKED_M = 0.5  # chosen: displacement that counts as walking; sway and squats stay below
 
 FLOOR_M = 0.25
 """Chosen: the lowest marker of a standing or walking body is this close to the lab's zero height."""

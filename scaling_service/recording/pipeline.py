@@ -57,11 +57,8 @@ def process(
     return gaps.fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
 
 
-WINDOW = 5
-"""Frames; Puchaud et al. 2019, sec. 2.1."""
-
-PASSES = 2
-"""In opposite directions; Puchaud et al. 2019, sec. 2.1."""
+WINDOW = 5  # frames; Puchaud et al. 2019, sec. 2.1
+PASSES = 2  # in opposite directions; Puchaud et al. 2019, sec. 2.1
 
 ORDER = 4
 """Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""

@@ -17,11 +17,8 @@ from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording
 from scaling_service.model.trial import Array, Repair
 from scaling_service.recording.orientation import Orientation
 
-BEYOND_M = 0.1
-"""Chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets."""
-
-MOSTLY = 0.5
-"""Chosen: share of the loaded samples that decides."""
+BEYOND_M = 0.1  # chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets
+MOSTLY = 0.5  # chosen: share of the loaded samples that decides
 
 
 def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:

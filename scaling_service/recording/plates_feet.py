@@ -17,8 +17,7 @@ from scaling_service.model.forces import CONTACT_N, GroundForces, SegmentLoads
 from scaling_service.model.trial import Array, Repair
 from scaling_service.numerics.signals.filters import runs
 
-NOBODY = -1
-"""No foot."""
+NOBODY = -1  # no foot
 
 REACH_M = 0.12
 """How far the centre of pressure may lie from the lines between a foot's markers (chosen: half a shoe's
@@ -36,8 +35,7 @@ FAST_M_S = 0.5
 """Horizontal speed of a foot's slowest marker that means swing (chosen: a swinging foot reaches 3 to 4 m/s,
 a standing one stays under 0.3 m/s with skin motion)."""
 
-BRIEF_S = 0.03
-"""Loads briefer than this are knocks (chosen)."""
+BRIEF_S = 0.03  # loads briefer than this are knocks (chosen)
 
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is told (chosen: rolling at both ends)."""

@@ -80,8 +80,7 @@ FARTHEST = 20.0
 """Distance from the middle of a frame's markers, over the typical one, beyond which a marker is no part of a
 body (chosen: real recordings of whole bodies and of legs reach 2 to 5)."""
 
-FEWEST = 4
-"""Markers of a frame that tell where its middle is (chosen: of three, two may be the strays)."""
+FEWEST = 4  # markers of a frame that tell where its middle is (chosen: of three, two may be the strays)
 
 
 def without_strays(trial: _AnyTrial) -> _AnyTrial:

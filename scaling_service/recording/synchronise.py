@@ -15,8 +15,7 @@ ORDER = 4
 """Effective order, zero phase: Muller et al. 2017, sec. 2.1, for the motion; the same must hold for forces,
 or impacts appear on one side of the equation only (van den Bogert & de Koning 1996)."""
 
-ROUNDED = 0.25
-"""Share of a step by which a time may be rounded and still stand on a regular clock (chosen)."""
+ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
 
 
 def synchronise(

@@ -13,8 +13,7 @@ from scaling_service.numerics.least_squares.masks import Mask, seen
 NEAR_M = 0.03
 """Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
 
-OVERLAP = 0.1
-"""Chosen: share of its frames in which a trajectory may be seen beside the marker that it fills."""
+OVERLAP = 0.1  # chosen: share of its frames in which a trajectory may be seen beside the marker that it fills
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,7 @@ Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup",
 
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
 _SNIFFED_BYTES = 200_000
-_LONGEST_M = 3.0
-"""Chosen: no bone is so long in m; one of this extent or more is in mm."""
+_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
 
 _SETUPS = (
     ("scale_setup", re.compile(r"<ScaleTool\b")),

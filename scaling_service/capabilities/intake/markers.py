@@ -27,15 +27,13 @@ CONFIDENCE: Mapping[str, float] = {
 }
 """By what is left out of account in comparing names. Chosen: an order, not probabilities."""
 
-AMBIGUOUS = 0.4
-"""Chosen: of a marker that two labels fit equally well."""
+AMBIGUOUS = 0.4  # chosen: of a marker that two labels fit equally well
 
 NEAR_M, MOST_BY_PLACE = 0.12, 0.6
 """Chosen: a label farther than this from where the model expects a marker is not proposed for it, and one
 right there is less sure than any name."""
 
-FEWEST_KNOWN = 4
-"""Markers that tell where the model stands (three, and one to spare)."""
+FEWEST_KNOWN = 4  # markers that tell where the model stands (three, and one to spare)
 
 _MOST_OTHERS = 3
 
@@ -193,8 +191,7 @@ RIGID_MM, STANDS_OUT = 5.0, 0.6
 """Chosen: distances between markers of one thigh change by less, and by less than this share of what they
 change to the next segment's markers; else nothing is said."""
 
-FEWEST = 3
-"""Markers that a segment must have: a shank's marker keeps its distance from both epicondyles, too."""
+FEWEST = 3  # markers that a segment must have: a shank's marker keeps its distance from both epicondyles, too
 
 _SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
 """Words in labels of tracking markers that no marker set knows, and where those sit."""

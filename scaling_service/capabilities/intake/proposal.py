@@ -111,8 +111,7 @@ def _unit(found: Sequence[Found], files: Any) -> str:
     return max(units, key=units.count, default="mm")
 
 
-_DECIMALS = 3
-"""Of m and kg: files hold them as 32-bit numbers."""
+_DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
 def sizes_proof(known: Mapping[str, Any], recordings: Sequence[Seen]) -> SizesProof:

@@ -19,8 +19,7 @@ from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import ground_forces
 from scaling_service.recording.plausibility import without_strays
 
-GUESSED = "not known"
-"""How the reason begins where an axis was not decided by markers or walking."""
+GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,8 +16,7 @@ TIMES_S, LONGER_S = 0.1, 1.0
 """Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
 this much before and after them."""
 
-Roles = dict[str, tuple[str, str]]
-"""File to its place in the document, and why."""
+Roles = dict[str, tuple[str, str]]  # file to its place in the document, and why
 
 _MOVING = re.compile(r"hip|knee|ankle|func|squat|circ|flex|star")
 _EVALUATED = re.compile(r"walk|gait|gang|run|jog|stair|jump|hop|dyn")

@@ -68,8 +68,7 @@ from scaling_service.recording.orientation import check_axes
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
-FOLDER = "proof"
-"""Of the tables, below the job's files."""
+FOLDER = "proof"  # of the tables, below the job's files
 
 _READ, _SHOWN = 0.5, 0.7  # chosen: about the shares of time
 _SURE = 0.99  # by names alone, scaling finds the same

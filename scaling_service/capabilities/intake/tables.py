@@ -23,8 +23,7 @@ from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.orientation import Orientation, apply
 from scaling_service.recording.plates import orient_forces
 
-WALKED_M = 1.0
-"""Chosen: who goes this far over the floor walks; squats and leg swings stay below."""
+WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
 Vector = tuple[float, float, float]
 
@@ -203,8 +202,7 @@ NEAR_M = 0.25
 """Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
 length from heel to toes, for feet that bear few markers)."""
 
-BESIDE_M = 0.1
-"""Chosen: soles reach this far from the markers."""
+BESIDE_M = 0.1  # chosen: soles reach this far from the markers
 
 OFFSET_N = 10.0
 """Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""

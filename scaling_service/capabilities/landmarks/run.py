@@ -21,8 +21,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"
-DETECT = "detect"
-"""In place of a unit: the one in which the bones have the size of bones."""
+DETECT = "detect"  # in place of a unit: the one in which the bones have the size of bones
 
 _MM = 1e3
 

@@ -19,8 +19,7 @@ EXACT = 1e-9
 REACH = 2.0 * float(np.pi)
 """How far beyond the last break a function that does not continue linearly is followed (chosen: a turn)."""
 
-MAX_DEGREE = 12
-"""The highest degree of a composition (chosen: above it, fitted powers lose their digits)."""
+MAX_DEGREE = 12  # the highest degree of a composition (chosen: above it, fitted powers lose their digits)
 
 
 class NotPolynomial(ValueError):

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
-from scaling_service.files.osim.worker_read import describe, is_pure, items, load, numbers, opensim, short
+from scaling_service.files.osim.library import items, load, numbers, opensim, short
+from scaling_service.files.osim.worker_read import describe, is_pure
 from scaling_service.numerics.multibody.rigid import rotation_about
 
 _WRITTEN = "written.osim"  # in the worker's own scratch directory

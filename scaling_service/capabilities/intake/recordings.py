@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry
+from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.loading import agreed_axes
 from scaling_service.core.errors import InputError
 from scaling_service.files.recording import Recording, read_recording
@@ -44,17 +44,11 @@ class Seen:
         return np.stack([plate.corners for plate in known]) if known else None
 
 
-def problem_of(error: InputError, severity: str = "error", file: str | None = None) -> ProblemEntry:
+def problem_of(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
-    return ProblemEntry.model_validate(
-        {
-            "severity": severity,
-            "file": named,
-            "field": error.field,
-            "problem": error.problem,
-            "remedy": error.remedy,
-        }
+    return ProblemEntry(
+        severity=severity, file=named, field=error.field, problem=error.problem, remedy=error.remedy
     )
 
 

@@ -31,6 +31,11 @@ _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
 
 
+def static_of(roles: Mapping[str, tuple[str, str]]) -> str | None:
+    """The file of standing."""
+    return next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+
+
 def of_recordings(found: Sequence[Found]) -> Roles:
     """Standing, movements to fit, movements to judge.
 
@@ -81,11 +86,11 @@ def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> R
     A file that covers a recording's time comes before one that does not; then names count by what they have
     in common. Where two fit equally well, nobody is proposed.
     """
-    static = {file for file, (role, _) in roles.items() if role == "trials.static"}
+    static = static_of(roles)
     bare = [
         item
         for item in (f.content for f in found if isinstance(f.content, Seen))
-        if item.forces is None and item.file in roles and item.file not in static
+        if item.forces is None and item.file in roles and item.file != static
     ]
     scores = {
         (f.name, item.file): (_covers(f.content, item), _alike(f.name, item.file))

@@ -35,6 +35,7 @@ from scaling_service.capabilities.intake.recordings import (
     problem_of,
     session_axes,
 )
+from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.intake.warnings import (
     exchange_in,
@@ -132,7 +133,7 @@ def prove(
     report("naming the markers", _SHOWN)
     usual, why = _usual(roles, sheet)
     model = _model(folder, known, roles, sheet, usual)
-    standing = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    standing = static_of(roles)
     markers, unused = propose(
         model,
         sheet.trials,
@@ -184,7 +185,7 @@ def _folders(folder: Path) -> Iterator[ProblemEntry]:
 
 def _usual(roles: Mapping[str, tuple[str, str]], sheet: _Sheet) -> tuple[str, str]:
     """The built-in model for these recordings, and why."""
-    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    static = static_of(roles)
     moving = {file: trial for file, trial in sheet.trials.items() if file != static and file in roles}
     shown = [
         [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
@@ -241,7 +242,7 @@ def _show(
             )
         )
         return
-    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    static = static_of(roles)
     given = settings.up, settings.forward
     axes = session_axes(seen, static, *given)
     sheet.axes = axes_entry(axes, *given)

@@ -18,7 +18,6 @@ from scaling_service.model.anatomy.markers import looks_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.numerics.least_squares.masks import seen as seen_in
 from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.orientation import Orientation, apply
 from scaling_service.recording.plates import orient_forces
@@ -50,7 +49,11 @@ def recording_proof(
     """
     trial = apply(axes, item.trial)
     turned, problems = _turned(ground, axes, item)
-    walked, direction = _walk(trial)
+    distance, direction = _walk(trial)
+    plates: list[PlateEntry] = []
+    force = pressure = None
+    if turned is not None:
+        force, pressure, plates = _of_forces(turned, item, axes, trial, files)
     entry = RecordingProof(
         name=trial.name,
         file=item.file,
@@ -60,19 +63,17 @@ def recording_proof(
         frames=trial.n_frames,
         start_s=float(trial.times[0]),
         axes=axes_entry(item.axes, *given),
-        walked_m=round(walked, 3),
+        walked_m=round(distance, 3),
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
-        plates=_described(turned, item, axes, trial),
+        plates=plates,
         forces_from=None if ground is None or turned is None else ground.source,
-        force=None if turned is None else _written(files, f"{item.file}.force", turned, trial, "N"),
-        centre_of_pressure=None
-        if turned is None
-        else _written(files, f"{item.file}.pressure", turned, trial, "m"),
+        force=force,
+        centre_of_pressure=pressure,
         repairs=[
-            RepairEntry(what=r.what, where=r.where, detail=r.detail, frames=r.frames)
-            for r in (*trial.repairs, *(() if turned is None else turned.repairs))
+            RepairEntry.model_validate(repair, from_attributes=True)
+            for repair in (*trial.repairs, *(() if turned is None else turned.repairs))
         ],
         problems=[*item.problems, *problems],
     )
@@ -101,20 +102,23 @@ def _turned(
         return None, [problem_of(error, "warning", ground.source)]
 
 
-def _described(forces: GroundForces | None, item: Seen, axes: Orientation, trial: Trial) -> list[PlateEntry]:
-    """Plates with all that the recording says of them; corners and types are known of its own only."""
-    if forces is None:
-        return []
-    own = item.forces is not None and len(item.plates) == len(forces.plates)
+def _of_forces(
+    forces: GroundForces, item: Seen, axes: Orientation, trial: Trial, files: ArrayFiles
+) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
+    """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     at_markers = forces.changed(
         times=trial.times,
         force=at_frames(forces.times, forces.force, trial.times),
         moment=at_frames(forces.times, forces.moment, trial.times),
         read=None,
     )
-    entries = plates_of(forces, _corners(item, axes) if own else None)
-    return describe_plates(
-        entries, at_markers, trial, tuple(plate.kind for plate in item.plates) if own else ()
+    own = item.corners if len(item.plates) == len(forces.plates) else None
+    entries = plates_of(forces, None if own is None else axes.rotate(own))
+    kinds = () if own is None else tuple(plate.kind for plate in item.plates)
+    return (
+        files.write(f"{item.file}.force", at_markers.force, "N"),
+        files.write(f"{item.file}.pressure", at_markers.centre_of_pressure(), "m"),
+        describe_plates(entries, at_markers, trial, kinds),
     )
 
 
@@ -133,15 +137,6 @@ def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateE
     ]
 
 
-def _corners(item: Seen, axes: Orientation) -> Array | None:
-    return None if item.corners is None else axes.rotate(item.corners)
-
-
-def _written(files: ArrayFiles, name: str, forces: GroundForces, trial: Trial, unit: str) -> ArrayEntry:
-    values = forces.force if unit == "N" else forces.centre_of_pressure()
-    return files.write(name, at_frames(forces.times, values, trial.times), unit)
-
-
 def at_frames(times: Array, values: Array, wanted: Array) -> Array:
     """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
     after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
@@ -154,8 +149,8 @@ def at_frames(times: Array, values: Array, wanted: Array) -> Array:
 
 
 def _label(trial: Trial, column: int) -> LabelEntry:
-    shown = seen_in(trial.markers[:, column])
-    gaps = intervals(~shown)
+    shown = seen(trial.markers[:, column])
+    gaps = [(int(first), int(stop) - 1) for first, stop in runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
     return LabelEntry(
         label=trial.labels[column],
@@ -166,36 +161,23 @@ def _label(trial: Trial, column: int) -> LabelEntry:
     )
 
 
-def intervals(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last row of each stretch that is true.
-
-    Examples
-    --------
-    >>> intervals(np.array([True, False, True, True]))
-    [(0, 0), (2, 3)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
 def walked(trial: Trial, axes: Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
-    distance, _ = _walk(apply(axes, trial))
-    return distance
+    return _walk(apply(axes, trial))[0]
 
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:
     """How far the markers' middle went over the floor, m, and which way."""
-    rows = np.flatnonzero(seen_in(trial.markers).any(axis=1))
+    rows = np.flatnonzero(seen(trial.markers).any(axis=1))
     if len(rows) < 2:
         return 0.0, None
     first, last = (np.nanmedian(trial.markers[row], axis=0) for row in (rows[0], rows[-1]))
     way = (last - first) * [1.0, 0.0, 1.0]
-    walked = float(np.linalg.norm(way))
-    if walked < WALKED_M:
-        return walked, None
-    x, y, z = (round(float(v), 4) for v in way / walked)
-    return walked, (x, y, z)
+    distance = float(np.linalg.norm(way))
+    if distance < WALKED_M:
+        return distance, None
+    x, y, z = (round(float(v), 4) for v in way / distance)
+    return distance, (x, y, z)
 
 
 NEAR_M = 0.25

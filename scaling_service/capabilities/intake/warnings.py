@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.document import ProblemEntry, RecordingProof
 from scaling_service.capabilities.intake.recordings import Seen
+from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, clusters_of, pelvis_ratio
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.text import few
@@ -24,7 +25,7 @@ def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> I
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
     trials and left it out.
     """
-    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    static = static_of(roles)
     moving = {file: trial for file, trial in trials.items() if file != static and file in roles}
     if static is None and moving and wanted:
         yield _warning(

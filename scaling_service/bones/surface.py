@@ -11,18 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.mesh import (
-    Smoother,
-    boundary_share,
-    merged,
-    refined_mesh,
-    shells,
-    vertex_areas,
-    vertex_normals,
-    without_noise,
-    without_useless_faces,
-    wound_alike,
-)
+from scaling_service.bones import mesh
 from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
@@ -92,31 +81,31 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     """
     vertices, triangles = _checked(vertices, faces)
     notes: list[str] = []
-    points, triangles = merged(vertices, triangles)
-    triangles = without_useless_faces(triangles)
+    points, triangles = mesh.merged(vertices, triangles)
+    triangles = mesh.without_useless_faces(triangles)
     if len(triangles) < _FEWEST_FACES:
         raise MeshRefused(
             f"it has {len(triangles)} faces, too few for a bone",
             remedy=f"Give a surface of at least {_FEWEST_FACES} faces",
         )
     points, triangles, label = _without_strays(points, triangles, notes)
-    open_share = boundary_share(triangles)
+    open_share = mesh.boundary_share(triangles)
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _facing_out(points, triangles, label, notes)
-    points, noise = without_noise(points, triangles, SMOOTHING_M)
+    points, noise = mesh.without_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
-    points, triangles = refined_mesh(points, triangles, COARSE_M)
+    points, triangles = mesh.refined_mesh(points, triangles, COARSE_M)
     label = shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
     points = (points - origin) @ axes
-    smooth = Smoother(points, triangles).smoothed(SMOOTHING_M)
+    smooth = mesh.Smoother(points, triangles).smoothed(SMOOTHING_M)
     return Surface(
         points=points,
         smooth=smooth,
-        normals=vertex_normals(smooth, triangles),
-        areas=vertex_areas(smooth, triangles),
+        normals=mesh.vertex_normals(smooth, triangles),
+        areas=mesh.vertex_areas(smooth, triangles),
         shell=label,
         faces=triangles,
         origin=origin,
@@ -150,8 +139,8 @@ def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]
 def _without_strays(
     points: Array, triangles: Faces, notes: list[str]
 ) -> tuple[Array, Faces, NDArray[np.intp]]:
-    label = shells(len(points), triangles)
-    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    label = mesh.shells(len(points), triangles)
+    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     order = np.argsort(-areas, kind="stable")
     large = areas[order] >= STRAY_SHARE * areas[order[0]]
     strays = int((~large & (areas[order] > 0)).sum())
@@ -168,8 +157,8 @@ def _without_strays(
 
 def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
-    label = shells(len(points), triangles)
-    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    label = mesh.shells(len(points), triangles)
+    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     rank = np.empty(len(areas), dtype=np.intp)
     rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
     numbers: NDArray[np.intp] = rank[label]
@@ -178,7 +167,7 @@ def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
 
 def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
     """Every shell wound alike, then turned so that it encloses a positive volume."""
-    triangles, turned = wound_alike(len(points), triangles)
+    triangles, turned = mesh.wound_alike(len(points), triangles)
     corners = points[triangles]
     owner = label[triangles[:, 0]]
     n_shells = int(label.max()) + 1
@@ -200,7 +189,7 @@ def _principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
 
     Signs follow the third moments, which no rotation of the image changes.
     """
-    areas = vertex_areas(points, triangles)
+    areas = mesh.vertex_areas(points, triangles)
     w = areas / areas.sum()
     origin = w @ points
     local = points - origin

@@ -14,17 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files.tables import (
-    Line,
-    check_times,
-    formatted_rows,
-    numbered_lines,
-    parse_rows,
-    read_text,
-    refuse_duplicates,
-    split_cells,
-    trim_cut_line,
-)
+from scaling_service.files import tables
 from scaling_service.model.trial import Array, Repair
 
 _KIND = "an OpenSim table"
@@ -86,8 +76,8 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     increase.
     """
     file = Path(path)
-    text, repairs = read_text(file, _KIND)
-    lines = numbered_lines(text)
+    text, repairs = tables.read_text(file, _KIND)
+    lines = tables.numbered_lines(text)
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise FileUnreadable(
@@ -97,11 +87,11 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     _refuse_other_types(header, file)
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
     columns = _columns(rows, file)
-    body, cut = trim_cut_line(text, rows[1:], len(columns))
-    data, row_repairs = parse_rows(body, columns, file)
+    body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
+    data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
         raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
-    check_times(data[:, 0], file, [number for number, _ in body])
+    tables.check_times(data[:, 0], file, [number for number, _ in body])
     degrees, ambiguous = _in_degrees(header)
     counts = _check_counts(header, *data.shape)
     return Table(
@@ -143,10 +133,10 @@ def _refuse_other_types(header: Mapping[str, str], file: Path) -> None:
         )
 
 
-def _columns(rows: list[Line], file: Path) -> tuple[str, ...]:
+def _columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
     if not rows:
         raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
-    cells = split_cells(rows[0][1])
+    cells = tables.split_cells(rows[0][1])
     while cells and not cells[-1]:
         cells.pop()
     if not cells or cells[0].lower() not in ("time", "t"):
@@ -164,7 +154,7 @@ def _columns(rows: list[Line], file: Path) -> tuple[str, ...]:
             field=f"line {rows[0][0]}",
             remedy="Name it",
         )
-    refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
+    tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
     return ("time", *cells[1:])
 
 
@@ -213,7 +203,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     lines += ["endheader", "\t".join(table.columns), ""]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(formatted_rows("\t".join(["%.12g"] * columns), table.data))
+        stream.writelines(tables.formatted_rows("\t".join(["%.12g"] * columns), table.data))
 
 
 def motion_table(

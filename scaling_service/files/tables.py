@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +13,24 @@ from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.model.trial import Array, Repair
 
 MISSING = frozenset(
-    {
+    (
         "",
-        "-",
-        "--",
-        "na",
-        "n/a",
-        "nan",
-        "nan(ind)",
-        "-nan(ind)",
-        "-nan",
-        "-1.#ind",
-        "1.#qnan",
-        "-1.#qnan",
-        "null",
-        "none",
-    }
+        *[
+            "-",
+            "--",
+            "na",
+            "n/a",
+            "nan",
+            "nan(ind)",
+            "-nan(ind)",
+            "-nan",
+            "-1.#ind",
+            "1.#qnan",
+            "-1.#qnan",
+            "null",
+            "none",
+        ],
+    )
 )
 """Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""
 
@@ -92,18 +94,6 @@ def split_cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
 
 
-@dataclass(slots=True)
-class _Tally:
-    """How many rows needed each kind of repair."""
-
-    blank: int = 0
-    short: int = 0
-    unplaced: int = 0
-    extra: int = 0
-    comma: int = 0
-    infinite: int = 0
-
-
 def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tuple[Array, tuple[Repair, ...]]:
     """Rows of numbers under named columns.
 
@@ -118,11 +108,11 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     plain = _plain_rows(lines, wanted)
     if plain is not None:
         return plain, ()
-    tally = _Tally()
+    tally: Counter[str] = Counter()
     rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
     data = np.array(rows, dtype=float).reshape(len(rows), wanted)
     infinite = np.isinf(data)
-    tally.infinite = int(infinite.any(axis=1).sum())
+    tally["infinite"] = int(infinite.any(axis=1).sum())
     data[infinite] = np.nan
     return data, _describe(tally)
 
@@ -139,7 +129,9 @@ def _plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
     return data if data.shape == (len(texts), wanted) and not np.isinf(data).any() else None
 
 
-def _parse_row(number: int, text: str, columns: Sequence[str], path: Path, tally: _Tally) -> list[float]:
+def _parse_row(
+    number: int, text: str, columns: Sequence[str], path: Path, tally: Counter[str]
+) -> list[float]:
     wanted = len(columns)
     if "_" not in text:  # float() would read 1_000 as a number
         try:
@@ -155,22 +147,22 @@ def _parse_row(number: int, text: str, columns: Sequence[str], path: Path, tally
     while len(cells) > wanted and not cells[-1]:
         cells.pop()
     if len(cells) > wanted:
-        tally.extra += 1
+        tally["extra"] += 1
         cells = cells[:wanted]
     values = [
         _number(cell, tally, path, number, column) for cell, column in zip(cells, columns, strict=False)
     ]
     if any(not cell for cell in cells):
-        tally.blank += 1
+        tally["blank"] += 1
     if len(values) < wanted and tabbed:
-        tally.short += 1
+        tally["short"] += 1
     elif len(values) < wanted:
-        tally.unplaced += 1
+        tally["unplaced"] += 1
         values = values[:2]
     return values + [np.nan] * (wanted - len(values))
 
 
-def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> float:
+def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) -> float:
     if cell.lower() in MISSING:
         return float("nan")
     if "_" not in cell:
@@ -183,7 +175,7 @@ def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> flo
         except ValueError:
             pass
         else:
-            tally.comma += 1
+            tally["comma"] += 1
             return value
     raise FileUnreadable(
         f"line {line} holds {cell[:20]!r} where a number is expected",
@@ -193,24 +185,24 @@ def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> flo
     )
 
 
-def _describe(tally: _Tally) -> tuple[Repair, ...]:
-    texts = (
-        ("blank_cells", tally.blank, "blank cells were taken as missing"),
-        (
-            "short_rows",
-            tally.short,
-            "rows shorter than the header: the cells at their end were taken as missing",
-        ),
-        (
-            "short_rows",
-            tally.unplaced,
-            "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
-        ),
-        ("extra_cells", tally.extra, "cells beyond the last column were dropped"),
-        ("decimal_comma", tally.comma, "decimal commas were read as points"),
-        ("infinite_values", tally.infinite, "infinite values were taken as missing"),
+_REPAIRS = {
+    "blank": ("blank_cells", "blank cells were taken as missing"),
+    "short": ("short_rows", "rows shorter than the header: the cells at their end were taken as missing"),
+    "unplaced": (
+        "short_rows",
+        "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
+    ),
+    "extra": ("extra_cells", "cells beyond the last column were dropped"),
+    "comma": ("decimal_comma", "decimal commas were read as points"),
+    "infinite": ("infinite_values", "infinite values were taken as missing"),
+}
+"""What a row can need, to the kind of repair and what is said of it."""
+
+
+def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
+    return tuple(
+        Repair(kind, "rows", detail, tally[need]) for need, (kind, detail) in _REPAIRS.items() if tally[need]
     )
-    return tuple(Repair(what, "rows", detail, count) for what, count, detail in texts if count)
 
 
 def formatted_rows(form: str, data: Array) -> Iterator[str]:

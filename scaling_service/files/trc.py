@@ -12,19 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.files import tables
 from scaling_service.files.recording import NOT_STATED, Recording
-from scaling_service.files.tables import (
-    Line,
-    check_times,
-    clean_positions,
-    formatted_rows,
-    numbered_lines,
-    parse_rows,
-    read_text,
-    refuse_duplicates,
-    split_cells,
-    trim_cut_line,
-)
 from scaling_service.model.trial import Array, Repair, Trial
 
 METRES = dict.fromkeys(("mm", "millimeters", "millimetres"), 1e-3) | {"cm": 1e-2}
@@ -49,14 +38,14 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     if it has no frame, no marker, or times that do not increase.
     """
     file = Path(path)
-    text, repairs = read_text(file, _KIND)
-    lines = numbered_lines(text)
+    text, repairs = tables.read_text(file, _KIND)
+    lines = tables.numbered_lines(text)
     header = _read_header(lines, file)
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in header.columns for axis in "XYZ")]
-    body, cut = trim_cut_line(
+    body, cut = tables.trim_cut_line(
         text, [line for line in lines[header.first_row :] if line[1].strip()], len(columns)
     )
-    data, row_repairs = parse_rows(body, columns, file)
+    data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
         raise TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
@@ -68,13 +57,13 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
             file=file,
             remedy="Copy or export it again",
         )
-    check_times(data[:, 1], file, [number for number, _ in body])
+    tables.check_times(data[:, 1], file, [number for number, _ in body])
 
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
     times, positions, rate, clock = _regular_clock(data[:, 1], positions, header.rate_hz, file)
-    positions, lost = clean_positions(positions, labels)
+    positions, lost = tables.clean_positions(positions, labels)
     counts = _check_counts(header, len(data))
     return Recording(
         file.stem,
@@ -99,7 +88,7 @@ class _Header:
     repairs: tuple[Repair, ...]
 
 
-def _read_header(lines: list[Line], file: Path) -> _Header:
+def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
         raise FileUnreadable(
@@ -130,7 +119,7 @@ def _read_header(lines: list[Line], file: Path) -> _Header:
     )
 
 
-def _what_else(lines: list[Line]) -> str:
+def _what_else(lines: list[tables.Line]) -> str:
     words = " ".join(text for _, text in lines[:40]).lower()
     if "endheader" in words:
         return "this is an OpenSim table (MOT or STO), not a TRC file"
@@ -139,7 +128,7 @@ def _what_else(lines: list[Line]) -> str:
     return "this is not a TRC file"
 
 
-def _find(lines: list[Line], word: str, file: Path) -> int:
+def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     for k, (_, text) in enumerate(lines[:20]):
         if text.strip().lower().startswith(word):
             return k
@@ -170,7 +159,7 @@ def _unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, t
 
 
 def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
-    cells = split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
+    cells = tables.split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
     if len(cells) < 2 or not cells[1].lower().startswith("time"):
         raise _truncated(file, "the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
@@ -180,7 +169,7 @@ def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
     slots = [k // 3 for k, _ in found] if spread else list(range(len(found)))
-    refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
+    tables.refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
     columns = [""] * (slots[-1] + 1)
     for slot, (_, name) in zip(slots, found, strict=True):
         columns[slot] = name
@@ -194,7 +183,7 @@ def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]
     return tuple(columns), tuple(repairs)
 
 
-def _skip_axes(lines: list[Line], start: int) -> tuple[int, tuple[Repair, ...]]:
+def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair, ...]]:
     """Where the rows begin: after the line X1 Y1 Z1 ... and the blank line, if they are there."""
     if start >= len(lines):
         return start, ()
@@ -347,4 +336,4 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     ]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(formatted_rows(form, rows))
+        stream.writelines(tables.formatted_rows(form, rows))

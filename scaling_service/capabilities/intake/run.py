@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.intake import warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
@@ -37,16 +38,6 @@ from scaling_service.capabilities.intake.recordings import (
 )
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
-from scaling_service.capabilities.intake.warnings import (
-    exchange_in,
-    of_exchanges,
-    of_labels,
-    of_plates,
-    of_standing,
-    of_times,
-    of_units,
-    warning_entry,
-)
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
@@ -146,10 +137,10 @@ def prove(
         proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, sheet.trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     sheet.problems += [*_compared(found, known, roles, seen, sheet), *unknown_person(sizes)]
-    told = {exchange_in(problem) for problem in sheet.problems} - {None}
+    told = {warnings.exchange_in(problem) for problem in sheet.problems} - {None}
     read = {(folder / item.file).absolute(): item.trial for item in seen}
     refused = _refusals(folder, proposed, settings, read)
-    sheet.problems += [p for p in refused if exchange_in(p) not in told]
+    sheet.problems += [p for p in refused if warnings.exchange_in(p) not in told]
     every = list(dict.fromkeys(label for trial in sheet.trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
@@ -207,12 +198,12 @@ def _compared(
         for f in found
         if isinstance(f.content, GroundForces)
     }
-    yield from of_standing(roles, sheet.trials, wanted=not known.get("trials"))
-    yield from of_units(seen)
-    yield from of_labels(seen)
-    yield from of_exchanges(sheet.trials)
-    yield from of_times(sheet.recordings, spans)
-    yield from of_plates(sheet.recordings)
+    yield from warnings.of_standing(roles, sheet.trials, wanted=not known.get("trials"))
+    yield from warnings.of_units(seen)
+    yield from warnings.of_labels(seen)
+    yield from warnings.of_exchanges(sheet.trials)
+    yield from warnings.of_times(sheet.recordings, spans)
+    yield from warnings.of_plates(sheet.recordings)
 
 
 def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
@@ -311,7 +302,7 @@ def _refusals(
     try:
         subject = subject_from_document(check_document(proposed), folder=folder)
         session = load(subject, settings, read).session
-        yield from map(warning_entry, session.warnings)
+        yield from map(warnings.warning_entry, session.warnings)
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         calibrate(session, "MB", settings.calibration, {})  # in closed form: it takes milliseconds

@@ -10,21 +10,7 @@ from types import MappingProxyType
 
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
-from scaling_service.capabilities.subject.checks import (
-    notes,
-    refuse_one_spot,
-    refuse_repeated,
-    require_measurements,
-)
-from scaling_service.capabilities.subject.labels import (
-    check_explicit,
-    check_segments,
-    clusters_of,
-    labels_used,
-    with_model_names,
-    with_tracking_markers,
-    without_computed,
-)
+from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
@@ -83,22 +69,22 @@ def load(
     InputError
         Whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    model = without_computed(read_model(subject.model, subject.marker_set), subject)
-    check_segments(subject, model)
+    model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
+    labels.check_segments(subject, model)
     raw = read_recordings(subject, read)
     subject, of_sizes = with_stated_sizes(subject, raw)
-    check_explicit(subject, model, list(raw.values()))
-    subject, of_tracking = with_tracking_markers(subject, model, raw)
+    labels.check_explicit(subject, model, list(raw.values()))
+    subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-    named = {path: with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
+    named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _axes(named, subject.static, settings)
-    clusters = clusters_of(model, subject)
+    clusters = labels.clusters_of(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blamed_on(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
-            refuse_one_spot(model, ready[path])
-    refuse_repeated(ready, subject)
+            checks.refuse_one_spot(model, ready[path])
+    checks.refuse_repeated(ready, subject)
     setup, told = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
@@ -113,11 +99,11 @@ def load(
             *of_tracking,
             *told,
             *of_images,
-            *notes(model, subject, [trial for trial, _ in named.values()]),
+            *checks.notes(model, subject, [trial for trial, _ in named.values()]),
         ),
         images,
     )
-    used = labels_used([mapped for _, mapped in named.values()], wanted)
+    used = labels.labels_used([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
     return Loaded(session, used, axes.description, axes, plates)
 
@@ -188,7 +174,7 @@ def _scale_setup(
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
         with blamed_on(None, [standing]):
-            told = tuple(require_measurements(setup, model, ready[standing], subject.scale_setup))
+            told = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
         return setup, told
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)

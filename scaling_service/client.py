@@ -24,7 +24,6 @@ from pydantic import BaseModel, ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import State
-from scaling_service.documents.markermap import MarkerMapDocument
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.service import (
     ExampleList,
@@ -32,12 +31,13 @@ from scaling_service.documents.service import (
     FileList,
     JobDocument,
     JobPage,
+    MarkerMapDocument,
     Problem,
     SubjectDetail,
     SubjectPage,
     SubjectSummary,
+    Vocabulary,
 )
-from scaling_service.documents.vocabulary import Vocabulary
 
 TIMEOUT_S = 60.0
 """Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""

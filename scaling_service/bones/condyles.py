@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cylinders import CylinderOnBone, refined_cylinder
-from scaling_service.bones.spheres import SphereOnBone, covered_share
+from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, covered_share, refined_cylinder
 from scaling_service.bones.surface import Surface
 from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 
 Array = NDArray[np.float64]
 
-DISTAL_M = 0.05
-"""Height of the block that holds the condyles: chosen, a little above their posterior rims."""
+DISTAL_M = 0.05  # height of the block that holds the condyles: chosen, a little above their posterior rims
 
 ARC_DEG = (-90.0, 50.0)
 """Part of the condyles that is fitted, about the knee axis from straight posterior, proximal positive:
@@ -95,10 +93,7 @@ class Knee:
 def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     """Spheres on both condyles at one end of the bone, or why there are none.
 
-    Parameters
-    ----------
-    distal_end : float
-        1 for the end of largest x, -1 for the other.
+    ``distal_end``: 1 for the end of largest x, -1 for the other.
     """
     up = np.array([-distal_end, 0.0, 0.0])
     height = surface.smooth @ up

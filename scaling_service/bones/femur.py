@@ -6,28 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.head import HEAD_COVERED, find_head
-from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.fits import SphereOnBone, spheres, tip
+from scaling_service.bones.pieces import one_bone, require_long
 from scaling_service.bones.results import (
     BoneLandmarks,
     Cylinder,
+    MeshRefused,
     Quality,
     Side,
     Sphere,
     confidence,
 )
-from scaling_service.bones.spheres import SphereOnBone
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import tip
-from scaling_service.bones.whole_bone import one_bone, require_long
 
 Array = NDArray[np.float64]
 
-FLARE = 1.3
-"""Largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2."""
-
-AXES_APART_DEG = 3.0
-"""Sphere axis against cylinder axis, above which a warning is given (contract)."""
+FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2
+AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
 
 def femur_landmarks(
@@ -35,26 +30,12 @@ def femur_landmarks(
 ) -> BoneLandmarks:
     """Landmarks of a femur of unknown orientation and side.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        What the bone is called; believed only where its shape does not tell.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: what the bone is called; believed
+    only where its shape does not tell. Returns points ``hip_centre``, ``knee_centre``,
+    ``epicondyle_medial`` and ``epicondyle_lateral``; spheres ``head``, ``condyle_medial``,
+    ``condyle_lateral``; cylinder ``condyles``; axis ``knee``. Raises MeshRefused: it is no femur, is called
+    by the wrong side, or neither of its ends can be used.
 
-    Returns
-    -------
-    BoneLandmarks
-        Points ``hip_centre``, ``knee_centre``, ``epicondyle_medial`` and ``epicondyle_lateral``;
-        spheres ``head``, ``condyle_medial``, ``condyle_lateral``; cylinder ``condyles``; axis ``knee``.
-
-    Raises
-    ------
-    MeshRefused
-        It is no femur, is called by the wrong side, or neither of its ends can be used.
-
-    References
-    ----------
     Pillet et al. 2014 (sphere on the head); Kai et al. 2014 and Sauret et al. 2016 (condyles);
     Modenese & Renault 2021 (description only).
     """
@@ -193,3 +174,77 @@ def _sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cov
         confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
     )
     return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
+
+
+HEAD_RADII_M = (0.015, 0.032)
+"""Heads of adults are 42.5 (2.2) to 48 (2.5) mm wide; wider by 4 SD, and down to a child's."""
+
+HEAD_COVERED = 0.42
+"""Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
+
+HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
+
+SET_OFF_M = 0.008
+"""Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
+trochanter 11."""
+
+STRADDLING = 0.45
+"""Least ratio of two condyles' distances from the line of the shaft: chosen below the 0.6-0.8 of four femurs;
+a trochanter sits on the shaft, a head 24-38 mm beside it."""
+
+
+def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
+    """The best covered sphere near an end of the bone, or None and the reason."""
+    ends = surface.smooth[:, 0].min(), surface.smooth[:, 0].max()
+    found = [
+        ball
+        for ball in spheres(surface, HEAD_RADII_M)
+        if min(abs(ball.centre[0] - ends[0]), abs(ball.centre[0] - ends[1])) < 2.5 * ball.radius
+    ]
+    if not found:
+        refused["hip_centre"] = "no part of either end is a ball of a femoral head's size"
+        return None
+    best = found[0]
+    if best.covered < HEAD_COVERED:
+        refused["hip_centre"] = (
+            f"the best ball covers {best.covered:.2f} of its sphere; a head covers {HEAD_COVERED} or more"
+        )
+        return None
+    if best.rms > HEAD_RMS * best.radius:
+        refused["hip_centre"] = f"the head is off its sphere by {1e3 * best.rms:.1f} mm rms"
+        return None
+    if any(_twins(surface, best, other) for other in found[1:]):
+        refused["hip_centre"] = "there are two balls alike side by side, as condyles"
+        return None
+    offset = _set_off(surface, best)
+    if offset < SET_OFF_M:
+        refused["hip_centre"] = (
+            f"the ball stands {1e3 * offset:.0f} mm beside the shaft; a neck sets a head off by 30-50 mm"
+        )
+        return None
+    return best
+
+
+def _twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
+    """Whether two balls are alike, as far apart as condyles, and stand on both sides of the shaft.
+
+    A round greater trochanter can be as well covered as a head, but it sits on the shaft.
+    """
+    apart = float(np.linalg.norm(a.centre - b.centre))
+    offsets = _set_off(surface, a), _set_off(surface, b)
+    return (
+        min(a.covered, b.covered) > 0.75 * max(a.covered, b.covered)
+        and max(a.radius, b.radius) < 1.25 * min(a.radius, b.radius)
+        and 0.03 < apart < 0.07
+        and min(offsets) > STRADDLING * max(offsets)
+    )
+
+
+def _set_off(surface: Surface, head: SphereOnBone) -> float:
+    """Distance of the head's centre from the line of the shaft, m."""
+    far = np.abs(surface.smooth[:, 0] - head.centre[0])
+    shaft = (far > 0.35 * far.max()) & (far < 0.75 * far.max())
+    if int(shaft.sum()) < 20:
+        return 0.0
+    middle = surface.areas[shaft] @ surface.smooth[shaft] / surface.areas[shaft].sum()
+    return float(np.linalg.norm((head.centre - middle)[1:]))

@@ -9,25 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Quality, Sphere, confidence
-from scaling_service.bones.spheres import SphereOnBone, spheres
+from scaling_service.bones.fits import SphereOnBone, spheres, tip
+from scaling_service.bones.results import BoneLandmarks, MeshRefused, Quality, Sphere, confidence
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import tip
 
 Array = NDArray[np.float64]
 
-SOCKET_RADII_M = (0.017, 0.036)
-"""A socket is 1-3 mm wider than the head in it."""
+SOCKET_RADII_M = (0.017, 0.036)  # a socket is 1-3 mm wider than the head in it
 
-SOCKET_COVERED = 0.15
-"""Least covered share of a socket's sphere: chosen, half of the usual 0.31-0.36."""
+SOCKET_COVERED = 0.15  # least covered share of a socket's sphere: chosen, half of the usual 0.31-0.36
 
 SOCKETS_APART_M = (0.11, 0.24)
 """Hip centres lie 174 (10) mm apart in adults (Puchaud 2019); a child's to a giant's."""
 
-ALIKE = 1.2
-"""Largest ratio of both sockets' radii: chosen, sides differ by 1-3 %."""
+ALIKE = 1.2  # largest ratio of both sockets' radii: chosen, sides differ by 1-3 %
 
 _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
 """Where both ends of the anterior plane lie, as shares of half the distance between the sockets:
@@ -61,25 +56,11 @@ class _Frame:
 def pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmarks:
     """Landmarks of both hip bones of unknown orientation.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-        One piece or several; a sacrum may be among them.
+    ``vertices``: (n, 3), m. ``faces`` (m, 3): one piece or several; a sacrum may be among them. Returns
+    points ``acetabulum_r/l``, ``asis_r/l``, ``psis_r/l``, ``pubic_tubercle_r/l`` and ``mid_asis``; spheres
+    ``acetabulum_r/l``; axis ``asis`` from left to right. Raises MeshRefused: no two sockets, or no anterior
+    plane.
 
-    Returns
-    -------
-    BoneLandmarks
-        Points ``acetabulum_r/l``, ``asis_r/l``, ``psis_r/l``, ``pubic_tubercle_r/l`` and ``mid_asis``;
-        spheres ``acetabulum_r/l``; axis ``asis`` from left to right.
-
-    Raises
-    ------
-    MeshRefused
-        No two sockets, or no anterior plane.
-
-    Notes
-    -----
     The sockets give the transverse axis. The anterior pelvic plane then is the one long edge of the
     outline, seen along that axis, that joins something lateral (the spines) to something central
     (the pubis); it says where forward and up are. ASIS and PSIS are
@@ -107,10 +88,7 @@ def pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmar
         side=None,
         side_from="shape",
         points={name: surface.to_image(point) for name, point in points.items()},
-        spheres={
-            "acetabulum_r": _sphere(surface, high),
-            "acetabulum_l": _sphere(surface, low),
-        },
+        spheres={"acetabulum_r": _sphere(surface, high), "acetabulum_l": _sphere(surface, low)},
         axes={"asis": surface.turned(across / np.linalg.norm(across))},
         definitions=_DEFINITIONS,
         warnings=surface.notes,
@@ -193,10 +171,7 @@ def _touching(surface: Surface, frame: _Frame) -> _Frame:
 def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
     """Pubic tubercles, and ASIS and PSIS once they stand level with each other (Wu et al. 2002).
 
-    Raises
-    ------
-    MeshRefused
-        The line from PSIS to ASIS leans more than any pelvis's.
+    Raises MeshRefused: the line from PSIS to ASIS leans more than any pelvis's.
     """
     touching: dict[str, Array] = {}
     for side, sign in _SIDES:

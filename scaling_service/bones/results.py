@@ -1,4 +1,4 @@
-"""What is found on bones: frozen, in m, in the image's own axes."""
+"""What is found on bones, in m, in the image's own axes; and what is said of a mesh that cannot be used."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.errors import InputError
+
 Array = NDArray[np.float64]
 Side = Literal["r", "l"]
 
@@ -18,18 +20,12 @@ Side = Literal["r", "l"]
 class Quality:
     """How well a shape sits on the bone.
 
-    Parameters
-    ----------
-    rms : float, m
-        Of the distances between surface and shape, over what was fitted.
-    covered : float
-        Share of the whole shape that the surface covers, 0 to 1 (for a plane or a tip: 1).
-    confidence : float
-        0 (about to be refused) to 1, from the two others and what is usual; see :func:`confidence`.
+    ``confidence``: 0 (about to be refused) to 1, from the two others and what is usual; see
+    :func:`confidence`.
     """
 
-    rms: float
-    covered: float
+    rms: float  # m; of the distances between surface and shape, over what was fitted
+    covered: float  # share of the whole shape that the surface covers, 0 to 1 (for a plane or a tip: 1)
     confidence: float
 
 
@@ -69,32 +65,23 @@ class Cylinder:
 class BoneLandmarks:
     """What was found on one bone, and what was refused.
 
-    Parameters
-    ----------
-    bone : str
-        ``femur``, ``tibia``, ``talus`` or ``pelvis``.
-    side : {"r", "l"} or None
-        None for a pelvis.
-    side_from : str
-        ``"shape"``, or ``"name"`` where the bone is too incomplete to say and its name was believed.
-    points : mapping of str to ndarray, shape (3,), m
-    spheres, cylinders : mapping
-    axes : mapping of str to ndarray, shape (3,)
-        Unit vectors to the subject's right.
-    definitions : mapping of str to str
-        How each point is defined, in words.
-    refused : mapping of str to str
-        A point that could not be found, and why.
-    warnings : tuple of str
+    ``side_from``: ``"shape"``, or ``"name"`` where the bone is too incomplete to say and its name was
+    believed. ``axes`` mapping of str to ndarray, shape (3,): unit vectors to the subject's right.
+    ``definitions``: how each point is defined, in words. ``refused``: a point that could not be found, and
+    why.
     """
 
-    bone: str
-    side: Side | None
+    bone: str  # ``femur``, ``tibia``, ``talus`` or ``pelvis``
+    side: Side | None  # {"r", "l"}; None for a pelvis
     side_from: str
-    points: Mapping[str, Array]
+    points: Mapping[str, Array]  # mapping of str to ndarray, shape (3,), m
     spheres: Mapping[str, Sphere] = field(default_factory=lambda: MappingProxyType({}))
     cylinders: Mapping[str, Cylinder] = field(default_factory=lambda: MappingProxyType({}))
     axes: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
     definitions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     refused: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()
+
+
+class MeshRefused(InputError):
+    """A mesh is not the bone that it is given as, or too poor to say where its landmarks are."""

@@ -11,16 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.refining import refined_mesh
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.shells import (
-    boundary_share,
-    merged,
-    shells,
-    without_useless_faces,
-    wound_alike,
-)
-from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals, without_noise
+from scaling_service.bones import mesh
+from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
@@ -32,8 +24,7 @@ SMOOTHING_M = 5.0e-3
 """Length of the waves that are taken off before points are selected: chosen, above voxels of MRI (1-2 mm),
 so that stairs and noise do not turn normals, and far below the radius of a condyle (20 mm)."""
 
-COARSE_M = 3e-3
-"""Median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices."""
+COARSE_M = 3e-3  # median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices
 
 OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a word."""
@@ -43,38 +34,21 @@ OPEN_SHARE = 1e-3
 class Surface:
     """A cleaned bone in its own principal frame, m.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), m
-        Vertices, without their noise where there was much; the longest principal axis is x, the shortest z.
-    smooth : ndarray, shape (n, 3), m
-        The same vertices smoothed over 5 mm, for selecting; fits use ``points``.
-    normals : ndarray, shape (n, 3)
-        Outward unit normals of the smoothed surface.
-    areas : ndarray, shape (n,), m2
-        What each vertex stands for.
-    shell : ndarray of int, shape (n,)
-        Number of the connected piece, the largest first.
-    faces : ndarray of int, shape (m, 3)
-    origin : ndarray, shape (3,), m
-    R_image_own : ndarray, shape (3, 3)
-        Rotates this frame into the image's.
-    noise : float, m
-        Standard deviation of what was taken off the vertices along their normals; 0 on a quiet mesh.
-    notes : tuple of str
-        What was repaired.
+    ``points`` (n, 3), m: vertices, without their noise where there was much; the longest principal axis is
+    x, the shortest z. ``noise`` m: standard deviation of what was taken off the vertices along their
+    normals; 0 on a quiet mesh.
     """
 
     points: Array
-    smooth: Array
-    normals: Array
-    areas: Array
-    shell: NDArray[np.intp]
-    faces: Faces
-    origin: Array
-    R_image_own: Array
+    smooth: Array  # (n, 3), m; the same vertices smoothed over 5 mm, for selecting; fits use ``points``
+    normals: Array  # (n, 3); outward unit normals of the smoothed surface
+    areas: Array  # (n,), m2; what each vertex stands for
+    shell: NDArray[np.intp]  # (n,); number of the connected piece, the largest first
+    faces: Faces  # (m, 3)
+    origin: Array  # (3,), m
+    R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
         """Points (..., 3) of this frame in the image."""
@@ -102,43 +76,36 @@ class Surface:
 def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     """Clean a mesh and put it into its own frame.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-
-    Raises
-    ------
-    MeshRefused
-        Empty, not finite, or faces that name vertices that do not exist.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). Raises MeshRefused: empty, not finite, or faces that name
+    vertices that do not exist.
     """
     vertices, triangles = _checked(vertices, faces)
     notes: list[str] = []
-    points, triangles = merged(vertices, triangles)
-    triangles = without_useless_faces(triangles)
+    points, triangles = mesh.merged(vertices, triangles)
+    triangles = mesh.without_useless_faces(triangles)
     if len(triangles) < _FEWEST_FACES:
         raise MeshRefused(
             f"it has {len(triangles)} faces, too few for a bone",
             remedy=f"Give a surface of at least {_FEWEST_FACES} faces",
         )
     points, triangles, label = _without_strays(points, triangles, notes)
-    open_share = boundary_share(triangles)
+    open_share = mesh.boundary_share(triangles)
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _facing_out(points, triangles, label, notes)
-    points, noise = without_noise(points, triangles, SMOOTHING_M)
+    points, noise = mesh.without_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
-    points, triangles = refined_mesh(points, triangles, COARSE_M)
+    points, triangles = mesh.refined_mesh(points, triangles, COARSE_M)
     label = shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
     points = (points - origin) @ axes
-    smooth = Smoother(points, triangles).smoothed(SMOOTHING_M)
+    smooth = mesh.Smoother(points, triangles).smoothed(SMOOTHING_M)
     return Surface(
         points=points,
         smooth=smooth,
-        normals=vertex_normals(smooth, triangles),
-        areas=vertex_areas(smooth, triangles),
+        normals=mesh.vertex_normals(smooth, triangles),
+        areas=mesh.vertex_areas(smooth, triangles),
         shell=label,
         faces=triangles,
         origin=origin,
@@ -172,8 +139,8 @@ def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]
 def _without_strays(
     points: Array, triangles: Faces, notes: list[str]
 ) -> tuple[Array, Faces, NDArray[np.intp]]:
-    label = shells(len(points), triangles)
-    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    label = mesh.shells(len(points), triangles)
+    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     order = np.argsort(-areas, kind="stable")
     large = areas[order] >= STRAY_SHARE * areas[order[0]]
     strays = int((~large & (areas[order] > 0)).sum())
@@ -190,8 +157,8 @@ def _without_strays(
 
 def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
-    label = shells(len(points), triangles)
-    areas = np.bincount(label, weights=vertex_areas(points, triangles))
+    label = mesh.shells(len(points), triangles)
+    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     rank = np.empty(len(areas), dtype=np.intp)
     rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
     numbers: NDArray[np.intp] = rank[label]
@@ -200,7 +167,7 @@ def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
 
 def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
     """Every shell wound alike, then turned so that it encloses a positive volume."""
-    triangles, turned = wound_alike(len(points), triangles)
+    triangles, turned = mesh.wound_alike(len(points), triangles)
     corners = points[triangles]
     owner = label[triangles[:, 0]]
     n_shells = int(label.max()) + 1
@@ -222,7 +189,7 @@ def _principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
 
     Signs follow the third moments, which no rotation of the image changes.
     """
-    areas = vertex_areas(points, triangles)
+    areas = mesh.vertex_areas(points, triangles)
     w = areas / areas.sum()
     origin = w @ points
     local = points - origin

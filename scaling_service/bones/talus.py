@@ -5,27 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cylinders import CylinderOnBone, refined_cylinder
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Cylinder, Quality, Side, confidence
+from scaling_service.bones.fits import CylinderOnBone, refined_cylinder
+from scaling_service.bones.pieces import one_bone
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
-from scaling_service.bones.whole_bone import one_bone
 from scaling_service.numerics.geometry.fits import across
 
 Array = NDArray[np.float64]
 
-RADII_M = (0.013, 0.032)
-"""Trochleae have radii of 18-25 mm in adults; chosen around them."""
+RADII_M = (0.013, 0.032)  # trochleae have radii of 18-25 mm in adults; chosen around them
 
-SIZE_M = (0.035, 0.085)
-"""Length of a talus, a child's to a giant's; adults have 50-65 mm."""
+SIZE_M = (0.035, 0.085)  # length of a talus, a child's to a giant's; adults have 50-65 mm
 
-ARC = 0.15
-"""Least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees."""
-
-AREA = 0.5
-"""Least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2."""
+ARC = 0.15  # least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees
+AREA = 0.5  # least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2
 
 _RIDGE = float(np.sin(np.deg2rad(25.0)))  # keeps to the dome; its sides stand across
 _DIRECTIONS = 150  # chosen: about 11 degrees apart on the half sphere
@@ -34,33 +28,15 @@ _TRIED = 5
 
 
 def talus_landmarks(
-    vertices: Array,
-    faces: NDArray[np.integer],
-    *,
-    named_side: Side | None = None,
-    tibia: TibiaFrame,
+    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None, tibia: TibiaFrame
 ) -> BoneLandmarks:
     """The ankle's centre and axis from a talus beside its tibia.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        A talus alone is what it is called.
-    tibia : TibiaFrame
-        Of the same image: the trochlea faces it, and the axis is signed by it. A talus alone has other
-        cylinders (its neck, the rims of its facets) that carry as much surface.
-
-    Returns
-    -------
-    BoneLandmarks
-        Point ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``.
-
-    Raises
-    ------
-    MeshRefused
-        It is no talus, or no part of it is a cylinder of a trochlea's size.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: a talus alone is what it is
+    called. ``tibia``: of the same image: the trochlea faces it, and the axis is signed by it. A talus alone
+    has other cylinders (its neck, the rims of its facets) that carry as much surface. Returns point
+    ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``. Raises MeshRefused: it is no talus, or no part
+    of it is a cylinder of a trochlea's size.
     """
     surface, notes = one_bone(prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))

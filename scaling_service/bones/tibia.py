@@ -7,31 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.head import HEAD_COVERED, HEAD_RADII_M
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Side
-from scaling_service.bones.spheres import spheres
+from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
+from scaling_service.bones.fits import SHARP_M, spheres, tip
+from scaling_service.bones.pieces import require_long, without_fibula
+from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import SHARP_M, tip
-from scaling_service.bones.two_bones import without_fibula
-from scaling_service.bones.whole_bone import require_long
 
 Array = NDArray[np.float64]
 
-PLATEAU_M = 0.02
-"""Height of the block that holds the plateau: chosen, above the tuberosity."""
+PLATEAU_M = 0.02  # height of the block that holds the plateau: chosen, above the tuberosity
+ANKLE_M = 0.03  # height of the block that holds a malleolus: chosen, above their prominences (12-15 mm)
 
-ANKLE_M = 0.03
-"""Height of the block that holds a malleolus: chosen, above their prominences (12-15 mm)."""
+PLATEAU_WIDTH_M = (0.045, 0.11)  # width of a plateau from a child to a giant; adults have 65-85 mm
 
-PLATEAU_WIDTH_M = (0.045, 0.11)
-"""Width of a plateau from a child to a giant; adults have 65-85 mm."""
-
-WIDER = 1.2
-"""Least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 times as wide as the ankle end."""
-
-FLARE = 1.3
-"""Least ratio of the ankle end's width to the narrowest shaft's: chosen, ankles have 1.6-2."""
+WIDER = 1.2  # least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 times as wide as the ankle end
+FLARE = 1.3  # least ratio of the ankle end's width to the narrowest shaft's: chosen, ankles have 1.6-2
 
 MALLEOLUS_M = 3e-3
 """How far the medial malleolus stands below the rest of the end at least; chosen, usual are 10-15 mm."""
@@ -53,24 +43,10 @@ def tibia_landmarks(
 ) -> tuple[BoneLandmarks, TibiaFrame]:
     """Landmarks of a tibia of unknown orientation and side, the fibula joined, apart or absent.
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3), m
-    faces : ndarray of int, shape (m, 3)
-    named_side : {"r", "l"}, optional
-        What the bone is called; believed only where its shape does not tell.
-
-    Returns
-    -------
-    BoneLandmarks
-        Points ``ankle_centre`` (midpoint of the malleoli's tips; Wu et al. 2002), the tips and the
-        prominences of the malleoli, ``fibula_head``, ``plateau_medial`` and ``plateau_lateral``.
-    TibiaFrame
-
-    Raises
-    ------
-    MeshRefused
-        It is no tibia, or holds a second one.
+    ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: what the bone is called; believed
+    only where its shape does not tell. Returns points ``ankle_centre`` (midpoint of the malleoli's tips; Wu
+    et al. 2002), the tips and the prominences of the malleoli, ``fibula_head``, ``plateau_medial`` and
+    ``plateau_lateral``. Raises MeshRefused: it is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
     shank = without_fibula(surface)

@@ -1,8 +1,8 @@
-"""All bones of one image together: what one bone says about another."""
+"""All bones of one image together: what one says about another, and what they say of a model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from scaling_service.bones.femur import femur_landmarks
 from scaling_service.bones.pelvis import pelvis_landmarks
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks, Side
+from scaling_service.bones.results import Array, BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.talus import talus_landmarks
 from scaling_service.bones.tibia import TibiaFrame, tibia_landmarks
+from scaling_service.model.body import Vector
+from scaling_service.model.images import Bone, ImageEvidence
 
-Array = NDArray[np.float64]
 Mesh = tuple[Array, NDArray[np.integer]]
 
 BONES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
@@ -32,8 +32,7 @@ SIZE_M: Mapping[str, tuple[float, float]] = {
 """Largest extents, parts of long bones included. Each range spans less than a factor of ten, so that
 no two of mm, cm and m can both be right."""
 
-UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Metres in a unit."""
+UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # metres in a unit
 
 _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed images included
 
@@ -41,15 +40,8 @@ _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed imag
 def unit_of(extents: Mapping[str, float]) -> str:
     """The unit in which all bones have the size of bones.
 
-    Parameters
-    ----------
-    extents : mapping of str to float
-        Bone to the largest distance between two of its points, in the unknown unit.
-
-    Raises
-    ------
-    MeshRefused
-        None, or not the same for all.
+    ``extents``: bone to the largest distance between two of its points, in the unknown unit. Raises
+    MeshRefused: none, or not the same for all.
 
     Examples
     --------
@@ -72,9 +64,7 @@ def unit_of(extents: Mapping[str, float]) -> str:
 
 
 def find_landmarks(
-    bones: Mapping[str, Mesh],
-    *,
-    progress: Callable[[str], None] | None = None,
+    bones: Mapping[str, Mesh], *, progress: Callable[[str], None] | None = None
 ) -> dict[str, BoneLandmarks]:
     """Landmarks of every bone of one image.
 
@@ -185,3 +175,56 @@ def _with_socket(found: dict[str, BoneLandmarks], side: str) -> None:
     if apart > _JOINT_GAP_M:
         warning = f"its head lies {1e3 * apart:.0f} mm from the socket of the pelvis: other poses or images"
         found[f"femur_{side}"] = replace(femur, warnings=(*femur.warnings, warning))
+
+
+_CENTRES = {"femur": {"hip_centre": "hip", "knee_centre": "knee"}, "tibia": {"ankle_centre": "ankle"}}
+_LANDMARKS = {
+    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
+    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
+    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
+}
+"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
+
+
+def evidence_of(
+    found: Mapping[str, BoneLandmarks], markers: Mapping[str, tuple[str, Vector]], bones: Mapping[str, Bone]
+) -> ImageEvidence:
+    """Landmarks under the names of a built-in leg model's joints and markers.
+
+    ``found``: bone (``pelvis``, ``femur_r`` …) to its landmarks, all of one image. ``markers``: skin
+    markers seen in that image: model marker to (segment, position in m). ``bones``: the surfaces
+    themselves.
+    """
+    return ImageEvidence(
+        dict(_centres(found)),
+        {f"knee_{b.side}": _vector(b.axes["knee"]) for b in found.values() if "knee" in b.axes},
+        dict(_marker_landmarks(found)),
+        dict(markers),
+        "landmarks of bone meshes",
+        dict(bones),
+    )
+
+
+def _centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
+    """Joint centres; a hip whose femur is not there is the centre of its socket."""
+    pelvis = found.get("pelvis")
+    for side in "rl" if pelvis is not None else "":
+        if pelvis is not None and f"acetabulum_{side}" in pelvis.points:
+            yield f"hip_{side}", _vector(pelvis.points[f"acetabulum_{side}"])
+    for bone in found.values():
+        for point, joint in _CENTRES.get(bone.bone, {}).items():
+            if point in bone.points:
+                yield f"{joint}_{bone.side}", _vector(bone.points[point])
+
+
+def _marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
+    for bone in found.values():
+        letter = (bone.side or "").upper()
+        for point, marker in _LANDMARKS.get(bone.bone, {}).items():
+            if point in bone.points:
+                yield f"{letter}{marker}", _vector(bone.points[point])
+
+
+def _vector(point: Array) -> Vector:
+    x, y, z = point.tolist()
+    return (x, y, z)

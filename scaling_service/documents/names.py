@@ -6,24 +6,19 @@ import re
 
 from scaling_service.core.errors import InputError
 
-DOCUMENT = "subject.json"
-"""Under this name a subject's document lies beside its files when a job computes."""
+DOCUMENT = "subject.json"  # under this name a subject's document lies beside its files when a job computes
 
 PARTS = ".parts.json"
 """Under this name it stands among the inputs how the parts of a job ended; no subject is called so."""
 
 _PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
-_MOST_BYTES = 255
-"""Of a name, on the usual file systems."""
+_MOST_BYTES = 255  # of a name, on the usual file systems
 
 
 def plain_name(name: str, field: str = "name") -> str:
     """The name, if it is one that an uploaded file can have.
 
-    Raises
-    ------
-    InputError
-        It has a folder or a special character in it, is too long, or is reserved.
+    Raises InputError: it has a folder or a special character in it, is too long, or is reserved.
 
     Examples
     --------

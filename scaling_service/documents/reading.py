@@ -15,24 +15,15 @@ from pydantic_core import ErrorDetails
 from scaling_service.core.errors import FileUnreadable, SubjectInvalid
 from scaling_service.documents.subject import SubjectDocument
 
-MAX_BYTES = 1_000_000
-"""Chosen: a subject document has a few kB; beyond this it is some other file."""
+MAX_BYTES = 1_000_000  # chosen: a subject document has a few kB; beyond this it is some other file
 
 
 def read_document(path: str | Path) -> SubjectDocument:
     """Read and check a subject document.
 
-    Parameters
-    ----------
-    path : path
-        ``.json`` is read as JSON, anything else as YAML (of which JSON is nearly a part).
-
-    Raises
-    ------
-    FileUnreadable
-        It is absent, empty, too large or no text.
-    SubjectInvalid
-        It does not follow the contract.
+    ``path``: ``.json`` is read as JSON, anything else as YAML (of which JSON is nearly a part). Raises
+    FileUnreadable: it is absent, empty, too large or no text. Raises SubjectInvalid: it does not follow the
+    contract.
     """
     file = Path(path)
     return check_document(read_content(file), file=file)
@@ -48,10 +39,8 @@ def read_content(path: str | Path) -> object:
 def check_document(content: object, *, file: str | Path | None = None) -> SubjectDocument:
     """A subject document from what YAML or JSON gave.
 
-    Raises
-    ------
-    SubjectInvalid
-        It does not follow the contract; the first error is told, with the number of the others.
+    Raises SubjectInvalid: it does not follow the contract; the first error is told, with the number of the
+    others.
 
     Examples
     --------
@@ -119,10 +108,7 @@ def _parse_yaml(text: str, file: Path) -> object:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         first = str(error).splitlines()[0]
         raise SubjectInvalid(
-            f"it is not valid YAML: {first}",
-            file=file,
-            field="(whole file)",
-            remedy="Save it as UTF-8 text",
+            f"it is not valid YAML: {first}", file=file, field="(whole file)", remedy="Save it as UTF-8 text"
         ) from None
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from scaling_service.documents.jobs import Failure, State
 
@@ -127,3 +127,68 @@ class Origin(_Travels):
 
     specification: dict[str, Any] = Field(description="What was asked for; its SHA-256 is the job's name.")
     provenance: dict[str, Any] | None = Field(description="How it was computed; null until it is over.")
+
+
+class MarkerWord(_Travels):
+    """A marker of a model."""
+
+    name: str
+    segment: str = Field(description="What it sits on.")
+    anatomical: bool = Field(description="Whether it is on a bony landmark.")
+
+
+class CoordinateWord(_Travels):
+    """A degree of freedom of a model."""
+
+    name: str
+    unit: Literal["deg", "m"]
+
+
+class ModelWord(_Travels):
+    """A built-in model."""
+
+    name: str
+    segments: list[str]
+    markers: list[MarkerWord]
+    coordinates: list[CoordinateWord]
+    feet: bool = Field(description="Whether forces of the ground can act on it.")
+
+
+class MethodWord(_Travels):
+    """A method of scaling."""
+
+    name: str
+    meaning: str = Field(description="What is fitted, in plain words.")
+    starts_from: str | None = Field(description="The method that gives the first guess.")
+    needs_images: bool
+
+
+class Vocabulary(_Travels):
+    """Built-in models, methods and bones."""
+
+    models: list[ModelWord]
+    methods: list[MethodWord]
+    bones: list[str] = Field(description="Segments of which meshes can be given.")
+
+
+MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
+
+_Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]
+"""Label in the recordings to model marker."""
+
+
+class MarkerMap(BaseModel):
+    """Which label is which marker in a laboratory."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    labels: MarkerLabels = Field(
+        description="Label in the recordings to model marker.", examples=[{"RKN": "RLFE"}]
+    )
+
+
+class MarkerMapDocument(MarkerMap):
+    """A laboratory's map as it is kept."""
+
+    updated_at: datetime | None = Field(description="Null where none was given yet.")

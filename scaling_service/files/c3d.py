@@ -1,131 +1,95 @@
-"""C3D: markers, raw analog signals and parameters of a binary recording, read by ezc3d.
-
-The library parses in a process of its own: a damaged file can make it crash, hang or ask for all memory.
-"""
+"""C3D: a recording's markers, force plates and measured sizes from what its file holds."""
 
 from __future__ import annotations
 
-import json
 import os
-import struct
-import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from scaling_service.core.errors import DependencyMissing, FileUnreadable, TrialUnusable
-from scaling_service.files.c3d_sizes import stated_sizes
-from scaling_service.files.tables import clean_positions, read_bytes, refuse_duplicates
+from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.documents.subject import RANGES_M
+from scaling_service.files.c3d_file import METRES, C3dFile, first_value, no_frame, read_c3d_file
+from scaling_service.files.recording import NOT_STATED, Recording
+from scaling_service.files.tables import clean_positions, refuse_duplicates
+from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, plate_names
+from scaling_service.model.sizes import MeasuredSizes
 from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled
 
-METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""
 
-TIME_LIMIT_S = 60.0
-"""Chosen: ezc3d reads ten minutes of a full-body recording in a few seconds; beyond this it does not end."""
+NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
+"""Fields of the errors which mean that a file holds no forces at all."""
 
-COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS")
-"""Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""
+_FORCE = {"n": 1.0, "kn": 1e3}
+_MOMENT = {"nmm": 1e-3, "ncm": 1e-2, "nm": 1.0}
+_UNITS = {"F": ("force", _FORCE), "M": ("moment", _MOMENT), "L": ("length", METRES)}
+_KINDS = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF", 4: "FFFMMM"}
+"""What each channel is: force, moment or length."""
 
-_KIND = "a C3D file"
-_DEC, _MIPS = 85, 86  # processor types; numbers of the second have their high byte first
-_SIGN_AT = {_DEC: 13, _MIPS: 12}  # the header's byte that holds the sign of the scale; 15 with Intel's order
-_BLOCK = 512
-_WORD = 65535  # a recording that reaches this frame keeps its true length elsewhere
-_ADVICE = "If you want to ignore"  # what the library tells programmers, not laboratories
-_WORKER = Path(__file__).with_name("c3d_worker.py")
+GROUPS = ("PROCESSING", "SUBJECTS", "SUBJECT", "ANTHROPOMETRY")
+"""Groups that may hold sizes (Vicon's, and others that use its names); the first that states one counts."""
 
+_HEIGHT_M, _MASS_KG = (0.4, 2.5), (2.0, 400.0)  # chosen: infants to the tallest and heaviest
 
-@dataclass(frozen=True, slots=True, eq=False)
-class C3dFile:
-    """What a C3D file holds, in its own units.
-
-    Parameters
-    ----------
-    name : str
-    points : (n_frames, n_points, 3)
-        In ``point_unit``; NaN where not seen.
-    labels : tuple of str, length n_points
-        Empty where a point has none.
-    computed : frozenset of str
-        Labels of points that are results (angles, moments, virtual points).
-    point_unit : str
-    rate_hz : float
-    analog : (n_samples, n_channels)
-        Scaled to the units of ``ANALOG:UNITS``.
-    parameters : mapping
-        Group to name to list of values; numeric arrays as nested lists, first index first.
-    has_rotations : bool
-        Whether it holds segment poses (markerless systems).
-    stated_frames : int or None
-        Number of frames by the file's header; None where it cannot tell.
-    """
-
-    name: str
-    points: Array
-    labels: tuple[str, ...]
-    computed: frozenset[str]
-    point_unit: str
-    rate_hz: float
-    analog: Array
-    parameters: Mapping[str, Mapping[str, Any]]
-    has_rotations: bool = False
-    stated_frames: int | None = None
-
-    @property
-    def analog_rate_hz(self) -> float:
-        """Samples per second of the analog signals; NaN where there are none."""
-        frames = len(self.points)
-        return self.rate_hz * len(self.analog) / frames if frames and len(self.analog) else float("nan")
+_SIDED = {
+    "leglength": "leg_length",
+    "kneewidth": "knee_width",
+    "anklewidth": "ankle_width",
+    "asistrocanterdistance": "asis_trochanter",  # Vicon's own spelling
+    "asistrochanterdistance": "asis_trochanter",
+    "elbowwidth": "elbow_width",
+    "wristwidth": "wrist_width",
+    "handthickness": "hand_thickness",
+    "shoulderoffset": "shoulder_offset",
+}
+_NAMES = {
+    "interasisdistance": "asis_width",
+    "asisdistance": "asis_width",
+    "markerdiameter": "marker_diameter",
+    **{f"{side}{name}": f"{size}_{side}" for side in "rl" for name, size in _SIDED.items()},
+}
+_HEIGHTS, _MASSES = ("height", "bodyheight"), ("bodymass", "mass", "weight", "bodyweight")
 
 
-def read_c3d(path: str | os.PathLike[str]) -> Trial:
-    """Read the markers of a C3D file.
+def read_c3d(path: str | os.PathLike[str]) -> Recording:
+    """Read the markers, force plates and measured sizes of a C3D file.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Trial
-        Positions in m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros);
-        time starts at 0 with the first frame of the file. ``repairs`` names the points that were left out:
-        computed ones and those without a label.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, damaged, not C3D, or has two markers of one name.
-    TrialUnusable
-        If it has no marker, no frame or no frame rate, or only segment poses (Theia).
-    DependencyMissing
-        If ezc3d is not installed.
+    Positions are m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros); time
+    starts at 0 with the first frame of the file. ``repairs`` names the points that were left out: computed
+    ones and those without a label. Raises FileUnreadable if it is absent, empty, damaged, not C3D, or has
+    two markers of one name; TrialUnusable if it has no marker, no frame or no frame rate, or only segment
+    poses (Theia); DependencyMissing if ezc3d is not installed.
     """
     file = Path(path)
-    return c3d_trial(read_c3d_file(file), file)
+    content = read_c3d_file(file)
+    kept, unlabelled, repairs = _sorted_points(content, file)
+    labels = tuple(content.labels[k] for k in kept)
+    refuse_duplicates(labels, [k + 1 for k in kept], file, "marker")
+    scale, of_unit = _metres(content, file)
+    markers, lost = clean_positions(content.points[:, kept] * scale, labels)
+    times = np.arange(len(markers)) / content.rate_hz
+    nobodys = tuple(content.labels[k] for k in unlabelled)
+    theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
+    return Recording(
+        file.stem,
+        times,
+        labels,
+        markers,
+        content.rate_hz,
+        (*repairs, *of_unit, *_cut(content), *lost),
+        stated_sizes(content.parameters),
+        content.point_unit or NOT_STATED,
+        _plates_or_why_not(content),
+        Trial(file.stem, times, nobodys, theirs, content.rate_hz),
+    )
 
 
-def c3d_trial(content: C3dFile, file: Path, *, unlabelled: bool = False) -> Trial:
-    """The markers of a file that was parsed; see :func:`read_c3d`.
-
-    Parameters
-    ----------
-    content : C3dFile
-    file : Path
-    unlabelled : bool
-        Whether trajectories such as ``*110``, which nobody labelled, are kept.
-
-    Raises
-    ------
-    FileUnreadable, TrialUnusable
-    """
+def _sorted_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], list[Repair]]:
+    """Indices of the points that are markers and of those that nobody labelled, and notes on all others."""
     if not content.labels and content.has_rotations:
         raise TrialUnusable(
             "the file holds segment rotations of a markerless system and no markers",
@@ -133,77 +97,43 @@ def c3d_trial(content: C3dFile, file: Path, *, unlabelled: bool = False) -> Tria
             field="ROTATION",
             remedy="Export marker positions",
         )
-    kept, repairs = _markers(content, unlabelled)
+    results = [label for label in content.labels if label in content.computed]
+    others = [k for k, label in enumerate(content.labels) if label not in content.computed]
+    kept = [k for k in others if content.labels[k] and not is_unlabelled(content.labels[k])]
     if not kept:
         raise TrialUnusable(
             "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
         )
     if not len(content.points):
-        raise _no_frame(file)
+        raise no_frame(file)
     if not 0 < content.rate_hz < 1e6:
         raise TrialUnusable(
             "the frame rate is not stated", file=file, field="POINT:RATE", remedy="State it in Hz"
         )
-    labels = tuple(content.labels[k] for k in kept)
-    refuse_duplicates(labels, [k + 1 for k in kept], file, "marker")
-    scale, unit_repairs = _scale(content.point_unit, file)
-    markers, lost = clean_positions(content.points[:, kept] * scale, labels)
-    times = np.arange(len(markers)) / content.rate_hz
-    return Trial(
-        file.stem,
-        times,
-        labels,
-        markers,
-        content.rate_hz,
-        (*repairs, *unit_repairs, *_cut(content), *lost),
-        stated_sizes(content.parameters),
-    )
-
-
-def _no_frame(file: Path) -> TrialUnusable:
-    return TrialUnusable(
-        "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
-    )
-
-
-def _markers(content: C3dFile, unlabelled: bool) -> tuple[list[int], tuple[Repair, ...]]:
-    """Indices of the points that are markers, and notes on the others."""
-    kept: list[int] = []
-    results: list[str] = []
-    nameless = 0
-    for k, label in enumerate(content.labels):
-        if label in content.computed:
-            results.append(label)
-        elif not label or (is_unlabelled(label) and not unlabelled):
-            nameless += 1
-        else:
-            kept.append(k)
     repairs = []
     if results:
         shown = ", ".join(results[:8]) + (", …" if len(results) > 8 else "")
-        repairs.append(
-            Repair(
-                "computed_points", "POINT", f"{len(results)} points that are results were left out: {shown}"
-            )
-        )
-    if nameless:
+        detail = f"{len(results)} points that are results were left out: {shown}"
+        repairs.append(Repair("computed_points", "POINT", detail))
+    if nameless := len(others) - len(kept):
         repairs.append(Repair("unlabelled", "POINT", f"{nameless} points without a label were left out"))
-    return kept, tuple(repairs)
+    return kept, [k for k in others if content.labels[k] and k not in kept], repairs
 
 
-def _scale(unit: str, file: Path) -> tuple[float, tuple[Repair, ...]]:
-    if unit.lower() in METRES:
-        return METRES[unit.lower()], ()
+def _metres(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair, ...]]:
+    """What one unit of length of the file is in m, and what had to be assumed."""
+    unit = content.point_unit.lower()
+    if unit in METRES:
+        return METRES[unit], ()
     if unit:
         raise FileUnreadable(
-            f"unit '{unit[:20]}' is not known",
+            f"unit '{content.point_unit[:20]}' is not known",
             file=file,
             field="POINT:UNITS",
             remedy="Give positions in mm or m",
         )
-    return METRES["mm"], (
-        Repair("unit", "POINT:UNITS", "no unit is stated; mm was taken, as is usual in C3D files"),
-    )
+    said = "no unit is stated; mm was taken, as is usual in C3D files"
+    return METRES["mm"], (Repair("unit", "POINT:UNITS", said),)
 
 
 def _cut(content: C3dFile) -> tuple[Repair, ...]:
@@ -214,155 +144,192 @@ def _cut(content: C3dFile) -> tuple[Repair, ...]:
     return (Repair("header", "frames", detail),)
 
 
-def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
-    """Read everything that a C3D file holds, without judging it.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    C3dFile
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, damaged or not C3D.
-    DependencyMissing
-        If ezc3d is not installed.
-    """
-    file = Path(path)
-    content = read_bytes(file, _KIND)
-    # The second byte of every C3D file is 80 (C3D user guide, "Header section"); a header has 512 bytes.
-    if len(content) < _BLOCK or content[1] != 0x50:
-        raise FileUnreadable(
-            "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
-        )
-    _refuse_cut(content, file)
-    with tempfile.TemporaryDirectory(prefix="c3d-") as scratch:
-        target = Path(scratch) / "content.npz"
-        _parse_apart(file, target)
-        try:
-            with np.load(target, allow_pickle=False) as stored:
-                facts = json.loads(str(stored["facts"]))
-                points, residuals, analog = stored["points"], stored["residuals"], stored["analog"]
-        except (OSError, KeyError, ValueError, BadZipFile) as error:
-            raise _damaged(file, str(error)) from None
-    return _assemble(file, points, residuals, analog, facts, _stated_frames(content))
-
-
-def _stated_frames(content: bytes) -> int | None:
-    """Last minus first frame of the header, plus one (words 4 and 5; C3D user guide, "Header section")."""
-    first, last = struct.unpack_from(f"{_order(content)}HH", content, 6)
-    return last - first + 1 if first <= last < _WORD else None
-
-
-def _processor(content: bytes) -> int:
-    """The processor type, fourth byte of the parameters; 0 where the file ends before."""
-    at = _BLOCK * (content[0] - 1) + 3
-    return content[at] if 0 <= at < len(content) else 0
-
-
-def _order(content: bytes) -> str:
-    """Order of the bytes of a number, as ``struct`` writes it."""
-    return ">" if _processor(content) == _MIPS else "<"
-
-
-def _refuse_cut(content: bytes, file: Path) -> None:
-    """Raise if the file ends before the frames that its header counts, or counts and holds none.
-
-    Notes
-    -----
-    Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
-    negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
-    """
-    frames = _stated_frames(content)
-    order = _order(content)
-    points, analog = struct.unpack_from(f"{order}HH", content, 2)
-    (start,) = struct.unpack_from(f"{order}H", content, 16)
-    is_real = bool(content[_SIGN_AT.get(_processor(content), 15)] & 0x80)
-    size = (4 * points + analog) * (4 if is_real else 2)
-    if not start or not size:
-        return
-    whole = max(0, len(content) - _BLOCK * (start - 1)) // size
-    if frames is None and not whole:
-        raise _no_frame(file)
-    if frames is not None and whole < frames:
-        raise FileUnreadable(
-            f"the file is cut off: its header counts {frames} frames, and it ends after {whole}",
-            file=file,
-            remedy="Copy or export it again",
-        )
-
-
-def _parse_apart(file: Path, target: Path) -> None:
-    """Let ezc3d parse in another process, which may crash or hang."""
-    if find_spec("ezc3d") is None:
-        raise DependencyMissing(
-            "reading C3D files needs ezc3d", file=file, remedy="Install it: pip install ezc3d"
-        )
-    command = [sys.executable, "-P", str(_WORKER), str(file.resolve()), str(target)]
+def _plates_or_why_not(content: C3dFile) -> PlateRecording | TrialUnusable | None:
     try:
-        done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT_S, check=False)
-    except subprocess.TimeoutExpired:
-        raise _damaged(file, f"parsing did not end within {TIME_LIMIT_S:g} s") from None
-    if done.returncode == 0:
-        return
-    lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
-    said = lines[-1].partition(_ADVICE)[0] if lines and done.returncode > 0 else ""
-    raise _damaged(file, said.strip()[:200] or "the parser crashed")
+        return c3d_plates(content)
+    except TrialUnusable as error:
+        return None if error.field in NO_PLATES else error
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
+        return TrialUnusable(
+            f"its force plates cannot be understood ({error})",
+            file=content.name,
+            field="FORCE_PLATFORM",
+            remedy="Complete the parameters in the recording software and export again",
+        )
 
 
-def _damaged(file: Path, reason: str) -> FileUnreadable:
-    return FileUnreadable(
-        f"the C3D file is damaged ({reason.rstrip('.')})", file=file, remedy="Copy or export it again"
-    )
+def c3d_plates(content: C3dFile) -> PlateRecording:
+    """The force plates of a C3D file, in SI units, as they stand: no wrench is computed here.
+
+    Samples that are not numbers stay NaN. ``repairs`` names units that had to be assumed and baselines that
+    were taken off. Raises TrialUnusable: no plate or no analog signal; a type other than 1 to 4; channels
+    that are not in the file; a unit that is not known; corners that are no rectangle.
+    """
+    used = int(first_value(content.parameters.get("FORCE_PLATFORM", {}).get("USED")) or 0)
+    if not used:
+        raise TrialUnusable(
+            "the file has no force plate",
+            file=content.name,
+            field="FORCE_PLATFORM:USED",
+            remedy="Give forces as MOT or STO",
+        )
+    if not content.analog.size:
+        raise TrialUnusable(
+            "the file has no analog signal",
+            file=content.name,
+            field="ANALOG",
+            remedy="Export it with its analog signals",
+        )
+    length, assumed = _metres(content, content.name)
+    repairs = list(assumed)
+    plates = tuple(_Plate(content, k, repairs).read(length) for k in range(used))
+    times = np.arange(len(content.analog)) / content.analog_rate_hz
+    return PlateRecording(content.name, times, plates, tuple(repairs))
 
 
-def _assemble(
-    file: Path,
-    points: Array,
-    residuals: Array,
-    analog: Array,
-    facts: Mapping[str, Any],
-    stated_frames: int | None,
-) -> C3dFile:
-    parameters: dict[str, dict[str, Any]] = facts["parameters"]
-    about = parameters.get("POINT", {})
-    n = points.shape[1]
-    names = [str(name).strip() for name in _numbered(about, "LABELS")][:n]
-    labels = tuple(names + [""] * (n - len(names)))
-    if residuals.shape == points.shape[:2]:
-        points = np.where((residuals < 0)[..., None], np.nan, points)
-    rate = _first(about.get("RATE"))
-    usable = isinstance(rate, (int, float)) and np.isfinite(rate) and rate > 0
-    return C3dFile(
-        name=file.stem,
-        points=points,
-        labels=labels,
-        computed=frozenset(str(name).strip() for kind in COMPUTED for name in _numbered(about, kind)) - {""},
-        point_unit=str(_first(about.get("UNITS")) or "").strip(),
-        rate_hz=float(rate if usable else facts["header_rate"]),
-        analog=analog,
-        parameters=parameters,
-        has_rotations="ROTATION" in parameters or facts["n_rotations"] > 0,
-        stated_frames=stated_frames,
-    )
+class _Plate:
+    """One plate's part of a file; what is assumed or taken off is added to ``repairs``."""
+
+    def __init__(self, content: C3dFile, k: int, repairs: list[Repair]) -> None:
+        self._content, self._k, self._repairs = content, k, repairs
+        self._group = content.parameters["FORCE_PLATFORM"]
+        self._name = plate_names(k + 1)[k]
+        kinds = np.ravel(self._group.get("TYPE", []))
+        self._kind = int(kinds[k]) if k < len(kinds) else 0
+
+    def read(self, length: float) -> RawPlate:
+        """The plate, with what a unit of length of the file is in m."""
+        if self._kind not in CHANNELS:
+            raise self._refused(
+                f"{self._name} is of type {self._kind}, which is not supported",
+                "TYPE",
+                f"Types {', '.join(map(str, CHANNELS))} are; export the forces as MOT or STO",
+            )
+        corners = self._matrix("CORNERS", (3, 4)).T * length
+        if min(np.linalg.norm(corners[0] - corners[i]) for i in (1, 3)) < 1e-3:
+            problem = f"{self._name} has corners that coincide"
+            raise self._refused(problem, "CORNERS", "Measure the plate's corners")
+        origin = self._matrix("ORIGIN", (3,)) * length
+        columns = self._columns()
+        signals = self._without_baseline(self._content.analog[:, columns].astype(float))
+        factors = self._factors(columns, length)
+        if self._kind == 4:
+            signals = signals @ self._matrix("CAL_MATRIX", (6, 6)).T
+        return RawPlate(self._kind, corners, origin, signals * factors)
+
+    def _columns(self) -> list[int]:
+        """The columns of its channels."""
+        count, have = CHANNELS[self._kind], self._content.analog.shape[1]
+        channels = self._matrix("CHANNEL", (None,))[:count].astype(int) - 1
+        if len(channels) < count or channels.min() < 0 or channels.max() >= have:
+            raise self._refused(
+                f"{self._name} names channels that the file does not hold",
+                "CHANNEL",
+                "Export the recording again with all channels of the plates",
+            )
+        columns: list[int] = channels.tolist()
+        return columns
+
+    def _factors(self, columns: list[int], length: float) -> Array:
+        """What makes each channel SI. Type 4 holds volts: its matrix gives N and N times the length unit."""
+        usual = {"F": 1.0, "M": length, "L": length}
+        if self._kind == 4:
+            return np.array([usual[what] for what in _KINDS[self._kind]])
+        units = [str(u) for u in np.ravel(self._content.parameters.get("ANALOG", {}).get("UNITS", []))]
+        factors, assumed = [], set()
+        for what, column in zip(_KINDS[self._kind], columns, strict=True):
+            unit = units[column].strip() if column < len(units) else ""
+            plain = unit.lower().replace(".", "").replace("*", "").replace(" ", "").replace("·", "")
+            quantity, known = _UNITS[what]
+            if plain not in known and plain not in ("", "v", "volts"):
+                raise TrialUnusable(
+                    f"channel {column + 1} is in '{unit[:20]}', which is no unit of {quantity}",
+                    file=self._content.name,
+                    field="ANALOG:UNITS",
+                    remedy="State N, Nmm, Nm, mm or m",
+                )
+            if plain not in known:
+                assumed.add(unit or "no unit")
+            factors.append(known.get(plain, usual[what]))
+        if assumed:
+            stated = ", ".join(sorted(assumed))
+            detail = f"the file states {stated}; N and N times the unit of points were taken"
+            self._repairs.append(Repair("unit", self._name, detail))
+        return np.array(factors)
+
+    def _without_baseline(self, signals: Array) -> Array:
+        """Take off the mean of the frames that ZERO names, where nobody stands on the plate in them."""
+        zero, frames = np.ravel(self._group.get("ZERO", [0, 0])), len(self._content.points)
+        first, last = (int(zero[0]), int(zero[1])) if len(zero) > 1 else (0, 0)
+        if not 1 <= first < last <= frames:
+            return signals
+        per_frame = len(signals) // frames
+        rows = slice((first - 1) * per_frame, last * per_frame)
+        vertical = signals[:, 4:].sum(axis=1) if self._kind == 3 else signals[:, 2]
+        spread = np.nanmax(np.abs(vertical)) if np.isfinite(vertical).any() else 0.0
+        rest = np.nanmax(np.abs(vertical[rows]), initial=0.0)
+        if rest > (CONTACT_N if self._kind != 4 else 0.05 * spread):
+            detail = (
+                f"frames {first} to {last} are named as baseline but the plate is loaded in them; not used"
+            )
+            self._repairs.append(Repair("baseline_refused", self._name, detail))
+            return signals
+        detail = f"the mean of frames {first} to {last} was taken off"
+        self._repairs.append(Repair("baseline", self._name, detail))
+        mean = np.nanmean(signals[rows], axis=0)
+        if self._kind == 1:
+            mean[3:5] = 0.0  # a position has no offset
+        result: Array = signals - mean
+        return result
+
+    def _matrix(self, name: str, shape: tuple[int | None, ...]) -> Array:
+        """Its part of a parameter whose last index is the plate."""
+        values = np.asarray(self._group.get(name, []), dtype=float)
+        k, fits = self._k, all(w in (None, h) for w, h in zip(shape, values.shape, strict=False))
+        if fits and values.ndim == len(shape) + 1 and k < values.shape[-1]:
+            part: Array = values[..., k]
+            if np.isfinite(part).all():
+                return part
+        if fits and values.ndim == len(shape) and k == 0:
+            return values  # one plate: some writers leave the last index out
+        raise self._refused(
+            f"{name} does not describe {self._name}",
+            name,
+            "Complete the parameter in the recording software and export again",
+        )
+
+    def _refused(self, problem: str, parameter: str, remedy: str) -> TrialUnusable:
+        field = f"FORCE_PLATFORM:{parameter}"
+        return TrialUnusable(problem, file=self._content.name, field=field, remedy=remedy)
 
 
-def _numbered(group: Mapping[str, Any], name: str) -> list[Any]:
-    """A list that continues under NAME2, NAME3 … because one parameter holds at most 255 items."""
-    values: list[Any] = []
-    for key in (name, *(f"{name}{k}" for k in range(2, 256))):
-        if key not in group:
-            break
-        value = group[key]
-        values += value if isinstance(value, list) else [value]
-    return values
+def stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
+    """The sizes that a file's parameters state, from group to name to value.
+
+    A length's unit is the one of mm, cm and m in which a person can have it; zeros, which stand for what
+    was not entered, and values that no person has are left out.
+
+    Examples
+    --------
+    >>> stated_sizes({"PROCESSING": {"Height": [1480.0], "RKneeWidth": [104.0], "LKneeWidth": [0.0]}})
+    MeasuredSizes(height_m=1.48, mass_kg=None, lengths_m={'knee_width_r': 0.104})
+    """
+    stated: dict[str, float] = {}
+    for group in reversed(GROUPS):
+        for name, value in parameters.get(group, {}).items():
+            number = first_value(value)
+            if isinstance(number, int | float) and not isinstance(number, bool):
+                stated[name.replace("_", "").replace(" ", "").casefold()] = float(number)
+    heights = [_length(stated[name], _HEIGHT_M) for name in _HEIGHTS if name in stated]
+    masses = [stated[n] for n in _MASSES if n in stated and _MASS_KG[0] <= stated[n] <= _MASS_KG[1]]
+    lengths = {
+        size: length
+        for name, size in _NAMES.items()
+        if name in stated and (length := _length(stated[name], RANGES_M[size])) is not None
+    }
+    return MeasuredSizes(next((h for h in heights if h is not None), None), next(iter(masses), None), lengths)
 
 
-def _first(value: Any) -> Any:
-    while isinstance(value, list):
-        value = value[0] if value else None
-    return value
+def _length(value: float, limits: tuple[float, float]) -> float | None:
+    fitting = [round(value * unit, 6) for unit in METRES.values() if limits[0] <= value * unit <= limits[1]]
+    return fitting[0] if len(fitting) == 1 else None

@@ -19,11 +19,8 @@ from scaling_service.files.sto import Table, read_sto
 from scaling_service.model.forces import CONTACT_N, GroundForces, plate_names
 from scaling_service.model.trial import Array, Repair
 
-FARTHEST_M = 20.0
-"""Chosen: a loaded point beyond this is in mm; walkways are shorter."""
-
-MARGIN_M = 0.1
-"""Chosen: how far an unloaded point may leave the places where the plate was loaded."""
+FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
+MARGIN_M = 0.1  # chosen: how far an unloaded point may leave the places where the plate was loaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,22 +40,9 @@ class PlateColumns:
 def read_forces(path: str | os.PathLike[str]) -> GroundForces:
     """Read ground forces from a MOT or STO file.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    GroundForces
-        In the file's axes, which OpenSim has Y up. ``repairs`` names the columns of each plate, moments
-        that the file lacks, and points that had no meaning.
-
-    Raises
-    ------
-    TrialUnusable
-        No plate is found, a point of application is missing, or points are in mm.
-    FileUnreadable
-        As ``read_sto``.
+    Returns in the file's axes, which OpenSim has Y up. ``repairs`` names the columns of each plate, moments
+    that the file lacks, and points that had no meaning. Raises TrialUnusable: no plate is found, a point of
+    application is missing, or points are in mm. Raises FileUnreadable: as ``read_sto``.
     """
     return forces_of_table(read_sto(path), Path(path).name)
 
@@ -84,10 +68,7 @@ def forces_of_table(table: Table, file: str) -> GroundForces:
 def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]:
     """The plates that column names tell of, in the order of the columns.
 
-    Raises
-    ------
-    TrialUnusable
-        There is none, or one has no point of application.
+    Raises TrialUnusable: there is none, or one has no point of application.
     """
     present = set(columns)
     found = []

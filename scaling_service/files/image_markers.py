@@ -15,20 +15,9 @@ COLUMNS = ("marker", "segment", "x_mm", "y_mm", "z_mm")
 def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
     """Read markers with their segments, in the image's frame.
 
-    Parameters
-    ----------
-    path : Path
-        Columns ``marker,segment,x_mm,y_mm,z_mm``, in any order; further ones are not read.
-
-    Returns
-    -------
-    dict
-        Label to (segment, position in m).
-
-    Raises
-    ------
-    FileUnreadable
-        A column is missing, a number is not one, or a marker stands twice.
+    ``path``: columns ``marker,segment,x_mm,y_mm,z_mm``, in any order; further ones are not read. Returns
+    label to (segment, position in m). Raises FileUnreadable: a column is missing, a number is not one, or a
+    marker stands twice.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")

@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
 
-MAX_FACES = 3_000_000
-"""Most triangles used: chosen, landmarking takes about a minute with as many."""
+MAX_FACES = 3_000_000  # most triangles used: chosen, landmarking takes about a minute with as many
 
 _REMEDY = "Export the surface again as binary STL"
 
@@ -48,35 +47,17 @@ _DAMAGED = (
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A surface as it is in the file.
+    """A surface as it is in the file."""
 
-    Parameters
-    ----------
-    vertices : ndarray, shape (n, 3)
-        In the file's own unit and axes; STL repeats them for every face.
-    faces : ndarray of int, shape (m, 3)
-    """
-
-    vertices: Array
-    faces: NDArray[np.intp]
+    vertices: Array  # (n, 3); in the file's own unit and axes; STL repeats them for every face
+    faces: NDArray[np.intp]  # (m, 3)
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a surface of triangles by the suffix of its name.
 
-    Parameters
-    ----------
-    path : path
-        STL, PLY, OBJ or VTP; polygons are cut into triangles.
-
-    Returns
-    -------
-    Mesh
-
-    Raises
-    ------
-    FileUnreadable
-        Absent, empty, too large, damaged, without faces, or of another format.
+    ``path``: STL, PLY, OBJ or VTP; polygons are cut into triangles. Raises FileUnreadable: absent, empty,
+    too large, damaged, without faces, or of another format.
     """
     file = Path(path)
     reader = READERS.get(file.suffix.lower())

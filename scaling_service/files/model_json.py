@@ -19,23 +19,10 @@ _WRITTEN_BY = "scaling, dynamics, consistent and discover write it as model.json
 def read_model_json(path: str | Path) -> BodyModel:
     """Read a model as scaling, dynamics, consistent or discovery wrote it.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    BodyModel
-        Exactly the one that was written.
-
-    Raises
-    ------
-    FileUnreadable
-        The file is absent, empty, no JSON, or holds something else than a model.
-    InputError
-        A key is unknown or missing, or a value of the wrong kind; its path is the field.
-    ModelRefused
-        What it describes is no model, or hangs on a signal, which no recording of markers has.
+    Returns exactly the one that was written. Raises FileUnreadable: the file is absent, empty, no JSON, or
+    holds something else than a model. Raises InputError: a key is unknown or missing, or a value of the
+    wrong kind; its path is the field. Raises ModelRefused: what it describes is no model, or hangs on a
+    signal, which no recording of markers has.
     """
     file = Path(path)
     try:

@@ -1,25 +1,75 @@
-"""One door to the recordings of markers, whatever their format."""
+"""Recordings of markers, whatever their format: each file is read once, into one value."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d import read_c3d
-from scaling_service.files.trc import read_trc
+import numpy as np
+
+from scaling_service.core.errors import FileUnreadable, TrialUnusable
+from scaling_service.model.forces import PlateRecording
 from scaling_service.model.trial import Trial
 
-READERS: Mapping[str, Callable[[str | os.PathLike[str]], Trial]] = MappingProxyType(
-    {".c3d": read_c3d, ".trc": read_trc}
+FORMATS = "scaling_service.formats"
+"""Entry points of other distributions that read further formats: a suffix, and what reads such a file."""
+
+READERS: Mapping[str, EntryPoint] = MappingProxyType(
+    {f".{entry.name.lstrip('.').lower()}": entry for entry in entry_points(group=FORMATS)}
+    | {
+        suffix: EntryPoint(suffix, reader, FORMATS)
+        for suffix, reader in {
+            ".c3d": "scaling_service.files.c3d:read_c3d",
+            ".trc": "scaling_service.files.trc:read_trc",
+        }.items()
+    }
 )
-"""Suffix (lower case) to reader. A new format is a file and a row."""
+"""Suffix (lower case) to what takes a path and gives a Recording; it is imported when first used."""
+
+NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
 
-def read_recording(path: str | os.PathLike[str]) -> Trial:
-    """Read a recording of markers by the suffix of its name.
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording(Trial):
+    """All that one file holds: the markers of a Trial, sizes of the person, and force plates.
+
+    Parameters
+    ----------
+    unit : str
+        Of length, as the file states it.
+    plates : PlateRecording or TrialUnusable, optional
+        Its force plates in the laboratory's axes, or why they cannot be used; None where there are none.
+    unlabelled : Trial, optional
+        Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart.
+    """
+
+    unit: str = NOT_STATED
+    plates: PlateRecording | TrialUnusable | None = None
+    unlabelled: Trial | None = None
+
+    @property
+    def trial(self) -> Trial:
+        """The markers alone."""
+        return Trial(*(getattr(self, part.name) for part in fields(Trial)))
+
+    def with_unlabelled(self) -> Trial:
+        """All trajectories, also those that nobody labelled."""
+        if self.unlabelled is None:
+            return self.trial
+        labels = (*self.labels, *self.unlabelled.labels)
+        return replace(
+            self.trial,
+            labels=labels,
+            markers=np.concatenate([self.markers, self.unlabelled.markers], axis=1),
+        )
+
+
+def read_recording(path: str | os.PathLike[str]) -> Recording:
+    """Read a recording by the suffix of its name.
 
     Parameters
     ----------
@@ -27,19 +77,20 @@ def read_recording(path: str | os.PathLike[str]) -> Trial:
 
     Returns
     -------
-    Trial
-        Positions in m in the file's own axes.
+    Recording
+        Positions in m in the file's own axes, with force plates and sizes where the file has them.
 
     Raises
     ------
     FileUnreadable
         If the suffix is not supported, or as the format's reader says.
     TrialUnusable
-        As the format's reader says.
+        As the format's reader says. Plates that cannot be used are no error: ``plates`` says why.
     """
     file = Path(path)
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
         raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
-    return reader(file)
+    recording: Recording = reader.load()(file)
+    return recording

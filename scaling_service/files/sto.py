@@ -14,17 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files.tables import (
-    Line,
-    check_times,
-    formatted_rows,
-    numbered_lines,
-    parse_rows,
-    read_text,
-    refuse_duplicates,
-    split_cells,
-    trim_cut_line,
-)
+from scaling_service.files import tables
 from scaling_service.model.trial import Array, Repair
 
 _KIND = "an OpenSim table"
@@ -37,24 +27,14 @@ _OWN_KEYS = frozenset({"version", "nrows", "ncolumns", "indegrees", "datatype"})
 class Table:
     """Columns of numbers over time, in the units of the file.
 
-    Parameters
-    ----------
-    name : str
-    columns : tuple of str, length k
-        The first is ``time``.
-    data : (n, k)
-        NaN where a value is missing; time in s, strictly increasing.
-    in_degrees : bool or None
-        Whether rotations are in degrees (translations never are); None where the file does not say, which
-        is ambiguous: decide by context, never by default.
-    header : mapping
-        All keys of the header as they stand.
-    repairs : tuple of Repair
+    ``in_degrees``: whether rotations are in degrees (translations never are); None where the file does not
+    say, which is ambiguous: decide by context, never by default. ``header``: all keys of the header as they
+    stand.
     """
 
     name: str
-    columns: tuple[str, ...]
-    data: Array
+    columns: tuple[str, ...]  # the first is ``time``
+    data: Array  # (n, k); NaN where a value is missing; time in s, strictly increasing
     in_degrees: bool | None = None
     header: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     repairs: tuple[Repair, ...] = ()
@@ -73,10 +53,7 @@ class Table:
     def column(self, name: str) -> Array:
         """One column, (n,).
 
-        Raises
-        ------
-        TrialUnusable
-            If there is none of that name.
+        Raises TrialUnusable if there is none of that name.
         """
         if name not in self.columns:
             shown = ", ".join(self.columns[:12]) + (", …" if len(self.columns) > 12 else "")
@@ -93,26 +70,14 @@ class Table:
 def read_sto(path: str | os.PathLike[str]) -> Table:
     """Read a STO or MOT file of any header version.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Table
-        Values as in the file; ``repairs`` lists what did not follow the format.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, something else, has two columns of one name, no ``time``, cells that are no
-        numbers or a data type other than double.
-    TrialUnusable
-        If it has no row, or times that do not increase.
+    Returns values as in the file; ``repairs`` lists what did not follow the format. Raises FileUnreadable
+    if it is absent, empty, something else, has two columns of one name, no ``time``, cells that are no
+    numbers or a data type other than double. Raises TrialUnusable if it has no row, or times that do not
+    increase.
     """
     file = Path(path)
-    text, repairs = read_text(file, _KIND)
-    lines = numbered_lines(text)
+    text, repairs = tables.read_text(file, _KIND)
+    lines = tables.numbered_lines(text)
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise FileUnreadable(
@@ -122,11 +87,11 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     _refuse_other_types(header, file)
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
     columns = _columns(rows, file)
-    body, cut = trim_cut_line(text, rows[1:], len(columns))
-    data, row_repairs = parse_rows(body, columns, file)
+    body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
+    data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
         raise TrialUnusable("the table has a header but no row", file=file, remedy="Export it again")
-    check_times(data[:, 0], file, [number for number, _ in body])
+    tables.check_times(data[:, 0], file, [number for number, _ in body])
     degrees, ambiguous = _in_degrees(header)
     counts = _check_counts(header, *data.shape)
     return Table(
@@ -168,10 +133,10 @@ def _refuse_other_types(header: Mapping[str, str], file: Path) -> None:
         )
 
 
-def _columns(rows: list[Line], file: Path) -> tuple[str, ...]:
+def _columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
     if not rows:
         raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
-    cells = split_cells(rows[0][1])
+    cells = tables.split_cells(rows[0][1])
     while cells and not cells[-1]:
         cells.pop()
     if not cells or cells[0].lower() not in ("time", "t"):
@@ -189,7 +154,7 @@ def _columns(rows: list[Line], file: Path) -> tuple[str, ...]:
             field=f"line {rows[0][0]}",
             remedy="Name it",
         )
-    refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
+    tables.refuse_duplicates(cells, range(1, len(cells) + 1), file, "column")
     return ("time", *cells[1:])
 
 
@@ -216,18 +181,10 @@ def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[R
 def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     """Write a STO or MOT file that OpenSim reads (header version 1).
 
-    Parameters
-    ----------
-    path : path
-    table : Table
-        Twelve significant digits are written; NaN as ``nan``. ``inDegrees`` is written if it is known.
-        OpenSim 4.6 reads ``nan`` as a TimeSeriesTable, but its older Storage stops at that row, whatever the
-        spelling: give its tools motions without NaN.
-
-    Raises
-    ------
-    TrialUnusable
-        If a column name cannot stand in a tab-delimited file.
+    ``table``: twelve significant digits are written; NaN as ``nan``. ``inDegrees`` is written if it is
+    known. OpenSim 4.6 reads ``nan`` as a TimeSeriesTable, but its older Storage stops at that row, whatever
+    the spelling: give its tools motions without NaN. Raises TrialUnusable if a column name cannot stand in
+    a tab-delimited file.
     """
     for name in table.columns:
         if not name or name != name.strip() or re.search(r"[\t\r\n]", name):
@@ -246,7 +203,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     lines += ["endheader", "\t".join(table.columns), ""]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(formatted_rows("\t".join(["%.12g"] * columns), table.data))
+        stream.writelines(tables.formatted_rows("\t".join(["%.12g"] * columns), table.data))
 
 
 def motion_table(
@@ -258,17 +215,8 @@ def motion_table(
 ) -> Table:
     """An OpenSim motion: rotations in degrees, translations in m, ``inDegrees=yes``.
 
-    Parameters
-    ----------
-    name : str
-    times : (n,), s
-    coordinates, kinds : length k
-        Names, and whether each is a rotation or a translation.
-    values : (n, k), rad or m
-
-    Returns
-    -------
-    Table
+    ``times``: (n,), s. ``coordinates``, ``kinds``: names, and whether each is a rotation or a translation.
+    ``values``: (n, k), rad or m.
     """
     data = np.asarray(values, float)
     factors = np.array([180.0 / np.pi if kind == "rotation" else 1.0 for kind in kinds])
@@ -285,23 +233,9 @@ def motion_values(
 ) -> tuple[tuple[str, ...], Array]:
     """The coordinates of a motion in rad and m.
 
-    Parameters
-    ----------
-    table : Table
-    kinds : mapping
-        Coordinate to its kind; columns that are not named here are left out.
-    in_degrees : bool, optional
-        What holds where the file does not say.
-
-    Returns
-    -------
-    coordinates : tuple of str, length k
-    values : (n, k), rad or m
-
-    Raises
-    ------
-    TrialUnusable
-        If there is a rotation and neither the file nor the caller says whether it is in degrees.
+    ``kinds``: coordinate to its kind; columns that are not named here are left out. ``in_degrees``: what
+    holds where the file does not say. Returns ``values``: (n, k), rad or m. Raises TrialUnusable if there
+    is a rotation and neither the file nor the caller says whether it is in degrees.
     """
     names = tuple(name for name in table.columns[1:] if name in kinds)
     degrees = table.in_degrees if table.in_degrees is not None else in_degrees

@@ -17,12 +17,8 @@ MOST_FRAMES = 2000
 class ArrayFiles:
     """Writes tables below one folder of a job's files.
 
-    Parameters
-    ----------
-    outputs : Path
-        The folder of all files.
-    below : str
-        The folder of the tables in it; made when the first one is written.
+    ``outputs``: the folder of all files. ``below``: the folder of the tables in it; made when the first one
+    is written.
     """
 
     def __init__(self, outputs: Path, below: str) -> None:
@@ -33,15 +29,9 @@ class ArrayFiles:
     ) -> ArrayEntry:
         """Write one table.
 
-        Parameters
-        ----------
-        name : str
-            Without suffix; plain.
-        values : ndarray, shape (n_frames, ...)
-            NaN where unknown.
-        unit : str
-        first_look : 'frames' or 'largest'
-            Whether the few frames are some of all, or hold the largest value of each stretch.
+        ``name``: without suffix; plain. ``values`` (n_frames, ...): NaN where unknown. ``first_look``
+        'frames' or 'largest': whether the few frames are some of all, or hold the largest value of each
+        stretch.
         """
         content = np.ascontiguousarray(values, dtype="<f4")
         step = -(-len(content) // MOST_FRAMES)

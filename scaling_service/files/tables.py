@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,51 +13,42 @@ from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.model.trial import Array, Repair
 
 MISSING = frozenset(
-    {
+    (
         "",
-        "-",
-        "--",
-        "na",
-        "n/a",
-        "nan",
-        "nan(ind)",
-        "-nan(ind)",
-        "-nan",
-        "-1.#ind",
-        "1.#qnan",
-        "-1.#qnan",
-        "null",
-        "none",
-    }
+        *[
+            "-",
+            "--",
+            "na",
+            "n/a",
+            "nan",
+            "nan(ind)",
+            "-nan(ind)",
+            "-nan",
+            "-1.#ind",
+            "1.#qnan",
+            "-1.#qnan",
+            "null",
+            "none",
+        ],
+    )
 )
 """Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""
 
 FARTHEST_M = 1e6
 """A coordinate beyond this is no position (chosen: a laboratory in mm read as m stays far below)."""
 
-LONGEST_S = 1e7
-"""A time beyond this is no time of a recording (chosen: four months)."""
-
+LONGEST_S = 1e7  # a time beyond this is no time of a recording (chosen: four months)
 _TOGETHER = 100  # rows; measured: fewer or many more take longer
 
 Flags = NDArray[np.bool_]
 
-Line = tuple[int, str]
-"""Line number in the file, from 1, and its text."""
+Line = tuple[int, str]  # line number in the file, from 1, and its text
 
 
 def read_bytes(path: Path, kind: str) -> bytes:
     """The content of a file that must exist and hold something.
 
-    Parameters
-    ----------
-    path : Path
-    kind : str
-        What it should be, for the message: ``"a TRC file"``.
-
-    Raises
-    ------
-    FileUnreadable
+    ``kind``: what it should be, for the message: ``"a TRC file"``. Raises FileUnreadable.
     """
     try:
         content = path.read_bytes()
@@ -76,16 +67,8 @@ def read_bytes(path: Path, kind: str) -> bytes:
 def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
     """The text of a file, as UTF-8 or, where it is not, Latin-1.
 
-    Returns
-    -------
-    text : str
-        Without byte order mark, lines ended by a line feed.
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty or not text.
+    Returns ``text``: without byte order mark, lines ended by a line feed. Raises FileUnreadable if it is
+    absent, empty or not text.
     """
     content = read_bytes(path, kind)
     repairs: tuple[Repair, ...] = ()
@@ -111,41 +94,13 @@ def split_cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
 
 
-@dataclass(slots=True)
-class _Tally:
-    """How many rows needed each kind of repair."""
-
-    blank: int = 0
-    short: int = 0
-    unplaced: int = 0
-    extra: int = 0
-    comma: int = 0
-    infinite: int = 0
-
-
 def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tuple[Array, tuple[Repair, ...]]:
     """Rows of numbers under named columns.
 
-    Parameters
-    ----------
-    lines : sequence of (number, text)
-        Blank ones are skipped.
-    columns : sequence of str
-        Their names, for messages.
+    ``lines`` sequence of (number, text): blank ones are skipped. ``columns``: their names, for messages.
+    Returns ``data`` (n_rows, n_columns): NaN where a cell is blank or says that it is missing. Raises
+    FileUnreadable if a cell holds something that is neither a number nor a sign of absence.
 
-    Returns
-    -------
-    data : (n_rows, n_columns)
-        NaN where a cell is blank or says that it is missing.
-    repairs : tuple of Repair
-
-    Raises
-    ------
-    FileUnreadable
-        If a cell holds something that is neither a number nor a sign of absence.
-
-    Notes
-    -----
     A tab-delimited row that ends early lacks its last cells. In a row delimited by blanks an absent cell
     leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
     """
@@ -153,11 +108,11 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     plain = _plain_rows(lines, wanted)
     if plain is not None:
         return plain, ()
-    tally = _Tally()
+    tally: Counter[str] = Counter()
     rows = [_parse_row(number, text, columns, path, tally) for number, text in lines if text.strip()]
     data = np.array(rows, dtype=float).reshape(len(rows), wanted)
     infinite = np.isinf(data)
-    tally.infinite = int(infinite.any(axis=1).sum())
+    tally["infinite"] = int(infinite.any(axis=1).sum())
     data[infinite] = np.nan
     return data, _describe(tally)
 
@@ -174,7 +129,9 @@ def _plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
     return data if data.shape == (len(texts), wanted) and not np.isinf(data).any() else None
 
 
-def _parse_row(number: int, text: str, columns: Sequence[str], path: Path, tally: _Tally) -> list[float]:
+def _parse_row(
+    number: int, text: str, columns: Sequence[str], path: Path, tally: Counter[str]
+) -> list[float]:
     wanted = len(columns)
     if "_" not in text:  # float() would read 1_000 as a number
         try:
@@ -190,22 +147,22 @@ def _parse_row(number: int, text: str, columns: Sequence[str], path: Path, tally
     while len(cells) > wanted and not cells[-1]:
         cells.pop()
     if len(cells) > wanted:
-        tally.extra += 1
+        tally["extra"] += 1
         cells = cells[:wanted]
     values = [
         _number(cell, tally, path, number, column) for cell, column in zip(cells, columns, strict=False)
     ]
     if any(not cell for cell in cells):
-        tally.blank += 1
+        tally["blank"] += 1
     if len(values) < wanted and tabbed:
-        tally.short += 1
+        tally["short"] += 1
     elif len(values) < wanted:
-        tally.unplaced += 1
+        tally["unplaced"] += 1
         values = values[:2]
     return values + [np.nan] * (wanted - len(values))
 
 
-def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> float:
+def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) -> float:
     if cell.lower() in MISSING:
         return float("nan")
     if "_" not in cell:
@@ -218,7 +175,7 @@ def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> flo
         except ValueError:
             pass
         else:
-            tally.comma += 1
+            tally["comma"] += 1
             return value
     raise FileUnreadable(
         f"line {line} holds {cell[:20]!r} where a number is expected",
@@ -228,34 +185,30 @@ def _number(cell: str, tally: _Tally, path: Path, line: int, column: str) -> flo
     )
 
 
-def _describe(tally: _Tally) -> tuple[Repair, ...]:
-    texts = (
-        ("blank_cells", tally.blank, "blank cells were taken as missing"),
-        (
-            "short_rows",
-            tally.short,
-            "rows shorter than the header: the cells at their end were taken as missing",
-        ),
-        (
-            "short_rows",
-            tally.unplaced,
-            "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
-        ),
-        ("extra_cells", tally.extra, "cells beyond the last column were dropped"),
-        ("decimal_comma", tally.comma, "decimal commas were read as points"),
-        ("infinite_values", tally.infinite, "infinite values were taken as missing"),
+_REPAIRS = {
+    "blank": ("blank_cells", "blank cells were taken as missing"),
+    "short": ("short_rows", "rows shorter than the header: the cells at their end were taken as missing"),
+    "unplaced": (
+        "short_rows",
+        "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
+    ),
+    "extra": ("extra_cells", "cells beyond the last column were dropped"),
+    "comma": ("decimal_comma", "decimal commas were read as points"),
+    "infinite": ("infinite_values", "infinite values were taken as missing"),
+}
+"""What a row can need, to the kind of repair and what is said of it."""
+
+
+def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
+    return tuple(
+        Repair(kind, "rows", detail, tally[need]) for need, (kind, detail) in _REPAIRS.items() if tally[need]
     )
-    return tuple(Repair(what, "rows", detail, count) for what, count, detail in texts if count)
 
 
 def formatted_rows(form: str, data: Array) -> Iterator[str]:
     """Rows as text, many at a time.
 
-    Parameters
-    ----------
-    form : str
-        Of one row, for the ``%`` operator.
-    data : (n_rows, n_columns)
+    ``form``: of one row, for the ``%`` operator. ``data``: (n_rows, n_columns).
     """
     for start in range(0, len(data), _TOGETHER):
         part = data[start : start + _TOGETHER]
@@ -283,18 +236,8 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
 def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:
     """Raise if two columns have one name.
 
-    Parameters
-    ----------
-    names : sequence of str
-    columns : sequence of int
-        Position of each in the file, from 1, for the message.
-    kind : str
-        ``"marker"`` or ``"column"``.
-
-    Raises
-    ------
-    FileUnreadable
-        Naming both columns.
+    ``columns``: position of each in the file, from 1, for the message. ``kind``: ``"marker"`` or
+    ``"column"``. Raises FileUnreadable: naming both columns.
     """
     first: dict[str, int] = {}
     for name, column in zip(names, columns, strict=True):
@@ -311,15 +254,7 @@ def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, 
 def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) -> None:
     """Raise unless times are known and increase from row to row.
 
-    Parameters
-    ----------
-    times : (n_rows,), s
-    lines : sequence of int, optional
-        Line number of each row, for the message.
-
-    Raises
-    ------
-    TrialUnusable
+    ``times``: (n_rows,), s. ``lines``: line number of each row, for the message. Raises TrialUnusable.
     """
     bad = ~np.isfinite(times) | (np.abs(times) > LONGEST_S)
     if bad.any():
@@ -343,17 +278,9 @@ def check_times(times: Array, path: Path, lines: Sequence[int] | None = None) ->
 def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple[Repair, ...]]:
     """Mark as missing what cannot be a position.
 
-    Parameters
-    ----------
-    markers : (n_frames, n_markers, 3), m
-    labels : sequence of str
-
-    Returns
-    -------
-    markers : (n_frames, n_markers, 3), m
-        All three coordinates NaN where one is missing, where all are exactly zero (how several systems
-        write a lost marker) or where one is impossibly large.
-    repairs : tuple of Repair
+    ``markers``: (n_frames, n_markers, 3), m. Returns ``markers`` (n_frames, n_markers, 3), m: all three
+    coordinates NaN where one is missing, where all are exactly zero (how several systems write a lost
+    marker) or where one is impossibly large.
     """
     known = np.isfinite(markers)
     zero: Flags = np.all(np.equal(markers, 0.0), axis=-1)

@@ -12,29 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.files.tables import (
-    Line,
-    check_times,
-    clean_positions,
-    formatted_rows,
-    numbered_lines,
-    parse_rows,
-    read_text,
-    refuse_duplicates,
-    split_cells,
-    trim_cut_line,
-)
+from scaling_service.files import tables
+from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.model.trial import Array, Repair, Trial
 
-METRES = {
-    "mm": 1e-3,
-    "millimeters": 1e-3,
-    "millimetres": 1e-3,
-    "cm": 1e-2,
-    "m": 1.0,
-    "meters": 1.0,
-    "metres": 1.0,
-}
+METRES = dict.fromkeys(("mm", "millimeters", "millimetres"), 1e-3) | {"cm": 1e-2}
+METRES |= dict.fromkeys(("m", "meters", "metres"), 1.0)
 
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""
@@ -46,36 +29,23 @@ _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
 
 
-def read_trc(path: str | os.PathLike[str]) -> Trial:
+def read_trc(path: str | os.PathLike[str]) -> Recording:
     """Read a TRC file.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Trial
-        Positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
-        the format. Labels are as in the file, prefixes included.
-
-    Raises
-    ------
-    FileUnreadable
-        If it is absent, empty, something else, truncated, has two markers of one name or a cell that is no
-        number.
-    TrialUnusable
-        If it has no frame, no marker, or times that do not increase.
+    Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
+    the format. Labels are as in the file, prefixes included. Raises FileUnreadable if it is absent, empty,
+    something else, truncated, has two markers of one name or a cell that is no number. Raises TrialUnusable
+    if it has no frame, no marker, or times that do not increase.
     """
     file = Path(path)
-    text, repairs = read_text(file, _KIND)
-    lines = numbered_lines(text)
+    text, repairs = tables.read_text(file, _KIND)
+    lines = tables.numbered_lines(text)
     header = _read_header(lines, file)
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in header.columns for axis in "XYZ")]
-    body, cut = trim_cut_line(
+    body, cut = tables.trim_cut_line(
         text, [line for line in lines[header.first_row :] if line[1].strip()], len(columns)
     )
-    data, row_repairs = parse_rows(body, columns, file)
+    data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
         raise TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
@@ -87,21 +57,22 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
             file=file,
             remedy="Copy or export it again",
         )
-    check_times(data[:, 1], file, [number for number, _ in body])
+    tables.check_times(data[:, 1], file, [number for number, _ in body])
 
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
     times, positions, rate, clock = _regular_clock(data[:, 1], positions, header.rate_hz, file)
-    positions, lost = clean_positions(positions, labels)
+    positions, lost = tables.clean_positions(positions, labels)
     counts = _check_counts(header, len(data))
-    return Trial(
+    return Recording(
         file.stem,
         times,
         labels,
         positions,
         rate,
         (*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
+        unit=header.unit or NOT_STATED,
     )
 
 
@@ -111,12 +82,13 @@ class _Header:
     first_row: int
     rate_hz: float
     metres_per_unit: float
+    unit: str  # as it stands there; empty where it does not
     stated_frames: str
     stated_markers: str
     repairs: tuple[Repair, ...]
 
 
-def _read_header(lines: list[Line], file: Path) -> _Header:
+def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
         raise FileUnreadable(
@@ -140,13 +112,14 @@ def _read_header(lines: list[Line], file: Path) -> _Header:
         first_row,
         _positive(stated.get("datarate", "")),
         METRES[unit],
+        stated.get("units", "")[:20],
         stated.get("numframes", ""),
         stated.get("nummarkers", ""),
         (*unit_repairs, *label_repairs, *layout),
     )
 
 
-def _what_else(lines: list[Line]) -> str:
+def _what_else(lines: list[tables.Line]) -> str:
     words = " ".join(text for _, text in lines[:40]).lower()
     if "endheader" in words:
         return "this is an OpenSim table (MOT or STO), not a TRC file"
@@ -155,7 +128,7 @@ def _what_else(lines: list[Line]) -> str:
     return "this is not a TRC file"
 
 
-def _find(lines: list[Line], word: str, file: Path) -> int:
+def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     for k, (_, text) in enumerate(lines[:20]):
         if text.strip().lower().startswith(word):
             return k
@@ -186,7 +159,7 @@ def _unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, t
 
 
 def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
-    cells = split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
+    cells = tables.split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
     if len(cells) < 2 or not cells[1].lower().startswith("time"):
         raise _truncated(file, "the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
@@ -196,7 +169,7 @@ def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
     slots = [k // 3 for k, _ in found] if spread else list(range(len(found)))
-    refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
+    tables.refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
     columns = [""] * (slots[-1] + 1)
     for slot, (_, name) in zip(slots, found, strict=True):
         columns[slot] = name
@@ -210,7 +183,7 @@ def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]
     return tuple(columns), tuple(repairs)
 
 
-def _skip_axes(lines: list[Line], start: int) -> tuple[int, tuple[Repair, ...]]:
+def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair, ...]]:
     """Where the rows begin: after the line X1 Y1 Z1 ... and the blank line, if they are there."""
     if start >= len(lines):
         return start, ()
@@ -328,19 +301,10 @@ def _measured_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | 
 def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "m"] = "mm") -> None:
     """Write a TRC file that strict readers accept.
 
-    Parameters
-    ----------
-    path : path
-    trial : Trial
-        Positions with NaN where not seen; written as ``nan``.
-    units : 'mm' or 'm'
-        Positions are rounded to 10 nm, times to 1 ns. A position that rounds to zero on all three axes would
-        be read as a lost marker; its x is written as 10 nm.
-
-    Raises
-    ------
-    TrialUnusable
-        If a label cannot stand in a tab-delimited file, or a position is infinite.
+    ``trial``: positions with NaN where not seen; written as ``nan``. ``units`` 'mm' or 'm': positions are
+    rounded to 10 nm, times to 1 ns. A position that rounds to zero on all three axes would be read as a
+    lost marker; its x is written as 10 nm. Raises TrialUnusable if a label cannot stand in a tab-delimited
+    file, or a position is infinite.
     """
     for label in trial.labels:
         if not label.strip() or label != label.strip() or re.search(r"[\t\r\n]", label):
@@ -372,4 +336,4 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     ]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(formatted_rows(form, rows))
+        stream.writelines(tables.formatted_rows(form, rows))

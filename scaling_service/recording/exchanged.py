@@ -1,16 +1,19 @@
-"""Labels that look exchanged: the lateral landmark on the inner side, or the right side on the left.
+"""Labels that look exchanged: sides of a joint or of the body, and markers of one segment.
 
 Nothing is corrected: which of two labels a marker deserves is for those to say who saw the person.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.trial import Array, Trial
+from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.signals.filters import runs
 
 LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
@@ -23,8 +26,7 @@ that only a jump tells anything about them."""
 
 _LEGS = {lateral for lateral, _ in LEG_PAIRS}
 
-SHORTEST_S = 0.1
-"""A stretch shorter than this is a flicker that smoothing and robust fits survive (chosen)."""
+SHORTEST_S = 0.1  # a stretch shorter than this is a flicker that smoothing and robust fits survive (chosen)
 
 ABRUPT = 0.5
 """Share of the distance between two markers by which the line between them must change from one frame to the
@@ -36,27 +38,16 @@ CLEAR = 0.5
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
 _BELOW = (("RLM", "LLM"), ("RLFE", "LLFE"))
 _REMEDY = "correct the labels in the recording"
-_Places = Mapping[str, tuple[str, Array]]
-"""Landmark to its label and its trajectory, (n_frames, 3)."""
+_Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
 
 def exchanged(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Say where the labels of two landmarks look exchanged, for a while or throughout.
 
-    Parameters
-    ----------
-    trial : Trial
-        In any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
-    roles : mapping, optional
-        Label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given.
+    ``trial``: in any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
+    ``roles``: label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given. Returns
+    one sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
 
-    Returns
-    -------
-    tuple of str
-        One sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
-
-    Notes
-    -----
     The line from the medial to the lateral landmark is followed from frame to frame. Where it jumps to
     the opposite direction the labels changed places; the stretches in which it points inwards, seen along
     the pelvis, are the wrong ones. Of arms, and where nothing tells the body's right from its left, the
@@ -178,3 +169,151 @@ def _sides(trial: Trial, places: _Places) -> Iterator[str]:
             f"{trial.name}: right and left look exchanged, or the recording is mirrored "
             f"({places['RASIS'][0]} lies to the left of {places['LASIS'][0]}): {_REMEDY}"
         )
+
+
+Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
+
+Shape = Mapping[tuple[str, str], float]
+"""Two labels of one segment, in alphabetical order, to their usual distance, m."""
+
+CHANGED_M = 0.025
+"""Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
+squats reaches 40 mm, so a better assignment of the labels must explain it, too)."""
+
+EXPLAINED = 0.4
+"""Chosen: share of the difference that labels put right may leave; those of real recordings leave 0.2."""
+
+
+JUMP_M = 0.015
+"""Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
+(1.5 m/s at 100 frames per second; skin in running stays below 1)."""
+
+_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Labels of one segment that stand for each other for a while.
+
+    ``difference_m``, ``left_m``: how far distances are from the usual ones as labelled, and with the labels
+    put right.
+    """
+
+    labels: tuple[str, ...]  # those that are wrong
+    start_s: float
+    end_s: float
+    difference_m: float
+    left_m: float
+
+
+def shape_of(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
+    """The usual distance of every two markers of a segment, over the recordings that show both.
+
+    ``trials``: in m; of each, its median counts once, however long it is.
+    """
+    found: dict[tuple[str, str], list[float]] = {}
+    for trial in trials:
+        for labels in clusters.values():
+            for pair in combinations(sorted(name for name in labels if name in trial.labels), 2):
+                distance = _distance(trial, *pair)
+                known = distance[np.isfinite(distance)]
+                if len(known):
+                    found.setdefault(pair, []).append(float(np.median(known)))
+    return {pair: float(np.median(values)) for pair, values in found.items()}
+
+
+def _distance(trial: Trial, one: str, other: str) -> Array:
+    distance: Array = np.linalg.norm(trial.position(one) - trial.position(other), axis=1)
+    return distance
+
+
+def exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchange]:
+    """Where labels of one segment would fit the usual shape far better in another order.
+
+    ``trial``: in m, before gaps are filled and positions smoothed. ``usual``: of other recordings,
+    :func:`shape_of`.
+    """
+    for labels in clusters.values():
+        names = sorted(name for name in labels if name in trial.labels)
+        pairs = [pair for pair in combinations(names, 2) if pair in usual]
+        if len(pairs) < 2:
+            continue
+        measured = np.stack([_distance(trial, *pair) for pair in pairs], axis=1)
+        away = np.abs(measured - [usual[pair] for pair in pairs])
+        changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
+        yield from _joined(
+            Exchange(
+                tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
+                float(trial.times[start]),
+                float(trial.times[stop - 1]),
+                *found[1:],
+            )
+            for start, stop in _blocks(changed, measured)
+            if stop - start >= SHORTEST_S * trial.rate_hz
+            if (found := _better_order(names, pairs, measured[start:stop], usual)) is not None
+        )
+
+
+def _blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:
+    """Runs of changed frames, cut where a distance jumps."""
+    with np.errstate(invalid="ignore"):
+        jumps = np.flatnonzero(np.nanmax(np.abs(np.diff(measured, axis=0)), axis=1, initial=0.0) > JUMP_M) + 1
+    for start, stop in runs(changed):
+        cuts = [int(start), *(int(j) for j in jumps if start < j < stop), int(stop)]
+        yield from pairwise(cuts)
+
+
+def _joined(found: Iterable[Exchange]) -> Iterator[Exchange]:
+    """Blocks in a row with the same labels wrong as one."""
+    last: Exchange | None = None
+    for item in found:
+        if last is not None and last.labels == item.labels and item.start_s - last.end_s < SHORTEST_S:
+            worst = max(last.difference_m, item.difference_m), max(last.left_m, item.left_m)
+            last = Exchange(last.labels, last.start_s, item.end_s, *worst)
+            continue
+        if last is not None:
+            yield last
+        last = item
+    if last is not None:
+        yield last
+
+
+def _better_order(
+    names: Sequence[str], pairs: Sequence[tuple[str, str]], measured: Array, usual: Shape
+) -> tuple[tuple[str, ...], float, float] | None:
+    """The order of labels that fits a block best, with the largest difference before and after."""
+    known = ever(np.isfinite(measured))
+    kept = [pair for pair, is_known in zip(pairs, known, strict=True) if is_known]
+    if len(kept) < 2:
+        return None
+    typical = dict(zip(kept, np.nanmedian(measured[:, known], axis=0).tolist(), strict=True))
+    seen = sorted({name for pair in kept for name in pair})
+    misfit = {order: _misfit(dict(zip(seen, order, strict=True)), typical, usual) for order in _orders(seen)}
+    before = misfit[tuple(seen)]
+    order = min(misfit, key=lambda o: misfit[o])
+    if before < CHANGED_M or misfit[order] > EXPLAINED * before:
+        return None
+    renamed = dict(zip(seen, order, strict=True))
+    return tuple(renamed.get(name, name) for name in names), before, misfit[order]
+
+
+def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    if len(names) <= _EVERY_ORDER:
+        yield from permutations(names)
+        return
+    yield tuple(names)
+    for a, b in combinations(range(len(names)), 2):
+        order = list(names)
+        order[a], order[b] = order[b], order[a]
+        yield tuple(order)
+
+
+def _misfit(true: Mapping[str, str], typical: Shape, usual: Shape) -> float:
+    """The largest difference of a distance from the usual one, m; infinite where one is not known."""
+    worst = 0.0
+    for (a, b), distance in typical.items():
+        x, y = sorted((true[a], true[b]))
+        if (x, y) not in usual:
+            return float("inf")
+        worst = max(worst, abs(distance - usual[x, y]))
+    return worst

@@ -33,23 +33,11 @@ def fill(
 ) -> Trial:
     """Fill what can be filled and note it; what remains stays NaN.
 
-    Parameters
-    ----------
-    trial : Trial
-    clusters : mapping
-        Segment to the labels that sit on it; absent labels are passed over.
-    longest_spline_s : float
-        Gaps up to this long, with frames seen on both sides, are interpolated by a C2 spline.
-    min_common_frames : int
-        See ``MIN_COMMON_FRAMES``.
+    ``clusters``: segment to the labels that sit on it; absent labels are passed over. ``longest_spline_s``:
+    gaps up to this long, with frames seen on both sides, are interpolated by a C2 spline.
+    ``min_common_frames``: see ``MIN_COMMON_FRAMES``. Returns one Repair per marker and kind:
+    ``gap_spline``, ``gap_solidification``, ``gap_left``.
 
-    Returns
-    -------
-    Trial
-        One Repair per marker and kind: ``gap_spline``, ``gap_solidification``, ``gap_left``.
-
-    Notes
-    -----
     Puchaud et al. 2019, sec. 2.1. Solidification after Soderkvist & Wedin 1993: the mean shape of the
     segment's markers is carried onto the others that are seen; the small mismatch where the marker
     disappears and comes back is spread linearly over the gap, so that no step is left. In gaps of 0.2 s cut
@@ -151,18 +139,9 @@ def _place_shape(shape: Array, rest: Array, cloud: Array) -> Array:
 def mean_shape(cloud: Array) -> Array:
     """Mean shape of a cluster over frames in which not every marker is seen.
 
-    Parameters
-    ----------
-    cloud : (n_frames, m, 3), m
-        NaN where not seen; at least three markers in every frame.
+    ``cloud`` (n_frames, m, 3), m: NaN where not seen; at least three markers in every frame. Returns in the
+    axes of the frame with most markers; NaN for a marker never seen with three others.
 
-    Returns
-    -------
-    (m, 3), m
-        In the axes of the frame with most markers; NaN for a marker never seen with three others.
-
-    Notes
-    -----
     Generalised Procrustes: every frame is fitted to the shape so far, the shape is the mean of the fitted
     frames, until it settles.
     """
@@ -187,11 +166,8 @@ def mean_shape(cloud: Array) -> Array:
 def _bridge(mismatch: Array, wanted: Mask) -> Array:
     """Correction inside each wanted run, linear between the mismatch at its two borders.
 
-    Parameters
-    ----------
-    mismatch : (n_frames, 3), m
-        Measured minus carried, NaN where either is missing.
-    wanted : (n_frames,) bool
+    ``mismatch`` (n_frames, 3), m: measured minus carried, NaN where either is missing. ``wanted``:
+    (n_frames,) bool.
     """
     correction = np.zeros_like(mismatch)
     n = len(mismatch)

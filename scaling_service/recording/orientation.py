@@ -14,13 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial
-from scaling_service.recording.units import extremes, given_unit, unit_factor
+from scaling_service.recording.plausibility import extremes, given_unit, unit_factor
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
 
-WALKED_M = 0.5
-"""Chosen: displacement that counts as walking; sway and squats stay below."""
+WALKED_M = 0.5  # chosen: displacement that counts as walking; sway and squats stay below
 
 FLOOR_M = 0.25
 """Chosen: the lowest marker of a standing or walking body is this close to the lab's zero height."""
@@ -51,23 +50,14 @@ _AXES = "xyz"
 class Orientation:
     """How the axes of a laboratory become X forward, Y up, Z right.
 
-    Parameters
-    ----------
-    R_new_old : (3, 3)
-        Signed permutation; maps laboratory vectors to ours.
-    scale : float or None
-        Factor that corrects a wrongly stated unit of length; None means that every recording is judged by its
-        own extent.
-    description : str
-        ``"up +z, forward -y"``.
-    repairs : tuple of Repair
-        What was decided and from what.
+    ``scale``: factor that corrects a wrongly stated unit of length; None means that every recording is
+    judged by its own extent.
     """
 
-    R_new_old: Array
+    R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
     scale: float | None
-    description: str
-    repairs: tuple[Repair, ...] = ()
+    description: str  # ``"up +z, forward -y"``
+    repairs: tuple[Repair, ...] = ()  # what was decided and from what
 
     @property
     def up(self) -> str:
@@ -82,13 +72,7 @@ class Orientation:
     def rotate(self, vectors: ArrayLike) -> Array:
         """Vectors (forces, moments, points) in our axes; no change of unit.
 
-        Parameters
-        ----------
-        vectors : (..., 3)
-
-        Returns
-        -------
-        (..., 3)
+        ``vectors``: (..., 3). Returns (..., 3).
         """
         rotated: Array = np.asarray(vectors, float) @ self.R_new_old.T
         return rotated
@@ -167,20 +151,8 @@ def decide(
 def apply(orientation: Orientation, trial: Trial) -> Trial:
     """Turn a recording into X forward, Y up, Z right, and m where its stated unit cannot be true.
 
-    Parameters
-    ----------
-    orientation : Orientation
-    trial : Trial
-        Any recording of the same session, as read.
-
-    Returns
-    -------
-    Trial
-
-    Raises
-    ------
-    TrialUnusable
-        If no marker is seen at all, or the unit cannot be told.
+    ``trial``: any recording of the same session, as read. Raises TrialUnusable if no marker is seen at all,
+    or the unit cannot be told.
     """
     if orientation.scale is None:
         factor, unit_repairs = unit_factor(trial)
@@ -308,10 +280,7 @@ def _off_axis(vector: Array) -> str:
 def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array | None]:
     """The laboratory's directions that were given as ``"+z"``, ``"z"`` or ``"-x"``.
 
-    Raises
-    ------
-    InputError
-        One is no axis, or both name the same one.
+    Raises InputError: one is no axis, or both name the same one.
     """
     up_vector = _axis(up, "up") if up is not None else None
     forward_vector = _axis(forward, "forward") if forward is not None else None

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from scaling_service.model.trial import Trial
-from scaling_service.recording import gaps, orientation, smoothing
+import numpy as np
+
+from scaling_service.core.errors import InputError
+from scaling_service.model.trial import Repair, Trial
+from scaling_service.numerics.signals.filters import butterworth, moving_average
+from scaling_service.recording import gaps, orientation
 from scaling_service.recording.settings import ProcessingSettings
 
 
@@ -17,32 +21,60 @@ def process(
 ) -> Trial:
     """Turn, scale, smooth and fill a recording.
 
-    Parameters
-    ----------
-    trial : Trial
-        As read.
-    axes : Orientation
-        The session's; see ``decide``.
-    clusters : mapping
-        Segment to the labels that sit on it.
-    settings : ProcessingSettings, optional
-
-    Returns
-    -------
-    Trial
-        X forward, Y up, Z right, m; NaN only where nothing could be told. Everything done is in ``repairs``.
-
-    Raises
-    ------
-    TrialUnusable
-        If no marker is seen at all, or the unit cannot be told.
-    InputError
-        If the cutoff does not suit the frame rate.
+    ``trial``: as read. ``axes``: the session's; see ``decide``. ``clusters``: segment to the labels that
+    sit on it. Returns X forward, Y up, Z right, m; NaN only where nothing could be told. Everything done is
+    in ``repairs``. Raises TrialUnusable if no marker is seen at all, or the unit cannot be told. Raises
+    InputError if the cutoff does not suit the frame rate.
     """
     chosen = settings or ProcessingSettings()
     turned = orientation.apply(axes, trial)
     if chosen.smoothing == "moving_average":
-        turned = smoothing.smooth_by_average(turned)
+        turned = smooth_by_average(turned)
     elif chosen.smoothing == "butterworth":
-        turned = smoothing.smooth_by_cutoff(turned, chosen.cutoff_hz)
+        turned = smooth_by_cutoff(turned, chosen.cutoff_hz)
     return gaps.fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
+
+
+WINDOW = 5  # frames; Puchaud et al. 2019, sec. 2.1
+PASSES = 2  # in opposite directions; Puchaud et al. 2019, sec. 2.1
+
+ORDER = 4
+"""Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
+
+
+def smooth_by_average(trial: Trial, *, window: int = WINDOW, passes: int = PASSES) -> Trial:
+    """Central moving average in several passes.
+
+    ``window``, ``passes``: odd number of frames, and how often. Returns missing where it was missing. One
+    Repair, ``smoothing``.
+    """
+    detail = f"central moving average of {window} frames in {passes} passes"
+    return trial.with_markers(
+        moving_average(trial.markers, window=window, passes=passes),
+        Repair("smoothing", trial.name, detail, trial.n_frames),
+    )
+
+
+def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> Trial:
+    """Zero-phase low-pass Butterworth filter with half power at the cutoff.
+
+    ``order``: effective order of both passes together. Returns missing where it was missing. One Repair,
+    ``smoothing``, and one ``not_smoothed`` for each marker with runs too short to filter, which are left as
+    measured. Raises InputError if the cutoff is not between 0 and half the frame rate.
+    """
+    if not 0 < cutoff_hz < 0.5 * trial.rate_hz:
+        raise InputError(
+            f"a cutoff of {cutoff_hz:g} Hz does not suit {trial.rate_hz:g} frames per second",
+            file=trial.name,
+            field="cutoff_hz",
+            remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
+        )
+    result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=order)
+    detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
+    counts = np.any(result.unfiltered, axis=-1).sum(axis=0).tolist()
+    short = [
+        Repair("not_smoothed", label, "seen too briefly between gaps to be filtered; left as measured", n)
+        for label, n in zip(trial.labels, counts, strict=True)
+        if n
+    ]
+    return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)

@@ -8,6 +8,7 @@ which shows once the axes are known (:func:`orient_forces`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -16,29 +17,18 @@ from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording
 from scaling_service.model.trial import Array, Repair
 from scaling_service.recording.orientation import Orientation
 
-BEYOND_M = 0.1
-"""Chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets."""
-
-MOSTLY = 0.5
-"""Chosen: share of the loaded samples that decides."""
+BEYOND_M = 0.1  # chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets
+MOSTLY = 0.5  # chosen: share of the loaded samples that decides
 
 
-def ground_forces(recording: PlateRecording) -> GroundForces:
+def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
 
-    Parameters
-    ----------
-    recording : PlateRecording
-
-    Returns
-    -------
-    GroundForces
-
-    Raises
-    ------
-    TrialUnusable
-        If a loaded plate's centre of pressure lies mostly off the plate: units or corners are wrong.
+    Raises TrialUnusable if that is what reading the plates gave, or a loaded plate's centre of pressure lies
+    mostly off the plate: units or corners are wrong.
     """
+    if isinstance(recording, TrialUnusable):
+        raise copy(recording)  # whoever catches it adds the file's path
     repairs = list(recording.repairs)
     parts = [
         _in_laboratory(plate, name, recording.name, repairs)
@@ -147,17 +137,9 @@ _KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
 def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     """Wrenches in X forward, Y up, Z right, pushing the body up.
 
-    Parameters
-    ----------
-    axes : Orientation
-        As decided for the markers of the session.
-    forces : GroundForces
-        In the laboratory's axes.
-
-    Raises
-    ------
-    TrialUnusable
-        If the markers' unit of length had to be corrected: the plates' corners then have no sure unit.
+    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes. Raises
+    TrialUnusable if the markers' unit of length had to be corrected: the plates' corners then have no sure
+    unit.
     """
     if axes.scale is not None and axes.scale != 1.0:
         raise TrialUnusable(

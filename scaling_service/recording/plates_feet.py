@@ -17,8 +17,7 @@ from scaling_service.model.forces import CONTACT_N, GroundForces, SegmentLoads
 from scaling_service.model.trial import Array, Repair
 from scaling_service.numerics.signals.filters import runs
 
-NOBODY = -1
-"""No foot."""
+NOBODY = -1  # no foot
 
 REACH_M = 0.12
 """How far the centre of pressure may lie from the lines between a foot's markers (chosen: half a shoe's
@@ -36,8 +35,7 @@ FAST_M_S = 0.5
 """Horizontal speed of a foot's slowest marker that means swing (chosen: a swinging foot reaches 3 to 4 m/s,
 a standing one stays under 0.3 m/s with skin motion)."""
 
-BRIEF_S = 0.03
-"""Loads briefer than this are knocks (chosen)."""
+BRIEF_S = 0.03  # loads briefer than this are knocks (chosen)
 
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is told (chosen: rolling at both ends)."""
@@ -49,24 +47,15 @@ Mask = NDArray[np.bool_]
 class FootContacts:
     """Who stands where.
 
-    Parameters
-    ----------
-    feet : tuple of str
-    foot : ndarray of int, shape (n, n_plates)
-        The row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
-    on_floor : ndarray of bool, shape (n, n_feet)
-        By the markers alone.
-    supported : ndarray of bool, shape (n,)
-        Frames whose forces are all known: every loaded plate bears a known foot, and no foot stands
-        beside the plates.
-    repairs : tuple of Repair
-        ``plate_foot`` for every contact; ``two_feet``, ``two_plates``, ``in_swing``, ``no_plate``,
-        ``no_foot`` where markers and forces disagree.
+    ``foot`` (n, n_plates): the row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
+    ``supported`` (n,): frames whose forces are all known: every loaded plate bears a known foot, and no
+    foot stands beside the plates. ``repairs``: ``plate_foot`` for every contact; ``two_feet``,
+    ``two_plates``, ``in_swing``, ``no_plate``, ``no_foot`` where markers and forces disagree.
     """
 
     feet: tuple[str, ...]
     foot: NDArray[np.intp]
-    on_floor: Mask
+    on_floor: Mask  # (n, n_feet); by the markers alone
     supported: Mask
     repairs: tuple[Repair, ...]
 
@@ -127,19 +116,8 @@ def assign_plates(
 def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]) -> SegmentLoads:
     """The wrench that each foot's segment receives from all plates it stands on.
 
-    Parameters
-    ----------
-    forces : GroundForces
-    contacts : FootContacts
-        Of these forces.
-    segments : mapping
-        Foot to the model's segment.
-
-    Returns
-    -------
-    SegmentLoads
-        NaN where a plate's force is not known: it might bear any foot. Loads below the threshold count for
-        nobody.
+    ``contacts``: of these forces. ``segments``: foot to the model's segment. Returns NaN where a plate's
+    force is not known: it might bear any foot. Loads below the threshold count for nobody.
     """
     owns = contacts.foot[:, None, :] == np.arange(len(contacts.feet))[None, :, None]
     unknown = ~forces.known

@@ -15,8 +15,7 @@ ORDER = 4
 """Effective order, zero phase: Muller et al. 2017, sec. 2.1, for the motion; the same must hold for forces,
 or impacts appear on one side of the equation only (van den Bogert & de Koning 1996)."""
 
-ROUNDED = 0.25
-"""Share of a step by which a time may be rounded and still stand on a regular clock (chosen)."""
+ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
 
 
 def synchronise(
@@ -29,32 +28,12 @@ def synchronise(
 ) -> GroundForces:
     """Forces at the times of the markers.
 
-    Parameters
-    ----------
-    forces : GroundForces
-    times : (n,), s
-        The markers' times, strictly increasing.
-    cutoff_hz : float, optional
-        Half-power frequency of the zero-phase Butterworth filter: that of the motion. None: not filtered.
-    order : int
-        Effective order of both passes.
-    delay_s : float
-        How late the forces' clock is (positive: late). It is taken off.
+    ``times`` (n,), s: the markers' times, strictly increasing. ``cutoff_hz``: half-power frequency of the
+    zero-phase Butterworth filter: that of the motion. None: not filtered. ``order``: effective order of
+    both passes. ``delay_s``: how late the forces' clock is (positive: late). It is taken off. Returns NaN
+    where the forces were not recorded or not known, in that plate and time only. Raises TrialUnusable: the
+    clocks do not overlap. Raises InputError: the cutoff is not below half the rate of the forces.
 
-    Returns
-    -------
-    GroundForces
-        NaN where the forces were not recorded or not known, in that plate and time only.
-
-    Raises
-    ------
-    TrialUnusable
-        The clocks do not overlap.
-    InputError
-        The cutoff is not below half the rate of the forces.
-
-    Notes
-    -----
     Force and moment are filtered, which add up linearly; the centre of pressure follows from them.
     """
     wanted = np.asarray(times, dtype=float)

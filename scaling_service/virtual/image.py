@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.bones.evidence import evidence_of
-from scaling_service.bones.whole import find_landmarks
+from scaling_service.bones.whole import evidence_of, find_landmarks
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import Vector

@@ -14,7 +14,6 @@ import yaml
 
 from scaling_service.documents.subject import SubjectDocument
 from scaling_service.files.c3d import read_c3d
-from scaling_service.files.c3d_plates import read_c3d_plates
 from scaling_service.files.forces import read_forces
 from scaling_service.files.trc import read_trc
 from scaling_service.recording.plates import ground_forces
@@ -195,7 +194,8 @@ def test_c3d_files_hold_the_same_wrench(tmp_path: Path) -> None:
     subject = make(case, tmp_path / "subjects", tmp_path / "labels")
     assert not list(subject.parent.glob("*.mot"))
     file = subject.parent / "squat_1.c3d"
-    trial, forces = read_c3d(file), ground_forces(read_c3d_plates(file))
+    trial = read_c3d(file)
+    forces = ground_forces(trial.plates)
     assert set(trial.labels) == set(recording.labels)
     order = [trial.labels.index(label) for label in recording.labels]
     np.testing.assert_allclose(trial.markers[:, order], recording.markers, atol=1e-6)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.bones.head import _twins
-from scaling_service.bones.spheres import SphereOnBone
+from scaling_service.bones.femur import _twins
+from scaling_service.bones.fits import SphereOnBone
 from scaling_service.bones.surface import prepare
 from tests.bones import bones
 

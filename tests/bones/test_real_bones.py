@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from scaling_service.bones.mesh import merged
 from scaling_service.bones.results import BoneLandmarks
-from scaling_service.bones.shells import merged
 from scaling_service.bones.whole import Mesh, find_landmarks
 from scaling_service.files.mesh import read_mesh
 

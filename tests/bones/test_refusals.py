@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.bones.refusals import MeshRefused
+from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.whole import find_landmarks, unit_of
 from tests.bones import bones
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.ndimage import uniform_filter
 
-from scaling_service.bones.spheres import _with_neighbours, refined
+from scaling_service.bones.fits import _with_neighbours, refined
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.numerics.multibody.laws import Array
 
@@ -50,7 +50,7 @@ def test_vertices_further_away_have_no_part(
     for guess in guesses(ball_on_a_rod, off_m):
         found = []
         for room in (1e3, 1.5, 1.0):
-            monkeypatch.setattr("scaling_service.bones.spheres._ROOM", room)
+            monkeypatch.setattr("scaling_service.bones.fits._ROOM", room)
             found.append(refined(ball_on_a_rod, guess, 0.9 * RADIUS_M))
         wanted = found[0]
         for other in found[1:]:

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.bones.refining import refined_mesh
-from scaling_service.bones.shells import boundary_share, merged, shells, wound_alike
-from scaling_service.bones.smoothing import Smoother, vertex_areas, vertex_normals
+from scaling_service.bones.mesh import (
+    Smoother,
+    boundary_share,
+    merged,
+    refined_mesh,
+    shells,
+    vertex_areas,
+    vertex_normals,
+    wound_alike,
+)
 from scaling_service.bones.surface import prepare
 
 BALL = trimesh.creation.icosphere(4, 0.03)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.bones.smoothing import Smoother, without_noise
+from scaling_service.bones.fits import tip
+from scaling_service.bones.mesh import Smoother, without_noise
 from scaling_service.bones.surface import Surface, prepare
-from scaling_service.bones.tips import tip
 
 UP = np.array([0.36, 0.48, 0.8])
 SEMIAXES = np.array([0.060, 0.020, 0.015])

@@ -14,7 +14,7 @@ import pytest
 
 from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
-from scaling_service.files.c3d_writing import write_c3d
+from scaling_service.files.c3d_file import write_c3d
 from tests.cli.spoilt import (
     Spoil,
     as_c3d,

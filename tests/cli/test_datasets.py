@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.capabilities.datasets import command as datasets
-from scaling_service.capabilities.datasets.catalogue import read_catalogue
-from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.catalogue import Dataset, read_catalogue
 from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
 from tests.jobs.laboratory import laboratory

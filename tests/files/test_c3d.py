@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.files import c3d
-from scaling_service.files.c3d import read_c3d, read_c3d_file
-from scaling_service.files.c3d_writing import write_c3d
+from scaling_service.files import c3d, c3d_file
+from scaling_service.files.c3d import read_c3d
+from scaling_service.files.c3d_file import C3dFile, read_c3d_file, write_c3d
 from tests.files.made import SHARED_FOLDER, outcome, random_trial
 
 
@@ -89,7 +89,7 @@ def test_files_without_markers(tmp_path):
 
 
 def test_rotations_without_markers_are_refused_by_name(tmp_path, monkeypatch):
-    empty = c3d.C3dFile(
+    empty = C3dFile(
         "theia", np.zeros((4, 0, 3)), (), frozenset(), "mm", 100.0, np.zeros((0, 0)), {"ROTATION": {}}, True
     )
     monkeypatch.setattr(c3d, "read_c3d_file", lambda _: empty)
@@ -111,7 +111,7 @@ def test_analog_signals_and_parameters(tmp_path):
     [(b"", "empty"), (b"PathFileType\t4\n" * 100, "not a C3D"), (b"\x02\x50\x00", "not a C3D")],
 )
 def test_what_is_not_c3d_is_refused_without_the_library(tmp_path, monkeypatch, content, problem):
-    monkeypatch.setattr(c3d.subprocess, "run", None)
+    monkeypatch.setattr(c3d_file.subprocess, "run", None)
     (tmp_path / "a.c3d").write_bytes(content)
     with pytest.raises(FileUnreadable, match=problem):
         read_c3d(tmp_path / "a.c3d")
@@ -128,10 +128,10 @@ def test_a_crash_or_a_hang_of_the_library_is_an_answer(tmp_path, monkeypatch):
     def hang(command, **_):
         raise subprocess.TimeoutExpired(command, 1)
 
-    monkeypatch.setattr(c3d.subprocess, "run", crash)
+    monkeypatch.setattr(c3d_file.subprocess, "run", crash)
     with pytest.raises(FileUnreadable, match="crashed"):
         read_c3d(tmp_path / "walk.c3d")
-    monkeypatch.setattr(c3d.subprocess, "run", hang)
+    monkeypatch.setattr(c3d_file.subprocess, "run", hang)
     with pytest.raises(FileUnreadable, match="did not end"):
         read_c3d(tmp_path / "walk.c3d")
 
@@ -139,7 +139,7 @@ def test_a_crash_or_a_hang_of_the_library_is_an_answer(tmp_path, monkeypatch):
 @given(st.data())
 @settings(SHARED_FOLDER, max_examples=25)
 def test_damage_gives_a_trial_or_a_clear_refusal(tmp_path, monkeypatch, data):
-    monkeypatch.setattr(c3d, "TIME_LIMIT_S", 2.0)  # damaged headers can keep the library busy for long
+    monkeypatch.setattr(c3d_file, "TIME_LIMIT_S", 2.0)  # damaged headers can keep the library busy for long
     write_c3d(tmp_path / "w.c3d", _trial())
     content = bytearray((tmp_path / "w.c3d").read_bytes())
     for _ in range(data.draw(st.integers(1, 8))):

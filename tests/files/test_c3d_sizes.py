@@ -9,8 +9,7 @@ import pytest
 from scaling_service.capabilities.subject.loading import with_stated_sizes
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.reading import check_document
-from scaling_service.files.c3d import read_c3d
-from scaling_service.files.c3d_sizes import stated_sizes
+from scaling_service.files.c3d import read_c3d, stated_sizes
 from scaling_service.model.sizes import MeasuredSizes
 from scaling_service.model.subject import Subject
 from tests.files.made import random_trial

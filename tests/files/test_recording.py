@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d_writing import write_c3d
+from scaling_service.files.c3d_file import write_c3d
 from scaling_service.files.recording import READERS, read_recording
 from scaling_service.files.trc import write_trc
 from scaling_service.model.trial import Trial
@@ -46,3 +49,43 @@ def test_every_reader_refuses_the_same_wrong_files(tmp_path, suffix):
             read_recording(path)
         assert caught.value.file == str(path)
         assert caught.value.remedy
+
+
+def test_a_format_of_another_distribution_is_read(tmp_path):
+    about = tmp_path / "odd_format-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: odd-format\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[scaling_service.formats]\n.odd = odd_format:read_odd\n")
+    (tmp_path / "odd_format.py").write_text(
+        "import numpy as np\n"
+        "from scaling_service.files.recording import Recording\n"
+        "def read_odd(path):\n"
+        "    values = np.loadtxt(path, ndmin=2)\n"
+        "    return Recording(path.stem, values[:, 0], ('A',), values[:, None, 1:], 100.0, unit='m')\n"
+    )
+    (tmp_path / "walk.ODD").write_text("0 1 2 3\n0.01 1 2 4\n")
+    code = (
+        "import sys, scaling_service\n"
+        "found = scaling_service.read_recording(sys.argv[1])\n"
+        "print(found.name, found.labels, found.position('A')[1].tolist(), found.plates)"
+    )
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"import sys; sys.path.append({str(tmp_path)!r})\n{code}",
+            str(tmp_path / "walk.ODD"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "walk ('A',) [1.0, 2.0, 4.0] None"
+
+
+def test_plates_come_with_the_markers_and_what_is_wrong_with_them_does_not_hide_these(shared_data):
+    walk = read_recording(shared_data / "jia_mri" / "Walking01.c3d")
+    assert [plate.kind for plate in walk.plates.plates] == [1, 1]
+    assert len(walk.plates.times) == 1090
+    assert read_recording(shared_data / "opencap_squat" / "static1.trc").plates is None
+    assert (walk.trial.labels, type(walk.trial)) == (walk.labels, Trial)

@@ -13,7 +13,7 @@ from threading import Thread
 from unittest.mock import patch
 from urllib.parse import unquote
 
-from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.catalogue import Dataset
 
 COMMIT = "c0ffee" + 34 * "0"
 

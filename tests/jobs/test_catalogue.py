@@ -12,8 +12,7 @@ import pytest
 import typer
 import yaml
 
-from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
-from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.catalogue import Dataset, find_dataset, read_catalogue
 from scaling_service.capabilities.datasets.run import next_commands
 from scaling_service.cli.app import app
 from scaling_service.core.errors import InputError

@@ -14,8 +14,7 @@ from scaling_service.capabilities.subject.checks import (
     require_landmarks,
     require_measurements,
 )
-from scaling_service.capabilities.subject.hashes import input_hashes
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.reading import input_hashes, load_subject
 from scaling_service.core.errors import InputError, MarkerMissing, SubjectInvalid, TrialUnusable
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial

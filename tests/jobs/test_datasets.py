@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from scaling_service.capabilities.datasets import downloads
-from scaling_service.capabilities.datasets.document import Dataset
+from scaling_service.capabilities.datasets.catalogue import Dataset
 from scaling_service.capabilities.datasets.downloads import DownloadFailed, check_base_url
 from scaling_service.capabilities.datasets.run import Obtained, get_dataset
 from scaling_service.capabilities.subject.reading import load_subject

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.run import compare
-from scaling_service.capabilities.subject.bone_evidence import gather
+from scaling_service.capabilities.subject.loading import gather_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.model.builtin import builtin
@@ -42,7 +42,7 @@ def subject(document: dict[str, object], folder: Path) -> Subject:
 
 
 def test_centres_are_the_experts(document: dict[str, object], tmp_path: Path, shared_data: Path) -> None:
-    evidence, _ = gather(subject(document, tmp_path), MODEL)
+    evidence, _ = gather_images(subject(document, tmp_path), MODEL)
     assert evidence is not None
     expert = json.loads((shared_data / "jia_mri" / "reference_joints.json").read_text())["manual"]
     for joint, limit_mm in (
@@ -71,10 +71,10 @@ def test_bones_of_the_wrong_side_are_refused_by_name(document: dict[str, object]
     known = subject(document, tmp_path)
     bones = {"femur_l": known.bones["femur_r"]}
     with pytest.raises(InputError, match="femur_l"):
-        gather(replace(known, bones=bones), MODEL)
+        gather_images(replace(known, bones=bones), MODEL)
 
 
 def test_bones_are_left_alone_with_other_models(document: dict[str, object], tmp_path: Path) -> None:
-    evidence, told = gather(replace(subject(document, tmp_path), model="own.osim"), MODEL)
+    evidence, told = gather_images(replace(subject(document, tmp_path), model="own.osim"), MODEL)
     assert evidence is None
     assert "built-in leg models only" in told[0]

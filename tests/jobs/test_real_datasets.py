@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.capabilities.datasets.catalogue import read_catalogue
-from scaling_service.capabilities.datasets.document import Dataset, RemoteFile
-from scaling_service.capabilities.datasets.files import image_markers
-from scaling_service.capabilities.datasets.run import get_dataset
+from scaling_service.capabilities.datasets.catalogue import Dataset, RemoteFile, read_catalogue
+from scaling_service.capabilities.datasets.run import get_dataset, image_markers
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.files.image_markers import read_image_markers

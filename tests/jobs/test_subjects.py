@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.subject.hashes import input_hashes
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.reading import input_hashes, load_subject
 from scaling_service.core.errors import SubjectInvalid
 from tests.jobs.laboratory import document, write_subject
 

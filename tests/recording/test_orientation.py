@@ -14,7 +14,7 @@ from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.recording.orientation import apply, decide, orient
-from scaling_service.recording.units import unit_factor
+from scaling_service.recording.plausibility import unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
     "RASIS": (0.10, 0.95, 0.12), "LASIS": (0.10, 0.95, -0.12), "RPSIS": (-0.08, 0.98, 0.05),

@@ -8,8 +8,8 @@ import pytest
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import decide
-from scaling_service.recording.settings import ProcessingSettings, process
-from scaling_service.recording.smoothing import smooth_by_average, smooth_by_cutoff
+from scaling_service.recording.pipeline import process, smooth_by_average, smooth_by_cutoff
+from scaling_service.recording.settings import ProcessingSettings
 
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "HEAD")
 CLUSTERS = {"pelvis": LABELS[:4]}

@@ -10,7 +10,6 @@ import pytest
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.c3d import read_c3d
-from scaling_service.files.c3d_plates import read_c3d_plates
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array
@@ -126,7 +125,7 @@ def test_forces_turn_with_the_markers_and_push_up() -> None:
 def test_ezc3d_finds_the_same_forces_on_a_calibrated_treadmill(shared_data: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     file = shared_data / "functional" / "right_hip.c3d"
-    ours = ground_forces(read_c3d_plates(file))
+    ours = ground_forces(read_c3d(file).plates)
     peers = ezc3d.c3d(str(file), extract_forceplat_data=True)["data"]["platform"]
     for k, peer in enumerate(peers):
         np.testing.assert_allclose(ours.force[:, k], peer["force"].T, rtol=0, atol=1e-6)
@@ -144,7 +143,7 @@ def test_ezc3d_finds_the_same_forces_on_a_calibrated_treadmill(shared_data: Path
 def test_the_authors_forces_are_found_again(shared_data: Path, trial: str, turn: float) -> None:
     folder = shared_data / "jia_mri"
     theirs = read_forces(folder / f"{trial}_kinetics.mot")
-    ours = ground_forces(read_c3d_plates(folder / f"{trial}.c3d"))
+    ours = ground_forces(read_c3d(folder / f"{trial}.c3d").plates)
     # Their x is forward in every trial, walking along -z or +z of the laboratory, and they cut the ends.
     R = np.array([[0.0, 0, -turn], [0, 1, 0], [turn, 0, 0]])
     force, lag = _aligned(ours, theirs, R)
@@ -178,7 +177,7 @@ def test_axes_found_from_the_markers_turn_the_walk_forward(shared_data: Path) ->
     trial = read_c3d(folder / "Walking01.c3d")
     roles = {"RASI": "RASIS", "LASI": "LASIS", "RPSI": "RPSIS", "LPSI": "LPSIS"}
     forces = orient_forces(
-        decide(trial, roles=roles), ground_forces(read_c3d_plates(folder / "Walking01.c3d"))
+        decide(trial, roles=roles), ground_forces(read_c3d(folder / "Walking01.c3d").plates)
     )
     first, second = (forces.centre_of_pressure()[:, k] for k in (0, 1))
     assert np.nanmean(second[:, 0]) > np.nanmean(first[:, 0]) + 0.3  # x grows along the walk

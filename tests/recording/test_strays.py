@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.model.trial import Trial
-from scaling_service.recording.strays import without_strays
+from scaling_service.recording.plausibility import without_strays
 
 
 def _body(frames: int = 50, markers: int = 8) -> Trial:

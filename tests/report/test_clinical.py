@@ -11,8 +11,14 @@ from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES
 from scaling_service.capabilities.scaling.comparison.verdict_evidence import Verdict
 from scaling_service.capabilities.scaling.report.clinical import clinical_section
 from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
-from scaling_service.documents.results import ComparisonDocument, MethodResult
+from scaling_service.documents.results import (
+    ClinicalCurve,
+    ClinicalCycle,
+    ClinicalDocument,
+    ClinicalSide,
+    ComparisonDocument,
+    MethodResult,
+)
 from tests.documents.test_results import METHOD, PROVENANCE
 from tests.report.reading import data, read, tables
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.bones.shells import shells
+from scaling_service.bones.mesh import shells
 from scaling_service.files.mesh import read_mesh
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.virtual.bones.person import PersonBones, leg_shapes, virtual_bones

@@ -17,8 +17,7 @@ from scaling_service.capabilities.cohort.summaries import summarise
 from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.run import Progress, compare
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.capabilities.subject.hashes import input_hashes
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.reading import input_hashes, load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.results import ComparisonDocument

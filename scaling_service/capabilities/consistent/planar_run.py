@@ -22,7 +22,8 @@ from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS
-from scaling_service.capabilities.subject.loading import blamed_on, load
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical
@@ -69,7 +70,7 @@ def prepare_squat(
     trials = {t.name: t for t in loaded.session.dynamic}
     planar: dict[str, tuple[Trial, SegmentLoads, SagittalPlane, Path]] = {}
     for path in paths:
-        read = read_trial_forces(path, subject.forces.get(path.name))
+        read = read_trial_forces(path, loaded.plates.get(path), subject.forces.get(path.name))
         if read is None:
             continue
         source, raw = read

@@ -1,16 +1,114 @@
-"""The catalogue of public recordings that comes with the product."""
+"""The catalogue of public recordings: what can be downloaded, from where, and on what terms."""
 
 from __future__ import annotations
 
 import difflib
 from importlib.resources.abc import Traversable
+from pathlib import PurePosixPath
+from typing import Annotated
 
 import yaml
-from pydantic import ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
 
-from scaling_service.capabilities.datasets.document import CatalogueDocument, Dataset
 from scaling_service.core.errors import InputError
-from scaling_service.model.builtin import reference_folder
+from scaling_service.model.reference import reference_folder
+
+SUBJECT_FILE = "subject.yaml"
+SOURCE_FILE = "SOURCE.md"
+IMAGE_MARKERS_FILE = "image_markers.csv"
+
+BASE_URL = "https://raw.githubusercontent.com"
+"""Files of public GitHub repositories: <base>/<owner>/<name>/<commit>/<path>."""
+
+Text = Annotated[str, StringConstraints(min_length=1, strip_whitespace=True)]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=40)]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Commit = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{40}$")]
+Repository = Annotated[str, StringConstraints(pattern=r"^[\w.-]+/[\w.-]+$")]
+
+
+def _inside(path: str) -> str:
+    """A path that stays within its folder."""
+    parts = PurePosixPath(path)
+    if parts.is_absolute() or ".." in parts.parts or "\\" in path or not parts.name:
+        raise ValueError("a path must stay within its folder")
+    return path
+
+
+RelativePath = Annotated[str, AfterValidator(_inside)]
+
+
+class _Strict(BaseModel):
+    """No unknown keys, no conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class RemoteFile(_Strict):
+    """One file of a repository, and what it must be."""
+
+    path: RelativePath = Field(description="In the repository.")
+    saved_as: RelativePath = Field(alias="as", description="In the folder of the dataset.")
+    bytes: int = Field(gt=0)
+    sha256: Sha256
+
+
+class Licence(_Strict):
+    """The terms, as the repository states them."""
+
+    name: Text
+    non_commercial: bool = Field(description="Whether commercial use is excluded.")
+    note: Text | None = Field(default=None, description="What a user must know beyond the name.")
+
+
+class Dataset(_Strict):
+    """One person's recordings or bones, at one commit of one repository."""
+
+    title: Text = Field(description="What it is, one line.")
+    use: Text = Field(description="What it is good for, one line.")
+    about: Text = Field(description="What a user must know before trusting results on it.")
+    licence: Licence
+    cite: tuple[Text, ...] = Field(min_length=1, strict=False)
+    repository: Repository
+    commit: Commit
+    files: tuple[RemoteFile, ...] = Field(min_length=1, strict=False)
+    image_markers_from: str | None = Field(
+        default=None, description="A model among the files whose bodies have the image's axes."
+    )
+    subject: Text | None = Field(default=None, description="The subject file; none for bones alone.")
+    next: tuple[Text, ...] = Field(
+        min_length=1, strict=False, description="Commands to run then; {folder} is where the files are."
+    )
+
+    @property
+    def total_bytes(self) -> int:
+        """Of all files."""
+        return sum(file.bytes for file in self.files)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Dataset:
+        names = [file.saved_as for file in self.files]
+        written = [SOURCE_FILE, SUBJECT_FILE, IMAGE_MARKERS_FILE]
+        if len({*names, *written}) != len(names) + len(written):
+            raise ValueError("two files have the same name")
+        if self.image_markers_from is not None and self.image_markers_from not in names:
+            raise ValueError(f"image_markers_from: there is no file '{self.image_markers_from}'")
+        return self
+
+
+class CatalogueDocument(_Strict):
+    """``datasets.yaml``."""
+
+    datasets: dict[Name, Dataset]
+
 
 FILE_NAME = "datasets.yaml"
 
@@ -18,15 +116,8 @@ FILE_NAME = "datasets.yaml"
 def read_catalogue(file: Traversable | None = None) -> dict[str, Dataset]:
     """All datasets by name, in the catalogue's order.
 
-    Parameters
-    ----------
-    file : path, optional
-        Another catalogue than the one that comes with the product.
-
-    Raises
-    ------
-    InputError
-        The file does not follow ``CatalogueDocument``.
+    ``file``: another catalogue than the one that comes with the product. Raises InputError: the file does
+    not follow ``CatalogueDocument``.
 
     Examples
     --------
@@ -48,10 +139,7 @@ def read_catalogue(file: Traversable | None = None) -> dict[str, Dataset]:
 def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
     """One dataset by name.
 
-    Raises
-    ------
-    InputError
-        There is none of that name; close ones, or all, are told.
+    Raises InputError: there is none of that name; close ones, or all, are told.
     """
     if name in catalogue:
         return catalogue[name]

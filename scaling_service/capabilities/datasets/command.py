@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.datasets.document import BASE_URL, SOURCE_FILE, Dataset
+from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE, Dataset
+from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands, terms
 from scaling_service.capabilities.shared.arguments import folder
 from scaling_service.capabilities.shared.screen import progress_bar
 
@@ -73,7 +74,6 @@ def list_datasets() -> None:
     [bold]Next[/bold]: scaling-service datasets get jia_mri
     """
     from scaling_service.capabilities.datasets.catalogue import read_catalogue
-    from scaling_service.capabilities.datasets.files import terms
 
     console = _console()
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -105,7 +105,6 @@ def get(
     """
     from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
     from scaling_service.capabilities.datasets.downloads import default_cache
-    from scaling_service.capabilities.datasets.run import get_dataset
 
     dataset = find_dataset(name, read_catalogue())
     folder = Path(name) if out is None else out
@@ -123,9 +122,6 @@ def get(
 
 def _show(obtained: Obtained, dataset: Dataset) -> None:
     """What was written and what was there, the terms, and what to run now."""
-    from scaling_service.capabilities.datasets.files import terms
-    from scaling_service.capabilities.datasets.run import next_commands
-
     console = _console()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:

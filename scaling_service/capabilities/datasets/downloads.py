@@ -11,7 +11,7 @@ from urllib.parse import quote, urlsplit
 import pooch
 import requests
 
-from scaling_service.capabilities.datasets.document import BASE_URL, RemoteFile
+from scaling_service.capabilities.datasets.catalogue import BASE_URL, RemoteFile
 from scaling_service.core.errors import FileUnreadable, InputError
 
 TIMEOUT_S = (10.0, 30.0)
@@ -34,10 +34,7 @@ def default_cache() -> Path:
 def check_base_url(base_url: str) -> str:
     """The address without a trailing slash.
 
-    Raises
-    ------
-    InputError
-        It is no http or https address.
+    Raises InputError: it is no http or https address.
     """
     try:
         parts = urlsplit(base_url.strip())
@@ -67,10 +64,7 @@ def remote_url(base_url: str, repository: str, commit: str, path: str) -> str:
 def has_hash(path: Path, sha256: str) -> bool:
     """Whether the file is there with this content.
 
-    Raises
-    ------
-    FileUnreadable
-        It is there and cannot be read.
+    Raises FileUnreadable: it is there and cannot be read.
     """
     try:
         return path.is_file() and pooch.file_hash(str(path), alg="sha256") == sha256
@@ -85,22 +79,10 @@ def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
 
     Nothing that is incomplete or wrong stays: a file appears in the cache once its SHA-256 was checked.
 
-    Parameters
-    ----------
-    url : str
-    file : RemoteFile
-        ``saved_as`` names it in the cache.
-    cache : Path
-        Folder; made if it does not exist.
-    received : callable
-        Called with the number of bytes of this file that have come so far.
-
-    Raises
-    ------
-    DownloadFailed
-        No network, no such file, a connection that broke, or another content.
-    InputError
-        The cache cannot be written to.
+    ``file``: ``saved_as`` names it in the cache. ``cache``: folder; made if it does not exist.
+    ``received``: called with the number of bytes of this file that have come so far. Raises DownloadFailed:
+    no network, no such file, a connection that broke, or another content. Raises InputError: the cache
+    cannot be written to.
     """
     try:
         with _quiet():

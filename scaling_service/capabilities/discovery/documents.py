@@ -33,7 +33,7 @@ from scaling_service.capabilities.discovery.search.option import Option
 from scaling_service.capabilities.discovery.sizes import finite, quantities, rounded
 from scaling_service.capabilities.discovery.words import sentence
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
-from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.documents.results import RepairNote
 
 _MM = 1e3

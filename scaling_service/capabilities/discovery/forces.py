@@ -67,7 +67,10 @@ def footings(loaded: Loaded, subject: Subject, model: BodyModel, cutoff_hz: floa
         Forces are there and cannot be used.
     """
     paths = {path.stem: path for path in (*subject.calibration, *subject.evaluation)}
-    found = {name: read_trial_forces(path, subject.forces.get(path.name)) for name, path in paths.items()}
+    found = {
+        name: read_trial_forces(path, loaded.plates.get(path), subject.forces.get(path.name))
+        for name, path in paths.items()
+    }
     read = {name: forces for name, forces in found.items() if forces is not None}
     if not read:
         return Footings(notes=(f"no recording has forces: {NOT_TRIED}",))

@@ -85,7 +85,8 @@ def _of_forces(effect: Sized) -> bool:
 
 def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:
     """The forces in the session's axes, at their own rate, not filtered."""
-    read = read_trial_forces(path, prepared.subject.forces.get(path.name))
+    plates = prepared.loaded.plates.get(path)
+    read = read_trial_forces(path, plates, prepared.subject.forces.get(path.name))
     axes = prepared.loaded.orientation
     assert read is not None  # it was read before
     assert axes is not None

@@ -17,8 +17,8 @@ from scaling_service.capabilities.dynamics.inertia_table import Massive, with_in
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
-from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.loading import Loaded, load
+from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.files.c3d_plates import read_c3d_plates
 from scaling_service.files.forces import read_forces
-from scaling_service.model.forces import GroundForces, SegmentLoads
+from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.trial import Array, Repair, Trial
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import ground_forces, orient_forces
@@ -22,9 +21,6 @@ from scaling_service.recording.synchronise import synchronise
 LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
 number in N mm is a thousand times larger)."""
-
-NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
-"""Fields of the errors which mean that a file holds no forces at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +48,18 @@ class TrialForces:
         return (*self.ground.repairs, *self.contacts.repairs)
 
 
-def read_trial_forces(recording: Path, named: Path | None) -> tuple[Path, GroundForces] | None:
+def read_trial_forces(
+    recording: Path, plates: PlateRecording | TrialUnusable | None, named: Path | None
+) -> tuple[Path, GroundForces] | None:
     """The forces of one recording as they stand: of the file named under ``forces:``, else of its own plates.
+
+    Parameters
+    ----------
+    recording : Path
+    plates : PlateRecording or TrialUnusable, optional
+        What was read of its plates.
+    named : Path, optional
+        The file of forces that is named for it.
 
     Returns
     -------
@@ -68,15 +74,10 @@ def read_trial_forces(recording: Path, named: Path | None) -> tuple[Path, Ground
     if named is not None:
         with _blamed_on(named):
             return named, _plausible(read_forces(named))
-    if recording.suffix.lower() != ".c3d":
+    if plates is None:
         return None
-    try:
-        with _blamed_on(recording):
-            return recording, ground_forces(read_c3d_plates(recording))
-    except TrialUnusable as error:
-        if error.field in NO_PLATES:
-            return None
-        raise
+    with _blamed_on(recording):
+        return recording, ground_forces(plates)
 
 
 def trial_forces(

@@ -14,7 +14,7 @@ from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.trial import TrialDynamics, trial_dynamics
 from scaling_service.capabilities.dynamics.verdict import verdict_of
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.subject.loading import blamed_on, recordings
+from scaling_service.capabilities.subject.reading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.model.subject import Subject
 

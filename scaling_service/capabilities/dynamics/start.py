@@ -14,11 +14,12 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS as AS_IT_IS
-from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.loading import Loaded, load, read_recordings
+from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
+from scaling_service.files.recording import Recording
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.results import Calibration, Motion
@@ -99,8 +100,9 @@ def prepare(
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file):
-        read = _forces_read(known)
-        loaded = load(known, settings)
+        raw = read_recordings(known)
+        read = _forces_read(known, raw)
+        loaded = load(known, settings, raw)
         known = loaded.session.subject  # with what the recordings state
         height = _height(known)
         feet_of(loaded.session.model)
@@ -132,10 +134,12 @@ def _height(subject: Subject) -> float:
     return subject.height_m
 
 
-def _forces_read(subject: Subject) -> dict[Path, Read]:
+def _forces_read(subject: Subject, raw: Mapping[Path, Recording]) -> dict[Path, Read]:
     """Every movement's forces, of those that have some."""
     moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
-    found = {path: read_trial_forces(path, subject.forces.get(path.name)) for path in moving}
+    found = {
+        path: read_trial_forces(path, raw[path].plates, subject.forces.get(path.name)) for path in moving
+    }
     read = {path: forces for path, forces in found.items() if forces is not None}
     if not read:
         raise TrialUnusable(

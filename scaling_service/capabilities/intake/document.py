@@ -10,6 +10,8 @@ from scaling_service.documents.arrays import ArrayEntry, PlateEntry
 
 SCHEMA_VERSION = 1
 
+Severity = Literal["error", "warning"]
+
 
 class _Travels(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -18,7 +20,7 @@ class _Travels(BaseModel):
 class ProblemEntry(_Travels):
     """Something to correct, and how."""
 
-    severity: Literal["error", "warning"] = Field(description="An error stops scaling.")
+    severity: Severity = Field(description="An error stops scaling.")
     file: str | None = None
     field: str | None = None
     problem: str

@@ -25,8 +25,7 @@ Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup",
 
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
 _SNIFFED_BYTES = 200_000
-_LONGEST_M = 3.0
-"""Chosen: no bone is so long in m; one of this extent or more is in mm."""
+_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
 
 _SETUPS = (
     ("scale_setup", re.compile(r"<ScaleTool\b")),
@@ -40,22 +39,13 @@ _SETUPS = (
 class Found:
     """One uploaded file.
 
-    Parameters
-    ----------
-    name : str
-    kind : str
-    why : str
-        How that was told.
-    problem : ProblemEntry, optional
-        Why it cannot be used.
-    content : object, optional
-        What was read: Seen, GroundForces, the unit of a mesh, the place of a set-up, a document.
+    ``content``: what was read: Seen, GroundForces, the unit of a mesh, the place of a set-up, a document.
     """
 
     name: str
     kind: Kind
-    why: str
-    problem: ProblemEntry | None = None
+    why: str  # how that was told
+    problem: ProblemEntry | None = None  # why it cannot be used
     content: Seen | GroundForces | str | Mapping[str, Any] | None = None
 
     @property
@@ -67,11 +57,7 @@ class Found:
 def look_into(file: Path, up: str | None, forward: str | None) -> Found:
     """Tell what a file is, and read it.
 
-    Parameters
-    ----------
-    file : Path
-    up, forward : str, optional
-        The laboratory's axes, where they are known.
+    ``up``, ``forward``: the laboratory's axes, where they are known.
     """
     suffix = file.suffix.lower()
     if suffix in READERS:

@@ -4,112 +4,66 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.forces import NO_PLATES
-from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry
+from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.loading import agreed_axes
 from scaling_service.core.errors import InputError
-from scaling_service.files.c3d import c3d_trial, read_c3d_file
-from scaling_service.files.c3d_plates import read_c3d_plates
-from scaling_service.files.recording import read_recording
+from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.forces import GroundForces
+from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array, Trial
-from scaling_service.recording.nameless import Nameless, nameless
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import ground_forces
-from scaling_service.recording.strays import without_strays
+from scaling_service.recording.plausibility import without_strays
 
-GUESSED = "not known"
-"""How the reason begins where an axis was not decided by markers or walking."""
-
-_HEADER_BYTES = 4096
+GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """A recording as it was read.
-
-    Parameters
-    ----------
-    file : str
-    trial : Trial
-        In the laboratory's axes, m as stated.
-    unit : str
-        As the file states it.
-    axes : Orientation
-        What this recording alone says.
-    forces : GroundForces, optional
-        Of its own plates, in the laboratory's axes.
-    corners : ndarray, shape (n_plates, 4, 3), m, optional
-        Of its own plates, in the laboratory's axes.
-    kinds : tuple of int
-        Types of its own plates by the C3D standard.
-    unlabelled : tuple of Nameless
-        Trajectories without a label.
-    problems : tuple of ProblemEntry
-    """
+    """A recording as it was read, and what it alone says."""
 
     file: str
-    trial: Trial
-    unit: str
+    trial: Recording  # in the laboratory's axes, m as stated
     axes: Orientation
-    forces: GroundForces | None = None
-    corners: Array | None = None
-    kinds: tuple[int, ...] = ()
-    unlabelled: tuple[Nameless, ...] = ()
+    forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
     problems: tuple[ProblemEntry, ...] = ()
 
+    @property
+    def plates(self) -> tuple[RawPlate, ...]:
+        """Its own plates, in the laboratory's axes."""
+        return self.trial.plates.plates if isinstance(self.trial.plates, PlateRecording) else ()
 
-def problem_of(error: InputError, severity: str = "error", file: str | None = None) -> ProblemEntry:
+    @property
+    def corners(self) -> Array | None:
+        """Of its own plates, where their forces can be used, (n_plates, 4, 3), m, as in the laboratory."""
+        known = self.plates if self.forces is not None else ()
+        return np.stack([plate.corners for plate in known]) if known else None
+
+
+def problem_of(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
-    return ProblemEntry.model_validate(
-        {
-            "severity": severity,
-            "file": named,
-            "field": error.field,
-            "problem": error.problem,
-            "remedy": error.remedy,
-        }
+    return ProblemEntry(
+        severity=severity, file=named, field=error.field, problem=error.problem, remedy=error.remedy
     )
 
 
 def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
-    """Read one recording.
+    """Read one recording; ``up`` and ``forward`` are the laboratory's axes, where they are known.
 
-    Parameters
-    ----------
-    file : Path
-    up, forward : str, optional
-        The laboratory's axes, where they are known.
-
-    Raises
-    ------
-    InputError
-        Its markers cannot be used at all. What is wrong with its plates is told in the result.
+    Raises InputError: its markers cannot be used at all. What is wrong with its plates is told in the result.
     """
-    if file.suffix.lower() != ".c3d":
-        trial = without_strays(read_recording(file))
-        nobodys = tuple(nameless(trial))
-        return Seen(file.name, trial, _stated_unit(file), _axes(trial, up, forward), unlabelled=nobodys)
-    content = read_c3d_file(file)
-    trial = without_strays(c3d_trial(content, file))
-    unit = content.point_unit or "mm (not stated)"
-    nobodys = tuple(nameless(c3d_trial(content, file, unlabelled=True)))
-    seen = Seen(file.name, trial, unit, _axes(trial, up, forward), unlabelled=nobodys)
+    trial = without_strays(read_recording(file))
+    seen = Seen(file.name, trial, _axes(trial, up, forward))
+    if trial.plates is None:
+        return seen
     try:
-        plates = read_c3d_plates(content)
-        corners = np.stack([plate.corners for plate in plates.plates]) if plates.plates else None
-        kinds = tuple(plate.kind for plate in plates.plates)
-        return replace(seen, forces=ground_forces(plates), corners=corners, kinds=kinds)
+        return replace(seen, forces=ground_forces(trial.plates))
     except InputError as error:
-        if error.field in NO_PLATES:
-            return seen
         return replace(seen, problems=(problem_of(error, "warning", file.name),))
 
 
@@ -118,14 +72,7 @@ def session_axes(
 ) -> Orientation:
     """One decision for all recordings, as scaling takes it.
 
-    Parameters
-    ----------
-    seen : sequence of Seen
-        At least one.
-    static : str, optional
-        The file of standing.
-    up, forward : str, optional
-        As given.
+    ``seen``: at least one. ``static``: the file of standing. ``up``, ``forward``: as given.
     """
     first = next((item for item in seen if item.file == static), seen[0])
     decided = {Path(first.file): first.axes}
@@ -157,14 +104,3 @@ def _once(roles: Mapping[str, str]) -> dict[str, str]:
     """Labels whose role no other label has: of two persons nobody knows whose it is."""
     every = list(roles.values())
     return {label: role for label, role in roles.items() if every.count(role) == 1}
-
-
-def _stated_unit(file: Path) -> str:
-    """The word under ``Units`` in the header of a TRC file."""
-    with file.open("rb") as stream:
-        lines = [line.split() for line in stream.read(_HEADER_BYTES).decode(errors="replace").splitlines()]
-    for keys, values in pairwise(lines):
-        named = dict(zip([key.lower() for key in keys], values, strict=False))
-        if "datarate" in named and "units" in named:
-            return named["units"][:20]
-    return "mm (not stated)"

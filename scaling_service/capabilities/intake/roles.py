@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.files import Found
 from scaling_service.capabilities.intake.recordings import Seen
-from scaling_service.capabilities.intake.static import STANDING, Standing, standings, words
+from scaling_service.capabilities.intake.standing import STANDING, Standing, standings, words
 from scaling_service.capabilities.intake.tables import WALKED_M, walked
 from scaling_service.core.text import few
 from scaling_service.model.forces import GroundForces
@@ -16,8 +16,7 @@ TIMES_S, LONGER_S = 0.1, 1.0
 """Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
 this much before and after them."""
 
-Roles = dict[str, tuple[str, str]]
-"""File to its place in the document, and why."""
+Roles = dict[str, tuple[str, str]]  # file to its place in the document, and why
 
 _MOVING = re.compile(r"hip|knee|ankle|func|squat|circ|flex|star")
 _EVALUATED = re.compile(r"walk|gait|gang|run|jog|stair|jump|hop|dyn")
@@ -30,6 +29,11 @@ _BONES = (
 )
 _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
+
+
+def static_of(roles: Mapping[str, tuple[str, str]]) -> str | None:
+    """The file of standing."""
+    return next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
 
 
 def of_recordings(found: Sequence[Found]) -> Roles:
@@ -82,11 +86,11 @@ def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> R
     A file that covers a recording's time comes before one that does not; then names count by what they have
     in common. Where two fit equally well, nobody is proposed.
     """
-    static = {file for file, (role, _) in roles.items() if role == "trials.static"}
+    static = static_of(roles)
     bare = [
         item
         for item in (f.content for f in found if isinstance(f.content, Seen))
-        if item.forces is None and item.file in roles and item.file not in static
+        if item.forces is None and item.file in roles and item.file != static
     ]
     scores = {
         (f.name, item.file): (_covers(f.content, item), _alike(f.name, item.file))
@@ -157,10 +161,7 @@ def bone_of(name: str) -> str | None:
 def of_others(found: Sequence[Found], imaged: bool) -> Iterator[tuple[str, tuple[str, str]]]:
     """Model, marker set, scale set-up and image markers, each where there is only one to choose.
 
-    Parameters
-    ----------
-    imaged : bool
-        Whether there are bones, which go with built-in models only.
+    ``imaged``: whether there are bones, which go with built-in models only.
     """
     markers = [f.name for f in found if f.kind == "image_markers" and f.usable]
     if imaged and len(markers) == 1:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.intake import warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
@@ -17,25 +18,26 @@ from scaling_service.capabilities.intake.document import (
     ProofDocument,
     RecordingProof,
 )
-from scaling_service.capabilities.intake.extra import extra_markers, with_extra_markers
 from scaling_service.capabilities.intake.files import Found, look_into
-from scaling_service.capabilities.intake.markers import propose
-from scaling_service.capabilities.intake.model import choose_model
-from scaling_service.capabilities.intake.person import sizes_proof, unknown_person, with_sizes
-from scaling_service.capabilities.intake.proposal import named_in, ordered, proposal, roles_of
-from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of, session_axes
-from scaling_service.capabilities.intake.set import consequences, marker_set_proof
-from scaling_service.capabilities.intake.tables import Ground, recording_proof
-from scaling_service.capabilities.intake.told import (
-    exchange_in,
-    of_exchanges,
-    of_labels,
-    of_plates,
-    of_standing,
-    of_times,
-    of_units,
+from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
+from scaling_service.capabilities.intake.markers import extra_markers, propose, with_extra_markers
+from scaling_service.capabilities.intake.proposal import (
+    named_in,
+    ordered,
+    proposal,
+    roles_of,
+    sizes_proof,
+    unknown_person,
+    with_sizes,
 )
-from scaling_service.capabilities.intake.warnings import warning_entry
+from scaling_service.capabilities.intake.recordings import (
+    Seen,
+    axes_entry,
+    problem_of,
+    session_axes,
+)
+from scaling_service.capabilities.intake.roles import static_of
+from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
@@ -45,6 +47,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.recording import Recording
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
@@ -57,8 +60,7 @@ from scaling_service.recording.orientation import check_axes
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
-FOLDER = "proof"
-"""Of the tables, below the job's files."""
+FOLDER = "proof"  # of the tables, below the job's files
 
 _READ, _SHOWN = 0.5, 0.7  # chosen: about the shares of time
 _SURE = 0.99  # by names alone, scaling finds the same
@@ -122,7 +124,7 @@ def prove(
     report("naming the markers", _SHOWN)
     usual, why = _usual(roles, sheet)
     model = _model(folder, known, roles, sheet, usual)
-    standing = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    standing = static_of(roles)
     markers, unused = propose(
         model,
         sheet.trials,
@@ -135,8 +137,10 @@ def prove(
         proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, sheet.trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     sheet.problems += [*_compared(found, known, roles, seen, sheet), *unknown_person(sizes)]
-    told = {exchange_in(problem) for problem in sheet.problems} - {None}
-    sheet.problems += [p for p in _refusals(folder, proposed, settings) if exchange_in(p) not in told]
+    told = {warnings.exchange_in(problem) for problem in sheet.problems} - {None}
+    read = {(folder / item.file).absolute(): item.trial for item in seen}
+    refused = _refusals(folder, proposed, settings, read)
+    sheet.problems += [p for p in refused if warnings.exchange_in(p) not in told]
     every = list(dict.fromkeys(label for trial in sheet.trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
@@ -172,7 +176,7 @@ def _folders(folder: Path) -> Iterator[ProblemEntry]:
 
 def _usual(roles: Mapping[str, tuple[str, str]], sheet: _Sheet) -> tuple[str, str]:
     """The built-in model for these recordings, and why."""
-    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    static = static_of(roles)
     moving = {file: trial for file, trial in sheet.trials.items() if file != static and file in roles}
     shown = [
         [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
@@ -194,12 +198,12 @@ def _compared(
         for f in found
         if isinstance(f.content, GroundForces)
     }
-    yield from of_standing(roles, sheet.trials, wanted=not known.get("trials"))
-    yield from of_units(seen)
-    yield from of_labels(seen)
-    yield from of_exchanges(sheet.trials)
-    yield from of_times(sheet.recordings, spans)
-    yield from of_plates(sheet.recordings)
+    yield from warnings.of_standing(roles, sheet.trials, wanted=not known.get("trials"))
+    yield from warnings.of_units(seen)
+    yield from warnings.of_labels(seen)
+    yield from warnings.of_exchanges(sheet.trials)
+    yield from warnings.of_times(sheet.recordings, spans)
+    yield from warnings.of_plates(sheet.recordings)
 
 
 def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
@@ -229,7 +233,7 @@ def _show(
             )
         )
         return
-    static = next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
+    static = static_of(roles)
     given = settings.up, settings.forward
     axes = session_axes(seen, static, *given)
     sheet.axes = axes_entry(axes, *given)
@@ -289,14 +293,16 @@ def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[
     return {marker: label for marker, label in sure.items() if label not in named.values()} | named
 
 
-def _refusals(folder: Path, proposed: Mapping[str, Any] | None, settings: Settings) -> Iterator[ProblemEntry]:
+def _refusals(
+    folder: Path, proposed: Mapping[str, Any] | None, settings: Settings, read: Mapping[Path, Recording]
+) -> Iterator[ProblemEntry]:
     """The first thing that scaling would refuse, and what it would warn of."""
     if proposed is None:
         return
     try:
         subject = subject_from_document(check_document(proposed), folder=folder)
-        session = load(subject, settings).session
-        yield from map(warning_entry, session.warnings)
+        session = load(subject, settings, read).session
+        yield from map(warnings.warning_entry, session.warnings)
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         calibrate(session, "MB", settings.calibration, {})  # in closed form: it takes milliseconds

@@ -23,11 +23,7 @@ _FILES = ("marker_set", "scale_setup", "image_markers")
 
 
 def prove_folder(
-    folder: str | Path,
-    out: str | Path,
-    settings: Settings = Settings(),
-    *,
-    progress: Progress | None = None,
+    folder: str | Path, out: str | Path, settings: Settings = Settings(), *, progress: Progress | None = None
 ) -> ProofDocument:
     """Look at all files of a folder, and write what was found into another one.
 

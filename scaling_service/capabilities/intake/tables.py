@@ -1,27 +1,28 @@
-"""What a look at recordings shows: trajectories and forces as binary tables, gaps as intervals."""
+"""What a look at recordings shows: trajectories and forces as binary tables, and who stood on which plate."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
-from scaling_service.capabilities.intake.plates import describe_plates
 from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of
+from scaling_service.capabilities.intake.standing import clusters_of
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.markers import looks_computed
-from scaling_service.model.forces import GroundForces
+from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.least_squares.masks import seen as seen_in
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.orientation import Orientation, apply
 from scaling_service.recording.plates import orient_forces
 
-WALKED_M = 1.0
-"""Chosen: who goes this far over the floor walks; squats and leg swings stay below."""
+WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
 Vector = tuple[float, float, float]
 
@@ -43,47 +44,36 @@ def recording_proof(
 ) -> tuple[RecordingProof, Trial]:
     """One recording as it travels, its tables written, and the recording in the session's axes.
 
-    Parameters
-    ----------
-    item : Seen
-    axes : Orientation
-        The session's.
-    ground : Ground, optional
-        Forces in the laboratory's axes.
-    given : (up, forward)
-        Axes as given.
-    files : ArrayFiles
-
-    Raises
-    ------
-    InputError
-        The unit of its positions cannot be told.
+    ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
+    given. Raises InputError: the unit of its positions cannot be told.
     """
     trial = apply(axes, item.trial)
     turned, problems = _turned(ground, axes, item)
-    walked, direction = _walk(trial)
+    distance, direction = _walk(trial)
+    plates: list[PlateEntry] = []
+    force = pressure = None
+    if turned is not None:
+        force, pressure, plates = _of_forces(turned, item, axes, trial, files)
     entry = RecordingProof(
         name=trial.name,
         file=item.file,
         format=item.file.rpartition(".")[2].upper(),
-        unit=item.unit,
+        unit=item.trial.unit,
         rate_hz=trial.rate_hz,
         frames=trial.n_frames,
         start_s=float(trial.times[0]),
         axes=axes_entry(item.axes, *given),
-        walked_m=round(walked, 3),
+        walked_m=round(distance, 3),
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
         markers=files.write(f"{item.file}.markers", trial.markers, "m"),
-        plates=_described(turned, item, axes, trial),
+        plates=plates,
         forces_from=None if ground is None or turned is None else ground.source,
-        force=None if turned is None else _written(files, f"{item.file}.force", turned, trial, "N"),
-        centre_of_pressure=None
-        if turned is None
-        else _written(files, f"{item.file}.pressure", turned, trial, "m"),
+        force=force,
+        centre_of_pressure=pressure,
         repairs=[
-            RepairEntry(what=r.what, where=r.where, detail=r.detail, frames=r.frames)
-            for r in (*trial.repairs, *(() if turned is None else turned.repairs))
+            RepairEntry.model_validate(repair, from_attributes=True)
+            for repair in (*trial.repairs, *(() if turned is None else turned.repairs))
         ],
         problems=[*item.problems, *problems],
     )
@@ -112,19 +102,24 @@ def _turned(
         return None, [problem_of(error, "warning", ground.source)]
 
 
-def _described(forces: GroundForces | None, item: Seen, axes: Orientation, trial: Trial) -> list[PlateEntry]:
-    """Plates with all that the recording says of them; corners and types are known of its own only."""
-    if forces is None:
-        return []
-    own = item.forces is not None and len(item.kinds) == len(forces.plates)
+def _of_forces(
+    forces: GroundForces, item: Seen, axes: Orientation, trial: Trial, files: ArrayFiles
+) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
+    """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     at_markers = forces.changed(
         times=trial.times,
         force=at_frames(forces.times, forces.force, trial.times),
         moment=at_frames(forces.times, forces.moment, trial.times),
         read=None,
     )
-    entries = plates_of(forces, _corners(item, axes) if own else None)
-    return describe_plates(entries, at_markers, trial, item.kinds if own else ())
+    own = item.corners if len(item.plates) == len(forces.plates) else None
+    entries = plates_of(forces, None if own is None else axes.rotate(own))
+    kinds = () if own is None else tuple(plate.kind for plate in item.plates)
+    return (
+        files.write(f"{item.file}.force", at_markers.force, "N"),
+        files.write(f"{item.file}.pressure", at_markers.centre_of_pressure(), "m"),
+        describe_plates(entries, at_markers, trial, kinds),
+    )
 
 
 def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
@@ -142,15 +137,6 @@ def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateE
     ]
 
 
-def _corners(item: Seen, axes: Orientation) -> Array | None:
-    return None if item.corners is None else axes.rotate(item.corners)
-
-
-def _written(files: ArrayFiles, name: str, forces: GroundForces, trial: Trial, unit: str) -> ArrayEntry:
-    values = forces.force if unit == "N" else forces.centre_of_pressure()
-    return files.write(name, at_frames(forces.times, values, trial.times), unit)
-
-
 def at_frames(times: Array, values: Array, wanted: Array) -> Array:
     """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
     after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
@@ -163,8 +149,8 @@ def at_frames(times: Array, values: Array, wanted: Array) -> Array:
 
 
 def _label(trial: Trial, column: int) -> LabelEntry:
-    shown = seen_in(trial.markers[:, column])
-    gaps = intervals(~shown)
+    shown = seen(trial.markers[:, column])
+    gaps = [(int(first), int(stop) - 1) for first, stop in runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
     return LabelEntry(
         label=trial.labels[column],
@@ -175,33 +161,136 @@ def _label(trial: Trial, column: int) -> LabelEntry:
     )
 
 
-def intervals(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last row of each stretch that is true.
-
-    Examples
-    --------
-    >>> intervals(np.array([True, False, True, True]))
-    [(0, 0), (2, 3)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
-
-
 def walked(trial: Trial, axes: Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
-    distance, _ = _walk(apply(axes, trial))
-    return distance
+    return _walk(apply(axes, trial))[0]
 
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:
     """How far the markers' middle went over the floor, m, and which way."""
-    rows = np.flatnonzero(seen_in(trial.markers).any(axis=1))
+    rows = np.flatnonzero(seen(trial.markers).any(axis=1))
     if len(rows) < 2:
         return 0.0, None
     first, last = (np.nanmedian(trial.markers[row], axis=0) for row in (rows[0], rows[-1]))
     way = (last - first) * [1.0, 0.0, 1.0]
-    walked = float(np.linalg.norm(way))
-    if walked < WALKED_M:
-        return walked, None
-    x, y, z = (round(float(v), 4) for v in way / walked)
-    return walked, (x, y, z)
+    distance = float(np.linalg.norm(way))
+    if distance < WALKED_M:
+        return distance, None
+    x, y, z = (round(float(v), 4) for v in way / distance)
+    return distance, (x, y, z)
+
+
+NEAR_M = 0.25
+"""Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
+length from heel to toes, for feet that bear few markers)."""
+
+BESIDE_M = 0.1  # chosen: soles reach this far from the markers
+
+OFFSET_N = 10.0
+"""Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""
+
+STEADY = 0.3
+"""Chosen: an offset changes by less than this share of itself; somebody or something on the plate moves."""
+
+BRIEF_S = 0.05  # chosen: briefer loads are knocks
+RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
+_BOTH = 0.3  # chosen: share of a contact that a foot must be there
+_FEWEST = 10  # frames that tell an offset
+
+_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
+
+
+def describe_plates(
+    entries: list[PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
+) -> list[PlateEntry]:
+    """Plates with type, place, who stood on them and when, and their offset.
+
+    ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
+    types of the plates; empty for forces of tables.
+    """
+    feet = _feet(trial)
+    centre, pressing = forces.centre_of_pressure(), forces.pressing
+    described = []
+    for k, entry in enumerate(entries):
+        place = forces.surfaces[k] if entry.corners_m is None else np.mean(entry.corners_m, axis=0)
+        away = {side: _distance(foot, centre[:, k]) for side, foot in feet.items()}
+        nearest = np.min(list(away.values()), axis=0) if away else np.array([])
+        stands = {side: (distance < NEAR_M) & (distance == nearest) for side, distance in away.items()}
+        near = [distance < NEAR_M for distance in away.values()]
+        if entry.corners_m is not None:
+            corners = np.asarray(entry.corners_m)
+            near += [_over(foot, corners) for foot in feet.values()]
+            stands = {
+                side: stands[side] | _rests(foot, corners, trial.rate_hz) for side, foot in feet.items()
+            }
+        offset = _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
+        loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
+        described.append(
+            entry.model_copy(
+                update={
+                    "kind": kinds[k] if k < len(kinds) else None,
+                    "centre_m": [round(float(v), 3) for v in place],
+                    "loaded_by": _loads(loaded, stands, trial) if feet else [],
+                    "offset_N": offset,
+                }
+            )
+        )
+    return described
+
+
+def _feet(trial: Trial) -> dict[str, Array]:
+    """Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's."""
+    clusters = clusters_of(trial.labels)
+    found = {}
+    for side in _FEET:
+        on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
+        on = on or clusters.get(f"tibia_{side}", [])
+        if on:
+            found[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
+    return found
+
+
+def _distance(foot: Array, centre: Array) -> Array:
+    """From the pressure to the nearest marker of a foot over the floor, m; infinite where there is none."""
+    away = np.linalg.norm(foot - centre[:, None, [0, 2]], axis=2)
+    return np.asarray(np.where(np.isfinite(away), away, np.inf).min(axis=1))
+
+
+def _over(foot: Array, corners: Array) -> NDArray[np.bool_]:
+    """Frames in which a marker of a foot is over a plate or beside it."""
+    low, high = (f(corners[:, [0, 2]], axis=0) for f in (np.min, np.max))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2).any(axis=1))
+
+
+def _rests(foot: Array, corners: Array, rate_hz: float) -> NDArray[np.bool_]:
+    """Frames in which the middle of a foot is over a plate and hardly moves."""
+    known = seen(foot)
+    middle = np.where(known[..., None], foot, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
+    low, high = (f(corners[:, [0, 2]], axis=0) for f in (np.min, np.max))
+    over = ever(known.T) & ((middle > low) & (middle < high)).all(axis=1)
+    if len(middle) < 2:
+        return np.asarray(over)
+    speed = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate_hz
+    return np.asarray(over & (speed < RESTS_M_S))
+
+
+def _loads(loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial) -> list[str]:
+    """Each contact with who makes it."""
+    told = []
+    for start, stop in runs(loaded):
+        if stop - start < BRIEF_S * trial.rate_hz:
+            continue
+        who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
+        told.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
+    return told
+
+
+def _offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:
+    """The steady reading while no foot is near, N; None where there is no such time or it is not steady."""
+    rows = alone & np.isfinite(pressing)
+    if rows.sum() < _FEWEST:
+        return None
+    low, middle, high = np.quantile(pressing[rows], [0.25, 0.5, 0.75])
+    steady = high - low <= max(STEADY * abs(middle), 0.25 * CONTACT_N)
+    return round(float(middle), 1) if steady else None

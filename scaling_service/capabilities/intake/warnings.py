@@ -1,11 +1,164 @@
-"""What loading warns of, each with what to do about it."""
+"""What a folder's recordings give cause to correct, and what loading warns of, each with its remedy."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.intake.document import ProblemEntry
+from scaling_service.capabilities.intake.document import ProblemEntry, RecordingProof
+from scaling_service.capabilities.intake.recordings import Seen
+from scaling_service.capabilities.intake.roles import static_of
+from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, clusters_of, pelvis_ratio
+from scaling_service.capabilities.intake.tables import OFFSET_N
+from scaling_service.core.text import few
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.trial import Trial
+from scaling_service.recording.exchanged import Exchange, exchanges, shape_of
+from scaling_service.recording.unlabelled import find_unlabelled
+
+Roles = Mapping[str, tuple[str, str]]
+
+
+def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
+    """That nobody stands still, or that who stands wears other markers than who moves.
+
+    ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
+    trials and left it out.
+    """
+    static = static_of(roles)
+    moving = {file: trial for file, trial in trials.items() if file != static and file in roles}
+    if static is None and moving and wanted:
+        yield _warning(
+            "nobody stands still in any recording: segments are measured on the movements, where skin "
+            "slides, and tracking markers cannot be placed",
+            "Record a few seconds of standing with all markers, or name such a recording",
+            field="trials.static",
+        )
+    if static is None or static not in trials:
+        return
+    ratio = pelvis_ratio(trials[static], list(moving.values()))
+    if abs(ratio - 1.0) > ANOTHER_PELVIS:
+        size = "wider" if ratio > 1.0 else "narrower"
+        yield _warning(
+            f"the pelvis is {abs(ratio - 1.0):.0%} {size} than in the movements: it was recorded on another "
+            "day or with other markers, or is another person",
+            "Use a static trial of the same session; without one, leave `trials.static` out, so that the "
+            "movements are measured",
+            file=static,
+            field="trials.static",
+        )
+
+
+def of_units(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
+    """Recordings whose unit of length cannot be true."""
+    for item in recordings:
+        for repair in (r for r in item.axes.repairs if r.what == "unit"):
+            remedy = "Export it again with the right unit; the markers are used as corrected"
+            if item.forces is not None:
+                remedy += ", but its force plates cannot be placed until then"
+            yield _warning(repair.detail, remedy, file=item.file, field="Units")
+
+
+def of_labels(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
+    """Trajectories without a label, with the markers whose gaps they fill."""
+    for item in recordings:
+        found = sorted(find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames))
+        filling = [f"{n.label} fills {n.filled} frames of {n.fills}" for n in found if n.fills is not None]
+        if found:
+            names = few([n.label for n in found])
+            count = "a trajectory has" if len(found) == 1 else f"{len(found)} trajectories have"
+            yield _warning(
+                f"{count} no label: {names}{f'; {few(filling)}' if filling else ''}",
+                "Label them in the recording where they fill gaps; else nothing is to be done",
+                file=item.file,
+            )
+
+
+def of_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
+    """Labels of one segment that stand for each other for a while.
+
+    Of two recordings that contradict each other all along, it is told once for both.
+    """
+    wrong: dict[str, list[Exchange]] = {}
+    for file, trial in trials.items():
+        clusters = clusters_of(trial.labels)
+        usual = shape_of((t for name, t in trials.items() if name != file), clusters)
+        wrong[file] = list(exchanges(trial, clusters, usual or shape_of([trial], clusters)))
+    told: set[tuple[str, ...]] = set()
+    for file, found in wrong.items():
+        for item in found:
+            rivals = [
+                n for n, others in wrong.items() if n != file and item.labels in [o.labels for o in others]
+            ]
+            if rivals and item.labels in told:
+                continue
+            told.add(item.labels)
+            where = f", or in {few(rivals)}" if rivals else ""
+            yield _warning(
+                f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
+                f"{item.end_s:.2f} s{where}: distances on their segment differ by "
+                f"{1e3 * item.difference_m:.0f} mm from those in the other recordings, by "
+                f"{1e3 * item.left_m:.0f} mm with the labels put right",
+                "Correct the labels in the recording; until then do not fit it: good markers would be blamed",
+                file=file,
+            )
+
+
+_EXCHANGED = re.compile(r"(?:^(?P<trial>.+): )?the labels (?P<labels>.+?) look exchanged")
+
+
+def exchange_in(problem: ProblemEntry) -> tuple[str, frozenset[str]] | None:
+    """The recording and the landmarks of a problem that tells of exchanged labels, whoever found it."""
+    found = _EXCHANGED.search(problem.problem)
+    if found is None:
+        return None
+    trial = found["trial"] or str(problem.file).rpartition(".")[0]
+    return trial, frozenset(canonical(label) or label for label in found["labels"].split(" and "))
+
+
+def of_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
+    """Plates that read something while nobody is near them, each once for all recordings."""
+    offsets: dict[str, dict[str, float]] = {}
+    for recording in recordings:
+        for plate in recording.plates:
+            if plate.offset_N is not None and abs(plate.offset_N) > OFFSET_N:
+                file = recording.forces_from or recording.file
+                offsets.setdefault(plate.name, {})[file] = plate.offset_N
+    for name, found in offsets.items():
+        low, high = (f"{value:.0f}" for value in (min(found.values()), max(found.values())))
+        yield _warning(
+            f"{name} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
+            "Zero the plate before recording, or subtract this offset: else it loads the person",
+            file=few(list(found)),
+        )
+
+
+def of_times(
+    recordings: Sequence[RecordingProof], spans: Mapping[str, tuple[float, float]]
+) -> Iterator[ProblemEntry]:
+    """Files of forces that do not cover the recording that they are for."""
+    for recording in recordings:
+        source = recording.forces_from
+        if source is None or source == recording.file or source not in spans:
+            continue
+        first, last = recording.start_s, recording.start_s + (recording.frames - 1) / recording.rate_hz
+        begins, ends = spans[source]
+        if begins > first + _LATE_S or ends < last - _LATE_S:
+            yield _warning(
+                f"it covers {begins:.2f} to {ends:.2f} s, but {recording.file} lasts from {first:.2f} to "
+                f"{last:.2f} s",
+                "Check that it belongs to this recording; frames without forces are left out of dynamics",
+                file=source,
+                field=f"forces.{recording.file}",
+            )
+
+
+_LATE_S = 0.1  # chosen: other clocks and rounding
+
+
+def _warning(problem: str, remedy: str, file: str | None = None, field: str | None = None) -> ProblemEntry:
+    return ProblemEntry(severity="warning", file=file, field=field, problem=problem, remedy=remedy)
+
 
 _REMEDIES: Mapping[str, str] = {
     r": correct the labels in the recording$": "Correct the labels in the recording",

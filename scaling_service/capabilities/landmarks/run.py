@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.refusals import MeshRefused
-from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit
 from scaling_service.capabilities.scaling.documents import code_version
@@ -22,17 +21,13 @@ from scaling_service.core.errors import InputError
 from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"
-DETECT = "detect"
-"""In place of a unit: the one in which the bones have the size of bones."""
+DETECT = "detect"  # in place of a unit: the one in which the bones have the size of bones
 
 _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path],
-    *,
-    units: str = DETECT,
-    progress: Callable[[str, float], None] | None = None,
+    bones: Mapping[str, Path], *, units: str = DETECT, progress: Callable[[str, float], None] | None = None
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
@@ -82,10 +77,7 @@ def landmark_bones(
 def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
     """Write ``landmarks.json`` into a folder, complete or not at all; returns its path.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be made or written to.
+    Raises InputError: the folder cannot be made or written to.
     """
     check_folder(folder)
     target = Path(folder) / FILE_NAME

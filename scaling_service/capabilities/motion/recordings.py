@@ -12,7 +12,8 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.result import MotionResult
 from scaling_service.capabilities.motion.run import track_all
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load
+from scaling_service.capabilities.subject.loading import Loaded, load
+from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.documents.subject import MODEL_SUFFIXES

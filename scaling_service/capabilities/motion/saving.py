@@ -13,7 +13,7 @@ from scaling_service.capabilities.motion.recordings import Tracked
 from scaling_service.capabilities.motion.result import TrackedTrial, trial_document
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
-from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
 from scaling_service.recording.settings import ProcessingSettings

@@ -17,16 +17,13 @@ from scaling_service.capabilities.scaling.bone_files import local_bones
 from scaling_service.capabilities.scaling.curves import gait_curves
 from scaling_service.capabilities.scaling.report.data import CycleCurves
 from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError
-from scaling_service.files.c3d import read_c3d_file
-from scaling_service.files.c3d_plates import read_c3d_plates
 from scaling_service.files.forces import read_forces
-from scaling_service.model.forces import GroundForces
+from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.images import Bone
-from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
-from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import ground_forces, orient_forces
 from scaling_service.report.coarse import coarsened
 
@@ -49,7 +46,7 @@ def scene_of_results(results: Results, outputs: Path) -> SceneDocument:
     fitted = {trial.name for trial in session.calibration}
     recorded = []
     for trial in session.dynamic:
-        forces, corners = _ground(session.subject, trial, results.loaded.orientation)
+        forces, corners = _ground(results.loaded, trial)
         played = tuple(_played(name, scaling, trial) for name, scaling in results.scalings.items())
         recorded.append(
             Recorded(
@@ -74,21 +71,19 @@ def _played(name: str, scaling: Scaling, trial: Trial) -> Played:
     return Played(name, model, motion.q, motion.markers, motion.distances, frozenset(motion.estimated))
 
 
-def _ground(
-    subject: Subject, trial: Trial, axes: Orientation | None
-) -> tuple[GroundForces | None, Array | None]:
+def _ground(loaded: Loaded, trial: Trial) -> tuple[GroundForces | None, Array | None]:
     """Forces and corners of plates in our axes; none where they cannot be used, as the proof tells."""
+    subject, axes = loaded.session.subject, loaded.orientation
     paths = {path.stem: path for path in (*subject.calibration, *subject.evaluation)}
     path = paths.get(trial.name)
     if path is None or axes is None:
         return None, None
-    named = subject.forces.get(path.name)
+    named, plates = subject.forces.get(path.name), loaded.plates.get(path)
     try:
         if named is not None:
             return (orient_forces(axes, read_forces(named)), None) if axes.up == "+y" else (None, None)
-        if path.suffix.lower() != ".c3d":
+        if not isinstance(plates, PlateRecording):
             return None, None
-        plates = read_c3d_plates(read_c3d_file(path))
         corners = axes.rotate(np.stack([plate.corners for plate in plates.plates]))
         return orient_forces(axes, ground_forces(plates)), corners
     except InputError:

@@ -12,7 +12,7 @@ from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait
 from scaling_service.capabilities.scaling.comparison.generalisation import generalisation
 from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.run import Results, Scaling
-from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.documents.results import (
     ComparisonDocument,
     FittedParameter,
@@ -29,7 +29,7 @@ from scaling_service.documents.results import (
     VerdictDocument,
     WallTime,
 )
-from scaling_service.documents.sizes import SIZE_UNIT
+from scaling_service.documents.subject import SIZE_UNIT
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair

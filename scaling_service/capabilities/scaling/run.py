@@ -13,9 +13,9 @@ from scaling_service.capabilities.scaling.comparison.segments import Geometry, g
 from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised, calibrate
 from scaling_service.capabilities.scaling.plausible import doubts
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
+from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.mass import with_mass
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration, Motion

@@ -1,8 +1,8 @@
-"""Whether recordings suit each other, the model and a scale set-up, asked before anything is fitted."""
+"""Whether recordings suit each other and the model, asked before anything is fitted; what to tell of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.recording.exchanged import exchanged
 
 SAME_M = 1e-5
 """Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two
@@ -33,15 +34,7 @@ inner side of a joint alone. The other way round is common."""
 def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
     """One recording under two names would count twice, or pass for one that was never fitted.
 
-    Parameters
-    ----------
-    trials : mapping
-        File to what it holds, in m.
-
-    Raises
-    ------
-    SubjectInvalid
-        Naming both files.
+    ``trials``: file to what it holds, in m. Raises SubjectInvalid: naming both files.
     """
     fields = {path: f"trials.evaluation.{k}" for k, path in enumerate(subject.evaluation)}
     fields |= {path: f"trials.calibration.{k}" for k, path in enumerate(subject.calibration)}
@@ -67,15 +60,7 @@ def _same(one: Trial, other: Trial) -> bool:
 def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
     """Two markers of one segment with the same positions give it no size.
 
-    Parameters
-    ----------
-    trial : Trial
-        In m, with the model's names.
-
-    Raises
-    ------
-    TrialUnusable
-        Naming both.
+    ``trial``: in m, with the model's names. Raises TrialUnusable: naming both.
     """
     carried: dict[str, list[Marker]] = {}
     for marker in model.markers:
@@ -106,9 +91,7 @@ def require_landmarks(session: Session) -> None:
     the outer landmark of a knee or ankle as soon as the inner one is. A leg that was not marked at all
     is nobody's mistake. Landmarks of which the model has no marker are not needed.
 
-    Raises
-    ------
-    MarkerMissing
+    Raises MarkerMissing.
     """
     trials = [*([session.static] if session.static is not None else []), *session.dynamic]
     ours = {landmark: m.name for m in session.model.markers if (landmark := canonical(m.name)) is not None}
@@ -128,17 +111,8 @@ def require_landmarks(session: Session) -> None:
 def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[str]:
     """Refuse a scale set-up whose measurements cannot be taken, and tell what it scales in vain.
 
-    Parameters
-    ----------
-    trial : Trial
-        The one that lengths are measured on.
-    file : Path
-        The set-up.
-
-    Raises
-    ------
-    TrialUnusable
-        A measurement's marker is not in the model or never seen, or the time range holds no frame.
+    ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
+    measurement's marker is not in the model or never seen, or the time range holds no frame.
     """
     rows = _rows(setup, trial, file)
     for measurement in setup.measurements:
@@ -186,3 +160,84 @@ def _require_pair(
             field=f"{pair[0]}, {pair[1]}",
             remedy="Label them in the recording, or take the measurement out of the scale set-up",
         )
+
+
+_TOLD = ("stray", "impossible_position", "cut_row")
+"""Repairs that a person should know of without opening the results."""
+
+_STANDS_IN: Mapping[str, tuple[str, ...]] = {
+    "RPSIS": ("SACR", "LPSIS"),
+    "LPSIS": ("SACR", "RPSIS"),
+    **{
+        f"{side}{inner}": (f"{side}{outer}",)
+        for side in "RL"
+        for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
+    },
+}
+"""Landmark, and those from which scaling constructs what it needs of it, the best first."""
+
+_FRAME_COUNTS = ("NumFrames", "frames")
+"""Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
+
+
+def notes(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
+    """One plain sentence for each thing.
+
+    ``trials``: with the model's names, before gaps are filled and positions smoothed.
+    """
+    shown = {trial.name: _shown(trial) for trial in trials}
+    if subject.calibration and not subject.evaluation:
+        yield (
+            "there is no evaluation trial: nothing says how well the models follow recordings that were "
+            "not used to fit"
+        )
+    yield from _unseen(model, subject, set().union(*shown.values()), trials)
+    for trial in trials:
+        yield from _repaired(trial)
+        yield from exchanged(trial, {label: role for label in trial.labels if (role := canonical(label))})
+
+
+def _shown(trial: Trial) -> set[str]:
+    """The labels that are seen in some frame."""
+    return {trial.labels[k] for k in np.flatnonzero(ever(seen(trial.markers)))}
+
+
+def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequence[Trial]) -> Iterator[str]:
+    followed = [m.name for m in model.markers if m.weight > 0.0]
+    missing = [name for name in followed if name not in shown]
+    landmarks = {canonical(name) for name in shown}
+    computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in shown]
+    if computed:
+        yield (
+            f"{few(computed)} are points that software computed from markers: they are not followed; "
+            f"map them under `markers:` to use them"
+        )
+    replaced = {name: found for name in missing if (found := _stand_in(name, landmarks)) is not None}
+    if replaced:
+        stand_ins = list(dict.fromkeys(replaced.values()))
+        yield f"{few(list(replaced))} not recorded: {few(stand_ins)} and sizes stand in for them"
+    missing = [name for name in missing if name not in replaced]
+    if missing:
+        yield f"no recording shows {', '.join(missing)} of the model: not used"
+    for label in subject.extra_markers:
+        if label not in shown:
+            yield f"extra marker '{label}' is in no recording: it is left out"
+    for trial in trials:
+        here = _shown(trial)
+        empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
+        if empty:
+            yield f"{trial.name}: {few(empty)} labelled, but never seen"
+
+
+def _stand_in(name: str, landmarks: Container[str | None]) -> str | None:
+    others = _STANDS_IN.get(canonical(name) or "", ())
+    return next((other for other in others if other in landmarks), None)
+
+
+def _repaired(trial: Trial) -> Iterator[str]:
+    for repair in trial.repairs:
+        if repair.what in _TOLD:
+            count = f"{repair.frames} frame{'s' if repair.frames != 1 else ''}"
+            yield f"{trial.name}: {repair.where}: {repair.detail} ({count})"
+        elif repair.what == "header" and repair.where in _FRAME_COUNTS:
+            yield f"{trial.name}: {repair.detail} frames: it may be a part of a recording"

@@ -2,94 +2,91 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
-from scaling_service.capabilities.subject.bone_evidence import gather
-from scaling_service.capabilities.subject.checks import refuse_one_spot, refuse_repeated, require_measurements
-from scaling_service.capabilities.subject.notes import notes
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
+from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
+from scaling_service.capabilities.subject import checks, labels
+from scaling_service.capabilities.subject.reading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import few
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.files.image_markers import read_image_markers
+from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim import read_osim, read_scale_setup
-from scaling_service.files.recording import read_recording
-from scaling_service.model.anatomy.marker_sets import tracking_segments
-from scaling_service.model.anatomy.markers import (
-    LabelMap,
-    canonical,
-    looks_computed,
-    match_labels,
-    strip_prefix,
-)
-from scaling_service.model.body import BodyModel
+from scaling_service.files.recording import Recording, read_recording
+from scaling_service.model.anatomy.markers import canonical, match_labels
+from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.forces import PlateRecording
+from scaling_service.model.images import Bone, ImageEvidence
 from scaling_service.model.sizes import MeasuredSizes, merge
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Repair, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.pipeline import process
-from scaling_service.recording.strays import without_strays
+from scaling_service.recording.plausibility import without_strays
 
-_LIMBS = ("femur", "tibia")
-_FEWEST = 3  # markers without which a segment has no pose of its own
+_NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loaded:
     """A session, and how its labels and axes were understood.
 
-    Parameters
-    ----------
-    session : Session
-    markers_used : mapping
-        Model marker to the labels that were taken for it, one unless trials differ.
-    axes : str
-        Which laboratory axes were taken for up and forward.
-    orientation : Orientation, optional
-        The same as a rotation, for forces.
+    ``markers_used``: model marker to the labels that were taken for it, one unless trials differ.
+    ``plates``: recording to its own force plates, or why they cannot be used.
     """
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    axes: str = ""
-    orientation: Orientation | None = None
+    axes: str = ""  # which laboratory axes were taken for up and forward
+    orientation: Orientation | None = None  # the same as a rotation, for forces
+    plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
 
 
-def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
+def load(
+    subject: Subject, settings: Settings = Settings(), read: Mapping[Path, Recording] = _NOTHING
+) -> Loaded:
     """Read the model and the recordings of a subject.
 
     Labels become the model's marker names, positions m with X forward, Y up and Z right, gaps are
     filled as the settings allow; everything that was changed is in each trial's ``repairs``.
+
+    Parameters
+    ----------
+    subject : Subject
+    settings : Settings
+    read : mapping, optional
+        Recordings that were read already, by :func:`read_recordings`; the others are read.
 
     Raises
     ------
     InputError
         Whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    model = _without_computed(read_model(subject.model, subject.marker_set), subject)
-    _check_segments(subject, model)
-    paths = recordings(subject)
-    raw = {path: _read(path) for path in paths}
+    model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
+    labels.check_segments(subject, model)
+    raw = read_recordings(subject, read)
     subject, of_sizes = with_stated_sizes(subject, raw)
-    _check_explicit(subject, model, list(raw.values()))
-    subject, of_tracking = with_tracking_markers(subject, model, raw)
+    labels.check_explicit(subject, model, list(raw.values()))
+    subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-    named = {path: _named(trial, wanted, subject, path) for path, trial in raw.items()}
+    named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _axes(named, subject.static, settings)
-    clusters = _clusters(model, subject)
+    clusters = labels.clusters_of(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blamed_on(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
-            refuse_one_spot(model, ready[path])
-    refuse_repeated(ready, subject)
+            checks.refuse_one_spot(model, ready[path])
+    checks.refuse_repeated(ready, subject)
     setup, told = _scale_setup(subject, model, ready)
-    images, of_images = gather(subject, model)
+    images, of_images = gather_images(subject, model)
     session = Session(
         subject,
         model,
@@ -102,11 +99,25 @@ def load(subject: Subject, settings: Settings = Settings()) -> Loaded:
             *of_tracking,
             *told,
             *of_images,
-            *notes(model, subject, [trial for trial, _ in named.values()]),
+            *checks.notes(model, subject, [trial for trial, _ in named.values()]),
         ),
         images,
     )
-    return Loaded(session, _used([mapped for _, mapped in named.values()], wanted), axes.description, axes)
+    used = labels.labels_used([mapped for _, mapped in named.values()], wanted)
+    plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
+    return Loaded(session, used, axes.description, axes, plates)
+
+
+def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:
+    """The recordings of all trials as their files hold them, positions that no body can reach taken out.
+
+    Those that are ``known`` are not read again.
+    """
+    read = {}
+    for path in recordings(subject):
+        with blamed_on(path, [path]):
+            read[path] = known[path] if path in known else without_strays(read_recording(path))
+    return read
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
@@ -133,21 +144,11 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     return builtin(str(name_or_path))
 
 
-def recordings(subject: Subject) -> tuple[Path, ...]:
-    """The files of all trials, each once: static, calibration, evaluation."""
-    static = () if subject.static is None else (subject.static,)
-    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
-
-
 def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:
     """The subject with height, mass and sizes that its recordings state and its file does not.
 
-    Returns
-    -------
-    subject : Subject
-    notes : tuple of str
-        What two of them state differently: the subject file counts before the recordings, then the first
-        recording.
+    Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
+    then the first recording.
     """
     own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
     notes = tuple(
@@ -162,80 +163,6 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
     return completed, notes
 
 
-def with_tracking_markers(
-    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial]
-) -> tuple[Subject, tuple[str, ...]]:
-    """The subject with tracking markers of its marker set on thighs and shanks that movements hardly show.
-
-    A segment with fewer than three markers has no pose of its own; where the subject file names no extra
-    markers, those whose place the set tells are taken. Only for built-in models: others bring their own.
-
-    Returns
-    -------
-    subject : Subject
-    notes : tuple of str
-    """
-    if subject.extra_markers or subject.model not in BUILTIN_NAMES:
-        return subject, ()
-    moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
-    labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
-    matched = match_labels(sorted(labels), model.marker_names, _explicit_in(subject, labels)).mapped
-    carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
-    known = tracking_segments(sorted(labels - set(matched.values())), model)
-    added = {
-        strip_prefix(label): segment
-        for label, segment in known.items()
-        if segment.startswith(_LIMBS) and carried[segment] < _FEWEST
-    }
-    if not added:
-        return subject, ()
-    note = f"{few(list(added))}: tracking markers of this marker set, used though no extra_markers name them"
-    return replace(subject, extra_markers=added), (note,)
-
-
-def _explicit_in(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
-    return {m: label for m, label in subject.marker_map.items() if _has(list(labels), label)}
-
-
-@contextmanager
-def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
-    """Let errors raised inside name a file.
-
-    Parameters
-    ----------
-    file : Path, optional
-        Named where an error names none.
-    trials : iterable of Path
-        Named where an error names the bare stem of one.
-    """
-    try:
-        yield
-    except InputError as error:
-        by_stem = {path.stem: path for path in trials}
-        found = file if error.file is None else by_stem.get(error.file)
-        if found is not None:
-            error.file = str(found)
-        raise
-
-
-def _read(path: Path) -> Trial:
-    with blamed_on(path, [path]):
-        return without_strays(read_recording(path))
-
-
-def _without_computed(model: BodyModel, subject: Subject) -> BodyModel:
-    """The model with points that other software computes from markers (joint centres) not to be followed.
-
-    They may still be measured by a scale set-up, and are markers again where the subject file maps them.
-    """
-    return model.with_markers(
-        tuple(
-            replace(m, weight=0.0) if looks_computed(m.name) and m.name not in subject.marker_map else m
-            for m in model.markers
-        )
-    )
-
-
 def _scale_setup(
     subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
 ) -> tuple[ScaleSetup | None, tuple[str, ...]]:
@@ -247,81 +174,11 @@ def _scale_setup(
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
         with blamed_on(None, [standing]):
-            told = tuple(require_measurements(setup, model, ready[standing], subject.scale_setup))
+            told = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
         return setup, told
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), told
-
-
-def _check_segments(subject: Subject, model: BodyModel) -> None:
-    for label, segment in subject.extra_markers.items():
-        if segment not in model.segment_names:
-            raise SubjectInvalid(
-                f"model '{model.name}' has no segment '{segment}'",
-                field=f"extra_markers.{label}",
-                remedy=f"{_guess(segment, model.segment_names)}Its segments are "
-                f"{', '.join(model.segment_names)}",
-            )
-
-
-def _check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) -> None:
-    """A marker that the subject file maps is the model's, and its label in at least one recording."""
-    present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
-    for marker, label in subject.marker_map.items():
-        if marker not in model.marker_names and marker not in subject.extra_markers:
-            raise SubjectInvalid(
-                f"the model has no marker '{marker}'",
-                field=f"markers.{marker}",
-                remedy=f"{_guess(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
-            )
-        if not _has(present, label):
-            raise SubjectInvalid(
-                f"label '{label}' is in no recording",
-                field=f"markers.{marker}",
-                remedy=f"{_guess(label, [strip_prefix(p) for p in present])}Their labels are "
-                f"{', '.join(present)}",
-            )
-
-
-def _guess(name: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"Did you mean '{close[0]}'? " if close else ""
-
-
-def _has(labels: Sequence[str], label: str) -> bool:
-    return label in labels or label in map(strip_prefix, labels)
-
-
-def _named(
-    trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
-) -> tuple[Trial, Mapping[str, str]]:
-    """A trial with the model's names in place of its labels, and which label was taken for which marker."""
-    explicit = _explicit_in(subject, trial.labels)
-    with blamed_on(path):
-        found = match_labels(trial.labels, wanted, explicit)
-        _refuse_rivals(found, explicit)
-    # A label that happens to carry a marker's name, while the user mapped that marker to another one.
-    shadowed = [label for label in found.unused_labels if label in found.mapped]
-    kept = trial.selected([label for label in trial.labels if label not in shadowed])
-    notes = [Repair("label", path.name, note) for note in found.notes]
-    notes += [
-        Repair("label", label, f"'{label}' was left out: the marker is another label") for label in shadowed
-    ]
-    renamed = kept.relabelled(found.renames)
-    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
-
-
-def _refuse_rivals(found: LabelMap, explicit: Mapping[str, str]) -> None:
-    """The same label with and without a prefix, or with two: they may be of two persons."""
-    for marker, label in found.mapped.items():
-        rivals = [other for other in found.unused_labels if strip_prefix(other) == strip_prefix(label)]
-        if rivals and marker not in explicit:
-            raise InputError(
-                f"marker '{marker}' could be {' or '.join(repr(name) for name in (label, *rivals))}",
-                field=f"markers.{marker}",
-                remedy="Say under `markers:` in the subject file which label it is",
-            )
 
 
 def _axes(
@@ -344,12 +201,8 @@ def _axes(
 def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
-    Parameters
-    ----------
-    decided : mapping
-        File to its own decision, at least one, all with the same up.
-    static : Path, optional
-        The recording of standing, which counts only where there is no other.
+    ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
+    standing, which counts only where there is no other.
     """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
     most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
@@ -358,15 +211,42 @@ def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Ori
     return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 
 
-def _clusters(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
-    """Segment to the labels on it, from which gaps of the others can be filled."""
-    found: dict[str, list[str]] = {segment: [] for segment in model.segment_names}
-    sides = {m.name: m.segment for m in model.markers if m.weight > 0.0} | dict(subject.extra_markers)
-    for label, segment in sides.items():
-        found[segment].append(label)
-    return {segment: tuple(labels) for segment, labels in found.items() if labels}
+def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:
+    """What a subject's bones and image markers say, and what to tell of it.
+
+    Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
+    InputError: a file cannot be read, or a mesh is not the bone that it is said to be.
+    """
+    if not subject.bones:
+        return None, ()
+    if subject.model not in BUILTIN_NAMES:
+        return None, ("bones are used with built-in leg models only: image-based methods were left out",)
+    scale = UNITS[subject.bone_units]
+    meshes = {name: read_mesh(path) for name, path in subject.bones.items()}
+    shapes = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+    try:
+        found = find_landmarks(shapes)
+    except MeshRefused as error:
+        file = subject.bones.get(error.field or "")
+        field = f"bones.{error.field}" if error.field in subject.bones else error.field
+        raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
+    bones = {name: Bone(*shape) for name, shape in shapes.items()}
+    evidence = evidence_of(found, _image_markers(subject, model), bones)
+    return evidence, tuple(
+        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone))
+    )
 
 
-def _used(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
-    return {name: labels for name, labels in every.items() if labels}
+def _refused(bone: BoneLandmarks) -> Iterator[str]:
+    return (f"{point} was not taken: {why}" for point, why in bone.refused.items())
+
+
+def _image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
+    """Image markers under the model's names, those on segments that the model has."""
+    if subject.image_markers is None:
+        return {}
+    seen = read_image_markers(subject.image_markers)
+    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
+    explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
+    names = match_labels(list(seen), wanted, explicit).mapped
+    return {m: seen[label] for m, label in names.items() if seen[label][0] in model.segment_names}

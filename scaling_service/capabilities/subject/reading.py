@@ -1,14 +1,17 @@
-"""From a subject document to a subject: paths made absolute and looked for, names checked."""
+"""From a subject document to a subject: paths made absolute and looked for, names checked, files hashed."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 
-from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.subject import SubjectDocument
+from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
@@ -49,18 +52,8 @@ def subject_from_document(
 ) -> Subject:
     """The subject that a checked document describes.
 
-    Parameters
-    ----------
-    document : SubjectDocument
-    folder : Path
-        What the document's paths are relative to.
-    file : path, optional
-        Named in errors.
-
-    Raises
-    ------
-    SubjectInvalid
-        A file is absent, of a format that is not read, or the built-in model does not exist.
+    ``folder``: what the document's paths are relative to. ``file``: named in errors. Raises SubjectInvalid:
+    a file is absent, of a format that is not read, or the built-in model does not exist.
     """
     find = _Finder(folder, str(file) if file is not None else None)
     person, trials = document.subject, document.trials
@@ -143,3 +136,57 @@ class _Finder:
         close = difflib.get_close_matches(missing.name, names, n=1, cutoff=0.75)  # suffixes are alike
         otherwise = "Paths are relative to the subject file: correct the path"
         return f"Did you mean '{close[0]}'?" if close else otherwise
+
+
+def recordings(subject: Subject) -> tuple[Path, ...]:
+    """The files of all trials, each once: static, calibration, evaluation."""
+    static = () if subject.static is None else (subject.static,)
+    return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
+
+
+@contextmanager
+def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+    """Let errors raised inside name a file.
+
+    ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
+    """
+    try:
+        yield
+    except InputError as error:
+        by_stem = {path.stem: path for path in trials}
+        found = file if error.file is None else by_stem.get(error.file)
+        if found is not None:
+            error.file = str(found)
+        raise
+
+
+def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
+    """SHA-256 of the subject file and of every file that it names.
+
+    Returns file to hexadecimal digest. Files at or below the subject file's folder are named relative to
+    it, so that the same data elsewhere give the same document.
+    """
+    folder = None if subject_file is None else subject_file.resolve().parent
+    found: dict[str, str] = {}
+    for path in _inputs(subject, subject_file):
+        place = Path(os.path.abspath(path))  # noqa: PTH100 (links keep their names, ".." goes)
+        inside = folder is not None and place.is_relative_to(folder)
+        name = place.relative_to(folder).as_posix() if inside and folder is not None else str(place)
+        found[name] = _digest(path)
+    return found
+
+
+def _inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
+    if subject_file is not None:
+        yield subject_file.resolve()
+    if subject.model.lower().endswith(MODEL_SUFFIXES):
+        yield Path(subject.model)
+    yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
+    yield from recordings(subject)
+    yield from subject.forces.values()
+    yield from subject.bones.values()
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

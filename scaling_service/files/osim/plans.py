@@ -33,10 +33,7 @@ def planned_joints(model: BodyModel) -> tuple[list[Json], list[Json]]:
     A coordinate of OpenSim's belongs to one joint. Where a second joint follows it, that joint gets
     a coordinate of its own that a coupler keeps equal to the first.
 
-    Raises
-    ------
-    ModelRefused
-        A chain of moves that a CustomJoint cannot hold; ``field`` names the joint.
+    Raises ModelRefused: a chain of moves that a CustomJoint cannot hold; ``field`` names the joint.
     """
     known = {c.independent: c.dependent for c in model.couplers if c.law == Law.of(c.independent)}
     taken: set[str] = set()
@@ -242,10 +239,7 @@ def _open_end(coordinate: Coordinate) -> float:
 def planned_markers(model: BodyModel) -> list[Json]:
     """Markers at fixed positions.
 
-    Raises
-    ------
-    ModelRefused
-        A marker that moves on its segment, which OpenSim's markers cannot.
+    Raises ModelRefused: a marker that moves on its segment, which OpenSim's markers cannot.
     """
     for marker in model.markers:
         if not all(law.is_constant for law in marker.laws):

@@ -28,20 +28,10 @@ _KINDS: Mapping[str, type[InputError]] = {
 def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> dict[str, Any]:
     """Send one request to a fresh worker and return its answer.
 
-    Parameters
-    ----------
-    request : mapping
-        JSON-ready; ``file`` names the file that an unexplained failure is blamed on.
-    time_limit_s : float
-
-    Raises
-    ------
-    DependencyMissing
-        If opensim is not installed.
-    FileUnreadable
-        If OpenSim cannot read the file, crashes on it or takes too long.
-    ModelRefused
-        If the model holds a component that cannot be represented.
+    ``request``: JSON-ready; ``file`` names the file that an unexplained failure is blamed on. Raises
+    DependencyMissing if opensim is not installed. Raises FileUnreadable if OpenSim cannot read the file,
+    crashes on it or takes too long. Raises ModelRefused if the model holds a component that cannot be
+    represented.
     """
     with tempfile.TemporaryDirectory(prefix="osim-") as scratch:
         try:

@@ -8,22 +8,26 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from scaling_service.core.errors import FileUnreadable, ModelRefused
-from scaling_service.files.osim.chains import joint_chain
 from scaling_service.files.osim.process import ask
+from scaling_service.files.osim.setups import parse_xml
 from scaling_service.files.osim.shapes import NotPolynomial, substituted
-from scaling_service.files.osim.xml_file import parse_xml
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
     Coordinate,
     Coupler,
+    Joint,
     Law,
     Marker,
     Segment,
     Shape,
     Term,
+    Vector,
 )
+from scaling_service.numerics.multibody.rigid import vector_from_rotation
 
 Json = Mapping[str, Any]
 
@@ -114,10 +118,7 @@ def _no_model(path: Path) -> FileUnreadable:
 def model_from(description: Json, *, source: str) -> BodyModel:
     """A body model from what the worker says of an OpenSim model.
 
-    Raises
-    ------
-    ModelRefused
-        If the joints form a loop, leave a body loose, or a coupler cannot be substituted.
+    Raises ModelRefused if the joints form a loop, leave a body loose, or a coupler cannot be substituted.
     """
     follows = _resolved(description["couplers"])
     segments = [_substituted(segment, follows) for segment in _segments(description)]
@@ -258,3 +259,63 @@ def _or_refused(law: Law, coordinate: str, follows: Law, component: str) -> Law:
             field=component,
             remedy="Use functions of lower degree, such as piecewise linear ones, for the coupling",
         ) from error
+
+
+_NO_TURN = 1e-15
+"""rad; a smaller constant rotation is rounding (chosen: below the spacing of numbers near one)."""
+
+
+def joint_chain(joint: Json, laws: Sequence[Law], *, reversed_: bool = False) -> tuple[Joint, ...]:
+    """The chain from the parent body's frame to the child body's.
+
+    ``joint``: ``parent`` and ``child`` frames (body and offsets, outwards) and the ``axes``: for each its
+    kind, direction in the parent's joint frame and whether it scales with the parent. ``laws``: one per
+    axis. ``reversed_``: whether the chain is to lead from the child body to the parent body.
+
+    OpenSim's joints move by translations along axes fixed in the parent's joint frame, followed by
+    body-fixed successive rotations (Simbody's function-based mobilizer).
+    """
+    parent = joint["parent"]["body"]
+    moving = [_moving(axis, law, parent) for axis, law in zip(joint["axes"], laws, strict=True) if law.terms]
+    chain = (
+        *_offset_chain(joint["parent"]),
+        *(j for j in moving if j.kind == "translation"),
+        *(j for j in moving if j.kind == "rotation"),
+        *inverse_chain(_offset_chain(joint["child"])),
+    )
+    return inverse_chain(chain) if reversed_ else chain
+
+
+def inverse_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
+    """The chain that leads back."""
+    return tuple(replace(joint, law=joint.law.scaled(-1.0)) for joint in reversed(chain))
+
+
+def _moving(axis: Json, law: Law, parent: str) -> Joint:
+    direction = np.array(axis["axis"], dtype=float)
+    direction /= np.linalg.norm(direction)
+    scales = parent if axis["scales"] and parent != GROUND else None
+    if axis["kind"] == "rotation":
+        return Joint("rotation", _vector(direction), law)
+    return Joint("translation", _vector(direction), law, scales)
+
+
+def _offset_chain(frame: Json) -> tuple[Joint, ...]:
+    """From a body to a frame fixed in it, through all offsets between."""
+    body = frame["body"]
+    scales = None if body == GROUND else body
+    chain: list[Joint] = []
+    for offset in frame["offsets"]:
+        for axis, value in zip(np.eye(3), offset["translation"], strict=True):
+            if value:
+                chain.append(Joint("translation", _vector(axis), Law.constant(value), scales))
+        turn = vector_from_rotation(np.array(offset["rotation"]))
+        angle = float(np.linalg.norm(turn))
+        if angle > _NO_TURN:
+            chain.append(Joint("rotation", _vector(turn / angle), Law.constant(angle)))
+    return tuple(chain)
+
+
+def _vector(values: np.ndarray[Any, np.dtype[np.float64]]) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)

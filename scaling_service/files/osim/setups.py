@@ -1,14 +1,45 @@
-"""OpenSim's set-up files: what to scale by, and what weighs how much in a fit."""
+"""OpenSim's XML files: what to scale by, and what weighs how much in a fit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.osim.xml_file import parse_xml
 from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
+
+
+def parse_xml(path: Path) -> Element:
+    """The root element of an XML file.
+
+    Raises FileUnreadable if the file is absent, empty, not well-formed, or declares a document type or
+    entities, which OpenSim's files never do and which can be abused to read other files or fill the memory.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FileUnreadable(
+            f"cannot be opened ({error.strerror})", file=path, remedy="Check its path and its permissions"
+        ) from error
+    if not content.strip():
+        raise FileUnreadable("the file is empty", file=path, remedy="Save or copy it again")
+    # UTF-16 spreads the characters with zero bytes; without them the keywords cannot hide.
+    plain = content.replace(b"\x00", b"").upper()
+    if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
+        raise FileUnreadable(
+            "declares a document type or entities, which is refused",
+            file=path,
+            remedy="Remove the DOCTYPE and ENTITY declarations",
+        )
+    try:
+        return ElementTree.fromstring(content)
+    except ElementTree.ParseError as error:
+        raise FileUnreadable(
+            f"is not well-formed XML ({error})", file=path, remedy="Export or save it again from OpenSim"
+        ) from error
+
 
 _AXES = "XYZ"
 _STEPS = ("measurements", "manualScale")
@@ -17,23 +48,12 @@ _STEPS = ("measurements", "manualScale")
 def read_scale_setup(path: Path) -> ScaleSetup:
     """Read an OpenSim scale tool set-up of any version.
 
-    Parameters
-    ----------
-    path : Path
-        The set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
-        and marker files that it names are ignored: the subject file names its own.
-
-    Returns
-    -------
-    ScaleSetup
-        Only what is applied: measurements, manual scales and tasks switched off are left out, and
-        ``placement`` is None where the marker placer does not apply or moves no marker.
-        ``placement.fixed`` is empty: which markers stay is in the model, not in this file.
-
-    Raises
-    ------
-    FileUnreadable
-        If the file is no scale set-up, or an entry of it cannot be used; ``field`` names the entry.
+    ``path``: the set-up file. Sets kept in files of their own (``file="…"``) are read beside it. The model
+    and marker files that it names are ignored: the subject file names its own. Returns only what is
+    applied: measurements, manual scales and tasks switched off are left out, and ``placement`` is None
+    where the marker placer does not apply or moves no marker. ``placement.fixed`` is empty: which markers
+    stay is in the model, not in this file. Raises FileUnreadable if the file is no scale set-up, or an
+    entry of it cannot be used; ``field`` names the entry.
     """
     tool = _tool(path, "ScaleTool")
     scaler = tool.find("ModelScaler")
@@ -55,15 +75,9 @@ def read_scale_setup(path: Path) -> ScaleSetup:
 def read_ik_tasks(path: Path) -> tuple[dict[str, float], dict[str, float]]:
     """Marker and coordinate weights of an inverse kinematics set-up (or a bare IKTaskSet).
 
-    Returns
-    -------
-    marker_weights, coordinate_weights : dict
-        Of the tasks that apply. Markers have weights per m2, coordinates per rad2 (or m2).
-
-    Raises
-    ------
-    FileUnreadable
-        If the file holds no inverse kinematics tasks, or one cannot be used; ``field`` names it.
+    Returns ``marker_weights``, ``coordinate_weights``: of the tasks that apply. Markers have weights per
+    m2, coordinates per rad2 (or m2). Raises FileUnreadable if the file holds no inverse kinematics tasks,
+    or one cannot be used; ``field`` names it.
     """
     root = parse_xml(path)
     tasks = next((e for e in root.iter() if e.tag == "IKTaskSet"), None)

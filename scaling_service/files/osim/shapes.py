@@ -19,8 +19,7 @@ EXACT = 1e-9
 REACH = 2.0 * float(np.pi)
 """How far beyond the last break a function that does not continue linearly is followed (chosen: a turn)."""
 
-MAX_DEGREE = 12
-"""The highest degree of a composition (chosen: above it, fitted powers lose their digits)."""
+MAX_DEGREE = 12  # the highest degree of a composition (chosen: above it, fitted powers lose their digits)
 
 
 class NotPolynomial(ValueError):
@@ -32,24 +31,10 @@ def fit_piecewise(
 ) -> Shape:
     """The piecewise polynomial that equals a function between breaks, and beyond them.
 
-    Parameters
-    ----------
-    function : callable
-        Value of the function at one coordinate (rad or m).
-    breaks : sequence of float, at least two, increasing
-    degree : int
-        At least the degree of every piece.
-    follow_ends : bool
-        Whether to add a piece of length REACH at an end where the function does not continue linearly.
-
-    Returns
-    -------
-    Shape
-
-    Raises
-    ------
-    NotPolynomial
-        If the function differs from the fit between the points that were fitted.
+    ``function``: value of the function at one coordinate (rad or m). ``degree``: at least the degree of
+    every piece. ``follow_ends``: whether to add a piece of length REACH at an end where the function does
+    not continue linearly. Raises NotPolynomial if the function differs from the fit between the points that
+    were fitted.
     """
     inner = list(breaks)
     shape = _fit(function, inner, degree)
@@ -124,10 +109,8 @@ def law_degree(law: Law) -> int:
 def one_shape(law: Law) -> Shape:
     """A law of one coordinate, with at least one shape in it, as a single shape.
 
-    Raises
-    ------
-    NotPolynomial
-        Cannot happen for laws of shapes, lines and constants; kept as the check of the fit.
+    Raises NotPolynomial: cannot happen for laws of shapes, lines and constants; kept as the check of the
+    fit.
     """
     return fit_piecewise(lambda x: law_value(law, x), law_breaks(law), law_degree(law), follow_ends=False)
 
@@ -135,18 +118,8 @@ def one_shape(law: Law) -> Shape:
 def substituted(law: Law, coordinate: str, follows: Law) -> Law:
     """A law with one coordinate replaced by the law of another coordinate that it follows.
 
-    Parameters
-    ----------
-    law : Law
-    coordinate : str
-        The dependent coordinate.
-    follows : Law
-        Its value; of at most one coordinate.
-
-    Raises
-    ------
-    NotPolynomial
-        If the composition's degree is above MAX_DEGREE.
+    ``coordinate``: the dependent coordinate. ``follows``: its value; of at most one coordinate. Raises
+    NotPolynomial if the composition's degree is above MAX_DEGREE.
     """
     terms: list[Term] = []
     for term in law.terms:

@@ -12,9 +12,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from scaling_service.core.errors import InputError
-from scaling_service.files.osim.worker_amend import amend
-from scaling_service.files.osim.worker_build import build
-from scaling_service.files.osim.worker_describe import read
+from scaling_service.files.osim.worker_read import read
+from scaling_service.files.osim.worker_write import amend, build
 
 OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "read": read,

@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.files.osim.plans import (
-    check_names,
-    model_name,
-    planned_bodies,
-    planned_coordinates,
-    planned_markers,
-    request_to_build,
-)
+from scaling_service.files.osim import plans
 from scaling_service.files.osim.process import ask
 from scaling_service.files.osim.reading import model_from
 from scaling_service.model.body import BodyModel, Coordinate, Marker, Vector
@@ -88,22 +81,22 @@ def write_osim(
     """
     if model.parameters:
         raise ValueError("fold the parameters into the laws before writing a model")
-    check_names(model)
+    plans.check_names(model)
     if source is None:
-        request = request_to_build(model)
+        request = plans.request_to_build(model)
     else:
         request = {
             "operation": "amend",
             "file": str(source.resolve()),
             "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
-            "name": model_name(model),
+            "name": plans.model_name(model),
             "factors": {name: list(values) for name, values in factors.items()},
             "axis_tilts": {joint: list(tilt) for joint, tilt in axis_tilts.items()},
             "mass_kg": mass_kg,
             "preserve_mass_distribution": preserve_mass_distribution,
-            "bodies": planned_bodies(model) if inertia_from_model else None,
-            "coordinates": planned_coordinates(model),
-            "markers": planned_markers(model),
+            "bodies": plans.planned_bodies(model) if inertia_from_model else None,
+            "coordinates": plans.planned_coordinates(model),
+            "markers": plans.planned_markers(model),
         }
     answer = ask(request)
     _check(model, model_from(answer["description"], source=str(path)))

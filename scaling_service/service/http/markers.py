@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from pydantic import ValidationError
 
-from scaling_service.documents.markermap import MarkerMap, MarkerMapDocument
+from scaling_service.documents.service import MarkerMap, MarkerMapDocument
 from scaling_service.service.http.bodies import read_json
 from scaling_service.service.http.callers import Desk, Owner
 from scaling_service.service.http.openapi import json_body

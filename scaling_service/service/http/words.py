@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from scaling_service.documents.vocabulary import Vocabulary
+from scaling_service.documents.service import Vocabulary
 from scaling_service.service.http.callers import Owner
 from scaling_service.service.http.problems import described
 from scaling_service.service.jobs.vocabulary import vocabulary

@@ -6,7 +6,7 @@ from functools import cache
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.documents.vocabulary import CoordinateWord, MarkerWord, MethodWord, ModelWord, Vocabulary
+from scaling_service.documents.service import CoordinateWord, MarkerWord, MethodWord, ModelWord, Vocabulary
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 

@@ -20,8 +20,7 @@ from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.shared.names import AS_IT_IS
-from scaling_service.capabilities.subject.loading import blamed_on, recordings
-from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array

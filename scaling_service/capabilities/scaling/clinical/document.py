@@ -12,7 +12,7 @@ from scaling_service.capabilities.scaling.clinical.angles import SIDES, Clinical
 from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_gait
 from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, typical_score
 from scaling_service.capabilities.scaling.run import Results, Scaling
-from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.model.anatomy.conventional import ANGLES
 from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.cycles import NODES

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, Band, schwartz2008
 from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.documents.clinical import ClinicalCurve, ClinicalDocument
+from scaling_service.documents.results import ClinicalCurve, ClinicalDocument
 from scaling_service.model.anatomy.conventional import ANGLES
 from scaling_service.model.results import Array
 from scaling_service.report.blocks import (

@@ -1,4 +1,4 @@
-"""The marker set of a folder's recordings, and what it means for each method, in words."""
+"""The marker set of a folder's recordings: what it means for each method, and which model it calls for."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from scaling_service.capabilities.intake.document import MarkerSetProof, SizesProof
 from scaling_service.model.anatomy.marker_sets import plane_marker, recognise
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import canonical, strip_prefix
+from scaling_service.model.builtin import builtin
 
-_JOINTS = (
-    ("knee", "LFE", "MFE", "knee_width", "thigh"),
-    ("ankle", "LM", "MM", "ankle_width", "shank"),
-)
+_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
 """Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
 
 
@@ -32,11 +30,7 @@ def marker_set_proof(labels: Sequence[str]) -> MarkerSetProof | None:
 def consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[str]:
     """What landmarks that are missing mean for scaling.
 
-    Parameters
-    ----------
-    labels : sequence of str
-        Of all recordings.
-    sizes : SizesProof
+    ``labels``: of all recordings.
     """
     there = {canonical(label) for label in labels}
     if "SACR" in there and not {"RPSIS", "LPSIS"} <= there:
@@ -75,3 +69,35 @@ def _of_one_side(
         missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
         told += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
     return told
+
+
+LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"
+
+LARGELY = 0.9
+"""Chosen: share of the whole body's markers that must be there; arms and trunk with fewer cost more than they
+tell, and the legs are the safe choice."""
+
+_FOREFOOT = ("TOE", "MT1", "MT5")
+
+
+def choose_model(movements: Sequence[Sequence[str]], forces: bool) -> tuple[str, str]:
+    """A built-in model and why.
+
+    ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
+    whether there are ground forces.
+    """
+    known = [{canonical(label) or strip_prefix(label).upper() for label in labels} for labels in movements]
+    common = set.intersection(*known) if known else set()
+    whole = [m.name for m in builtin(WHOLE).markers if m.weight > 0.0]
+    share = sum(name in common for name in whole) / len(whole)
+    if share >= LARGELY:
+        return WHOLE, f"{share:.0%} of its markers are in every movement"
+    footed = all(
+        f"{side}HEE" in common and any(f"{side}{name}" in common for name in _FOREFOOT) for side in "RL"
+    )
+    if footed and forces:
+        return (
+            FEET,
+            f"heels and toes have markers and there are force plates; trunk and arms: {share:.0%} of {WHOLE}",
+        )
+    return LEGS, "the legs, the safe choice"

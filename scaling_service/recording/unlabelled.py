@@ -13,39 +13,23 @@ from scaling_service.numerics.least_squares.masks import Mask, seen
 NEAR_M = 0.03
 """Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
 
-OVERLAP = 0.1
-"""Chosen: share of its frames in which a trajectory may be seen beside the marker that it fills."""
+OVERLAP = 0.1  # chosen: share of its frames in which a trajectory may be seen beside the marker that it fills
 
 
 @dataclass(frozen=True, slots=True)
-class Nameless:
-    """One trajectory without a label.
+class Unlabelled:
+    """One trajectory without a label."""
 
-    Parameters
-    ----------
-    label : str
-        As the file has it.
-    frames : int
-        In which it is seen.
-    fills : str, optional
-        The marker in whose gaps it lies.
-    filled : int
-        Frames of those gaps that it shows.
-    """
-
-    label: str
-    frames: int
-    fills: str | None = None
-    filled: int = 0
+    label: str  # as the file has it
+    frames: int  # in which it is seen
+    fills: str | None = None  # the marker in whose gaps it lies
+    filled: int = 0  # frames of those gaps that it shows
 
 
-def nameless(trial: Trial) -> Iterator[Nameless]:
+def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
     """The trajectories without a label, each with the marker that it seems to be.
 
-    Parameters
-    ----------
-    trial : Trial
-        In m.
+    ``trial``: in m.
     """
     shown = seen(trial.markers)
     named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
@@ -58,21 +42,16 @@ def nameless(trial: Trial) -> Iterator[Nameless]:
         )
         frames = int(shown[:, k].sum())
         if best[0] <= NEAR_M:
-            yield Nameless(label, frames, trial.labels[best[1]], best[2])
+            yield Unlabelled(label, frames, trial.labels[best[1]], best[2])
         else:
-            yield Nameless(label, frames)
+            yield Unlabelled(label, frames)
 
 
 def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
     """How far a trajectory, prolonged by a frame, misses another where that is lost or found again, m.
 
-    Returns
-    -------
-    distance : float
-        Median over those frames; infinite where the two are seen side by side or never take turns.
-    other : int
-    frames : int
-        In which the trajectory is seen and the other is not.
+    Returns ``distance``: median over those frames; infinite where the two are seen side by side or never
+    take turns. ``frames``: in which the trajectory is seen and the other is not.
     """
     here, there = shown[:, column], shown[:, other]
     if (here & there).sum() > OVERLAP * here.sum():

@@ -2,14 +2,114 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+import math
+from collections.abc import Callable, Mapping, Set
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-from scaling_service.core.errors import FileUnreadable, ModelRefused
-from scaling_service.files.osim.library import opensim
-from scaling_service.files.osim.worker_functions import function_terms
+from scaling_service.core.errors import ModelRefused
+from scaling_service.files.osim.library import items, load, numbers, opensim
+from scaling_service.files.osim.shapes import NotPolynomial, fit_piecewise
+
+Terms = list[dict[str, Any]]
+
+_SPLINE_DEGREE: Mapping[str, Callable[[Any], int]] = {
+    "SimmSpline": lambda _: 3,
+    "PiecewiseLinearFunction": lambda _: 1,
+    "GCVSpline": lambda function: int(function.getDegree()),
+}
+
+POLYNOMIAL_SPAN = (-math.pi, math.pi)
+"""Where a polynomial of a coordinate without a finite range is centred (chosen: one turn); the fit reaches
+one further turn to each side."""
+
+
+def function_terms(function: Any, coordinate: str | None, span: tuple[float, float], component: str) -> Terms:
+    """A function as terms ``gain * shape(coordinate)``.
+
+    ``coordinate``: its argument; None where the component names none. ``span`` (lower, upper): the
+    coordinate's range, where polynomials are represented best. ``component``: the joint or constraint, for
+    the message. Raises ModelRefused if the function is of another kind, or has no argument and is not
+    constant.
+    """
+    kind = function.getConcreteClassName()
+    library = opensim()
+    if kind == "Constant":
+        return _constant(library.Constant.safeDownCast(function).getValue())
+    if kind == "MultiplierFunction":
+        scaled = library.MultiplierFunction.safeDownCast(function)
+        inner = function_terms(scaled.getFunction(), coordinate, span, component)
+        return [{**term, "gain": term["gain"] * scaled.getScale()} for term in inner]
+    if coordinate is None:
+        raise ModelRefused(
+            f"the {kind} of '{component}' has no coordinate",
+            field=component,
+            remedy="Name the coordinate in <coordinates>, or use a Constant",
+        )
+    if kind == "LinearFunction":
+        line = library.LinearFunction.safeDownCast(function)
+        return [{"gain": line.getSlope(), "coordinate": coordinate}, *_constant(line.getIntercept())]
+    if kind == "PolynomialFunction":
+        return _polynomial(library.PolynomialFunction.safeDownCast(function), coordinate, span, component)
+    if kind in _SPLINE_DEGREE:
+        spline = getattr(library, kind).safeDownCast(function)
+        return _spline(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
+    raise ModelRefused(
+        f"'{component}' uses a {kind}, which is no piecewise polynomial of one coordinate",
+        field=component,
+        remedy="Replace it by a SimmSpline, GCVSpline or PolynomialFunction",
+    )
+
+
+def _constant(value: float) -> Terms:
+    return [{"gain": value}] if value else []
+
+
+def _polynomial(function: Any, coordinate: str, span: tuple[float, float], component: str) -> Terms:
+    vector = function.getCoefficients()
+    coefficients = [vector.get(k) for k in range(vector.size())]
+    while len(coefficients) > 1 and not coefficients[0]:
+        coefficients.pop(0)
+    if len(coefficients) <= 2:
+        slope, offset = [0.0, *coefficients][-2:]
+        line = [{"gain": slope, "coordinate": coordinate}] if slope else []
+        return [*line, *_constant(offset)]
+    lower, upper = span
+    if not (math.isfinite(lower) and math.isfinite(upper) and 0.0 < upper - lower < 4.0 * math.pi):
+        lower, upper = POLYNOMIAL_SPAN
+    return _fitted(function, [lower, upper], len(coefficients) - 1, coordinate, component)
+
+
+def _spline(function: Any, degree: int, coordinate: str, component: str) -> Terms:
+    knots = [function.getX(k) for k in range(function.getSize())]
+    if len(knots) < 2 or any(b <= a for a, b in pairwise(knots)):
+        raise ModelRefused(
+            f"the {function.getConcreteClassName()} of '{component}' needs at least two increasing knots",
+            field=component,
+            remedy="Sort the points and remove doubled ones",
+        )
+    return _fitted(function, knots, degree, coordinate, component)
+
+
+def _fitted(function: Any, breaks: list[float], degree: int, coordinate: str, component: str) -> Terms:
+    library = opensim()
+    try:
+        shape = fit_piecewise(lambda x: float(function.calcValue(library.Vector(1, x))), breaks, degree)
+    except NotPolynomial as error:
+        raise ModelRefused(
+            f"the {function.getConcreteClassName()} of '{component}' is {error}",
+            field=component,
+            remedy="Replace it by a SimmSpline through its values",
+        ) from error
+    return [
+        {
+            "gain": 1.0,
+            "coordinate": coordinate,
+            "shape": {"breaks": shape.breaks, "coefficients": shape.coefficients},
+        }
+    ]
+
 
 _X, _Y, _Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
 
@@ -42,91 +142,10 @@ def read(request: dict[str, Any]) -> dict[str, Any]:
     return describe(load(Path(request["file"]), request.get("marker_set")))
 
 
-def load(path: Path, marker_set: str | None = None) -> Any:
-    """Load and connect a model.
-
-    Raises
-    ------
-    FileUnreadable
-        If OpenSim cannot read it.
-    ModelRefused
-        If it holds a joint or constraint of a kind that OpenSim does not know, or the marker set a
-        marker on a body that is absent.
-    """
-    if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    _refuse_unknown_types(path)
-    try:
-        model = opensim().Model(str(path))
-        model.finalizeConnections()
-    except RuntimeError as error:
-        raise FileUnreadable(
-            f"OpenSim cannot read it ({short(error)})", file=path, remedy="Open and save it in OpenSim"
-        ) from error
-    if marker_set is not None:
-        _add_markers(model, Path(marker_set))
-    return model
-
-
-def short(error: RuntimeError) -> str:
-    """OpenSim's message without the C++ function and source line around it."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    head = lines[0] if lines else "no message"
-    return head.split("': ", 1)[1] if head.startswith("std::exception in") and "': " in head else head
-
-
-def _refuse_unknown_types(path: Path) -> None:
-    try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except ElementTree.ParseError:
-        return  # OpenSim's own parser is more lenient, and has read it
-    known = opensim().OpenSimObject.getDefaultInstanceOfType
-    for element in root.iter():
-        name = element.get("name")
-        if name and element.tag.endswith(("Joint", "Constraint")) and known(element.tag) is None:
-            raise ModelRefused(
-                f"'{name}' is a {element.tag}, a kind that OpenSim does not know",
-                file=path,
-                field=name,
-                remedy="Replace it by a CustomJoint, or load a model without the plug-in",
-            )
-
-
-def _add_markers(model: Any, path: Path) -> None:
-    """As OpenSim's scale tool: markers of the set replace those of the same name, others are added."""
-    if not path.is_file():
-        raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    library = opensim()
-    try:
-        markers = library.MarkerSet(str(path))
-    except RuntimeError as error:
-        raise FileUnreadable(
-            f"OpenSim cannot read this marker set ({short(error)})",
-            file=path,
-            remedy="It must be an OpenSim MarkerSet file",
-        ) from error
-    if not markers.getSize():
-        raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
-    for marker in items(markers):
-        frame = marker.getParentFrameName()
-        if not model.hasComponent(frame):
-            raise ModelRefused(
-                f"marker '{marker.getName()}' sits on '{frame}', which the model does not have",
-                file=path,
-                field=marker.getName(),
-                remedy="Put it on one of the model's bodies",
-            )
-    model.updateMarkerSet(markers)
-    model.finalizeConnections()
-
-
 def describe(model: Any) -> dict[str, Any]:
     """Everything of a connected model that a BodyModel holds.
 
-    Raises
-    ------
-    ModelRefused
-        Names the joint, constraint, coordinate or frame that cannot be represented.
+    Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
     """
     spans = _spans(model)
     couplers = _couplers(model, spans)
@@ -139,16 +158,6 @@ def describe(model: Any) -> dict[str, Any]:
         "couplers": couplers,
         "markers": [_marker(marker) for marker in items(model.getMarkerSet())],
     }
-
-
-def items(collection: Any) -> list[Any]:
-    """The members of an OpenSim set."""
-    return [collection.get(k) for k in range(collection.getSize())]
-
-
-def numbers(vector: Any) -> list[float]:
-    """A SimTK vector as a list."""
-    return [vector.get(k) for k in range(vector.size())]
 
 
 def _spans(model: Any) -> dict[str, tuple[float, float]]:

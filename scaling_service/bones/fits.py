@@ -1,4 +1,4 @@
-"""Spheres hidden in a surface: found by votes of the normals, refined geometrically, judged by coverage."""
+"""Spheres, cylinders and tips on a surface: robust, geometric, judged by how much is covered."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.surface import Surface
-from scaling_service.numerics.geometry.fits import fit_sphere
+from scaling_service.numerics.geometry.fits import across, fit_cylinder, fit_sphere
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _ALIGNED = np.cos(np.deg2rad(35.0))  # chosen: a normal further off does not bel
 _SPREAD = 3.0  # Tukey's weight vanishes at this many robust standard deviations; chosen, 4.7 on clean data
 _NARROWEST, _WIDEST = 0.02, 0.08  # shares of the radius between which that limit is held; chosen
 _START, _CLOSING = 0.25, 0.8  # first limit as a share of the radius, and how it closes with each step
-_STEPS = 60
+_SPHERE_STEPS = 60
 _SETTLED_M = 1e-7
 _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
@@ -29,22 +29,14 @@ _CLOSED = 6  # steps after which the limit has closed to its widest final value
 class SphereOnBone:
     """A sphere with the share of it that the surface covers.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (3,), m
-        In the surface's own frame.
-    radius, rms : float, m
-    covered : float
-        Share of the sphere's full solid angle.
-    support : ndarray, shape (n,)
-        Weight of every vertex, 0 to 1.
+    ``radius``, ``rms``: m.
     """
 
-    centre: Array
+    centre: Array  # (3,), m; in the surface's own frame
     radius: float
     rms: float
-    covered: float
-    support: Array
+    covered: float  # share of the sphere's full solid angle
+    support: Array  # (n,); weight of every vertex, 0 to 1
 
 
 def spheres(
@@ -55,14 +47,8 @@ def spheres(
     Every vertex votes, with its area, for the centres that lie behind it (before it, if ``hollow``)
     at each radius, as in a Hough transform; the peaks are refined by geometric least squares.
 
-    Parameters
-    ----------
-    radii : tuple of float, m
-        Smallest and largest.
-    hollow : bool
-        Sockets, whose normals point to their centre, in place of balls.
-    most : int
-        How many peaks to refine.
+    ``radii`` m: smallest and largest. ``hollow``: sockets, whose normals point to their centre, in place of
+    balls. ``most``: how many peaks to refine.
     """
     found: list[SphereOnBone] = []
     for centre, radius in _peaks(surface, radii, hollow, most):
@@ -74,23 +60,16 @@ def spheres(
     return sorted(found, key=lambda sphere: -sphere.covered)
 
 
-def refined(
-    surface: Surface,
-    centre: Array,
-    radius: float,
-    *,
-    hollow: bool = False,
-) -> SphereOnBone | None:
+def refined(surface: Surface, centre: Array, radius: float, *, hollow: bool = False) -> SphereOnBone | None:
     """The robust least-squares sphere near a first guess, or None where there is none.
 
     Selection uses the smoothed surface, the fit the vertices themselves, each weighted by its area and
     by Tukey's biweight of its distance, the limit of which follows the scatter that is found.
-
     """
     sign = -1.0 if hollow else 1.0
     limit = _START * radius
     about = _Around.of(surface, centre, radius + limit)
-    for step in range(_STEPS):
+    for step in range(_SPHERE_STEPS):
         about = about.reaching(surface, centre, radius + limit)
         offset = about.smooth - centre
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
@@ -120,24 +99,16 @@ def refined(
 class _Around:
     """The vertices around a place: a sphere is on a small part of a bone.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (3,), m
-    reach : float, m
-        No vertex nearer to the centre is missing.
-    rows : ndarray of int, shape (n,)
-        Which vertices of the surface these are.
-    points, smooth, normals : ndarray, shape (n, 3)
-    areas : ndarray, shape (n,), m2
+    ``points``, ``smooth``, ``normals``: (n, 3).
     """
 
-    centre: Array
-    reach: float
-    rows: NDArray[np.intp]
+    centre: Array  # (3,), m
+    reach: float  # m; no vertex nearer to the centre is missing
+    rows: NDArray[np.intp]  # (n,); which vertices of the surface these are
     points: Array
     smooth: Array
     normals: Array
-    areas: Array
+    areas: Array  # (n,), m2
 
     @classmethod
     def of(cls, surface: Surface, centre: Array, reach: float) -> _Around:
@@ -206,3 +177,121 @@ def _weighted_median(values: Array, weights: Array) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+_CYLINDER_STEPS = 40
+_BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
+_SECTORS = 72  # of 5 degrees, to measure the arc that is covered
+
+
+@dataclass(frozen=True, slots=True)
+class CylinderOnBone:
+    """A cylinder in the surface's own frame, m.
+
+    ``covered`` is the share of the full turn that the supporting points span, ``area`` (m2) what lies
+    on it, ``support`` the weight of every vertex.
+    """
+
+    point: Array
+    direction: Array
+    radius: float
+    rms: float
+    covered: float
+    area: float
+    support: Array
+
+
+def refined_cylinder(
+    surface: Surface,
+    point: Array,
+    direction: Array,
+    radius: float,
+    *,
+    ridge: float,
+    within: NDArray[np.bool_],
+) -> CylinderOnBone | None:
+    """The robust least-squares cylinder near a first guess, or None where there is none.
+
+    ``ridge``: largest sine of the angle between a normal and the plane across the axis: small values keep
+    to the ridges of barrel-shaped condyles. ``within`` (n,): the only vertices to use.
+    """
+    chosen = surface.part(within)
+    limit = _BAND * radius
+    for _ in range(_CYLINDER_STEPS):
+        offset = chosen.smooth - point
+        radial = offset - (offset @ direction)[:, None] * direction
+        distance = np.maximum(np.linalg.norm(radial, axis=1), 1e-9)
+        facing = np.einsum("ij,ij->i", radial, chosen.normals) / distance
+        gap = distance - radius
+        near = (np.abs(gap) < limit) & (facing > _ALIGNED) & (np.abs(chosen.normals @ direction) < ridge)
+        if int(near.sum()) < _FEWEST:
+            return None
+        support = np.where(near, (1.0 - (gap / limit) ** 2) ** 2, 0.0)
+        fit = fit_cylinder(chosen.points[near], direction, point, (support * chosen.areas)[near])
+        moved = float(
+            np.linalg.norm(fit.point - point)
+            + abs(fit.radius - radius)
+            + radius * np.linalg.norm(fit.direction - direction)
+        )
+        if not fit.converged or moved > radius:
+            return None
+        point, direction, radius = fit.point, fit.direction, fit.radius
+        limit = _BAND * radius
+        if moved < _SETTLED_M:
+            break
+    first, second = across(direction)
+    angle = np.arctan2(radial[near] @ second, radial[near] @ first)
+    sectors = np.unique(((angle + np.pi) * (_SECTORS / (2 * np.pi))).astype(int) % _SECTORS)
+    whole = np.zeros(len(surface.points))
+    whole[within] = support
+    area = float(chosen.areas[near].sum())
+    return CylinderOnBone(point, direction, radius, fit.rms, len(sectors) / _SECTORS, area, whole)
+
+
+BLUNT_M = 1e-3
+"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
+
+On a paraboloid the noise of the result is, along each axis, that of the vertices times
+sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
+the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
+depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
+
+SHARP_M = 2e-3
+"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
+malleoli of virtual bones stay within 0.3 mm of the truth."""
+
+WINDOW_M = 8e-3
+"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
+malleolus, so that a second bump or a long ridge beside the tip counts little."""
+
+_TIP_STEPS = 40
+_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
+
+
+def tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:
+    """Where the chosen part reaches furthest, shape (3,), m.
+
+    The mean over the surface, weighted by area, by the exponential of the height over ``depth`` and by a
+    window that is moved to the mean until both agree (mean shift; Comaniciu and Meer 2002). It starts from
+    the mean without a window, not from the highest vertex, which noise and decimation choose. Heights of
+    a paraboloid are then distributed so that their variance over the depth is what the mean lies below
+    the summit; by that the mean is lifted.
+
+    ``direction`` (3,): unit vector. ``within``: (n,). ``depth``: m.
+    """
+    points = surface.smooth[within]
+    height = points @ direction
+    reach = surface.areas[within] * np.exp((height - height.max()) / depth)
+    reaching = reach > _NOTHING * reach.max()
+    points, height, reach = points[reaching], height[reaching], reach[reaching]
+    weight = reach / reach.sum()
+    for _ in range(_TIP_STEPS):
+        mean = weight @ points
+        offset = points - mean
+        across = np.einsum("ij,ij->i", offset, offset) - (offset @ direction) ** 2
+        weight = reach * np.exp(-0.5 * across / WINDOW_M**2)
+        weight = weight / weight.sum()
+        if np.linalg.norm(weight @ points - mean) < _SETTLED_M:
+            break
+    below = weight @ (height - weight @ height) ** 2 / depth
+    return np.asarray(weight @ points + below * direction)

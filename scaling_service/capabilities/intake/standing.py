@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.intake.extra import said_of
+from scaling_service.capabilities.intake.markers import said_of
 from scaling_service.capabilities.intake.recordings import Seen
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.cluster_shape import shape_of
-from scaling_service.recording.units import unit_factor
+from scaling_service.recording.exchanged import shape_of
+from scaling_service.recording.plausibility import unit_factor
 
 STILL_M = 0.02
 """Chosen: markers of pelvis and legs of somebody who stands sway less than this (standard deviation; 1 to 10
@@ -41,30 +41,15 @@ _STEP_M = 0.002  # chosen: sway that differs by less is equal
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a recording would do as the static trial.
-
-    Parameters
-    ----------
-    file : str
-    sway_m : float
-    landmarks : int
-        That are seen in it.
-    frames : int
-    pelvis : float
-        The pelvis' size over that in the movements; 1 where that is not known.
-    upright : bool
-        Whether the legs are straight, as far as that is known.
-    named : bool
-        Whether its name says standing.
-    """
+    """How a recording would do as the static trial."""
 
     file: str
     sway_m: float
-    landmarks: int
+    landmarks: int  # that are seen in it
     frames: int
-    pelvis: float
-    upright: bool
-    named: bool
+    pelvis: float  # the pelvis' size over that in the movements; 1 where that is not known
+    upright: bool  # whether the legs are straight, as far as that is known
+    named: bool  # whether its name says standing
 
     @property
     def still(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from scaling_service.bones.results import Array, BoneLandmarks
 from scaling_service.model.body import Vector
-from scaling_service.model.images import Bone, ImageEvidence
+from scaling_service.model.trial import Bone, ImageEvidence
 
 _CENTRES = {"femur": {"hip_centre": "hip", "knee_centre": "knee"}, "tibia": {"ankle_centre": "ankle"}}
 _LANDMARKS = {

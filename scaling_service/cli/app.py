@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from scaling_service.capabilities.cohort.command import batch
-from scaling_service.capabilities.cohort.progress import Interrupted
+from scaling_service.capabilities.cohort.screen import Interrupted
 from scaling_service.capabilities.consistent.command import consistent
 from scaling_service.capabilities.datasets.command import app as datasets
 from scaling_service.capabilities.discovery.command import discover

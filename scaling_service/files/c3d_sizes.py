@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scaling_service.documents.sizes import RANGES_M
-from scaling_service.model.sizes import MeasuredSizes
+from scaling_service.model.trial import MeasuredSizes
 
 GROUPS = ("PROCESSING", "SUBJECTS", "SUBJECT", "ANTHROPOMETRY")
 """Groups that may hold sizes; the first that states one counts."""

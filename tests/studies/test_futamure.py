@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from scaling_service.studies.futamure.claims import answers, less
 from scaling_service.studies.futamure.report import study_page

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
-from scaling_service.capabilities.cohort.subject_summary import Following, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
 from scaling_service.studies.puchaud2019.claims import CLAIMS, answers
 from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, paper
 from scaling_service.studies.puchaud2019.questions import Answer, Study

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.cohort.progress import Interrupted, watched
 from scaling_service.capabilities.cohort.run import batch as run_batch
-from scaling_service.capabilities.cohort.screen import show_cohort
+from scaling_service.capabilities.cohort.screen import Interrupted, show_cohort, watched
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared import options
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.scalars import too_few
-from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
+from scaling_service.capabilities.cohort.groups import too_few
+from scaling_service.capabilities.cohort.summary import SubjectSummary
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.cycles import Curves
@@ -26,34 +26,16 @@ the paper found to come nearest to it."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveComparison:
-    """One joint angle over the gait cycle, over a cohort.
-
-    Parameters
-    ----------
-    coordinate : str
-    panel : Panel
-        Who walked and has all methods; the others with the reason.
-    strides : mapping
-        Subject to the number of strides behind its curve.
-    reference : str, optional
-        The method that pairs are tested against; None where neither of :data:`REFERENCES` is there, and all
-        pairs are tested.
-    mean, sd : mapping
-        Method to its curve over subjects, (n_nodes,), rad; ``sd`` (n - 1) is empty for a single subject.
-    test : WaveformComparison, optional
-        Repeated-measures analysis of variance by permutation, and the pairs after it.
-    note : str
-        Why there is no test, or why it could not have found anything.
-    """
+    """One joint angle over the gait cycle, over a cohort; curves are (n_nodes,), rad."""
 
     coordinate: str
-    panel: Panel
-    strides: Mapping[str, int]
-    reference: str | None
+    panel: Panel  # who walked and has all methods; the others with the reason
+    strides: Mapping[str, int]  # subject to the number of strides behind its curve
+    reference: str | None  # pairs are tested against it; None where no reference is there: all pairs are
     mean: Mapping[str, Array]
-    sd: Mapping[str, Array]
-    test: WaveformComparison | None
-    note: str = ""
+    sd: Mapping[str, Array]  # n - 1; empty for a single subject
+    test: WaveformComparison | None  # repeated-measures ANOVA by permutation, and the pairs after it
+    note: str = ""  # why there is no test, or why it could not have found anything
 
 
 def compare_curves(
@@ -62,13 +44,7 @@ def compare_curves(
     seed: int,
     settings: WaveformSettings | None = None,
 ) -> Iterator[CurveComparison]:
-    """Every joint angle over every panel that the cohort allows.
-
-    Parameters
-    ----------
-    seed : int
-        Each comparison draws its rearrangements from a stream of its own, named after it.
-    """
+    """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
         has = {

@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from scaling_service.capabilities.cohort.outcomes import NothingPossible
 from scaling_service.capabilities.cohort.request import MemberRequest, MemberResult
-from scaling_service.capabilities.cohort.scaling_items import NothingPossible
-from scaling_service.capabilities.cohort.subject_item import SubjectItem
+from scaling_service.capabilities.cohort.subject import SubjectMember
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.documents.names import DOCUMENT
 
@@ -23,10 +23,10 @@ def work(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress
     """
     clock = time.perf_counter()
     name = request.subject
-    item = SubjectItem(inputs / name / DOCUMENT, outputs / name, name)
+    member = SubjectMember(name, inputs / name / DOCUMENT, outputs / name)
     reason = ""
     try:
-        item.work(request.methods, request.settings, progress)
+        member.work(request.methods, request.settings, progress)
     except NothingPossible as error:
         reason = error.problem
     wall_s = round(time.perf_counter() - clock, 3)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from scaling_service.capabilities.datasets.document import CatalogueDocument, Dataset
 from scaling_service.core.errors import InputError
-from scaling_service.model.builtin import reference_folder
+from scaling_service.model.reference import reference_folder
 
 FILE_NAME = "datasets.yaml"
 

@@ -8,7 +8,7 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.inertia import TABLE_NAMES
 from scaling_service.recording.pipeline import ProcessingSettings
 
 AS_IT_IS = "none"

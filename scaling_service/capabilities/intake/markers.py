@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.capabilities.intake.document import Candidate, MarkerProof
 from scaling_service.model.anatomy.markers import likeness, looks_computed, meaning, strip_prefix
 from scaling_service.model.body import BodyModel
-from scaling_service.model.neutral import neutral_markers
+from scaling_service.model.poses import neutral_markers
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.multibody.rigid import fit_rigid
 

@@ -8,7 +8,7 @@ from typing import Any
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
 from scaling_service.capabilities.intake.recordings import Seen
 from scaling_service.documents.sizes import SIZE_UNIT
-from scaling_service.model.sizes import MeasuredSizes, merge
+from scaling_service.model.trial import MeasuredSizes, merge
 
 _DECIMALS = 3
 """Of m and kg: files hold them as 32-bit numbers."""

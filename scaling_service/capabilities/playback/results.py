@@ -22,9 +22,8 @@ from scaling_service.files.c3d import read_c3d_file
 from scaling_service.files.c3d_plates import read_c3d_plates
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.images import Bone
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Array, Bone, Trial
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import ground_forces, orient_forces

@@ -16,7 +16,7 @@ from scaling_service.capabilities.subject.calibration_settings import Calibratio
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS
-from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.inertia import TABLE_NAMES
 from scaling_service.recording.pipeline import ProcessingSettings
 
 

@@ -13,8 +13,8 @@ from scaling_service.files.mesh import read_mesh
 from scaling_service.model.anatomy.markers import match_labels
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES
-from scaling_service.model.images import Bone, ImageEvidence
 from scaling_service.model.subject import Subject
+from scaling_service.model.trial import Bone, ImageEvidence
 
 
 def gather(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:

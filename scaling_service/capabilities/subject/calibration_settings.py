@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from scaling_service.model.knees import KneeKind
+from scaling_service.model.parameters import KneeKind
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,9 +28,8 @@ from scaling_service.model.anatomy.markers import (
 )
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
-from scaling_service.model.sizes import MeasuredSizes, merge
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Repair, Trial
+from scaling_service.model.trial import MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.strays import without_strays

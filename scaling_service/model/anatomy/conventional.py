@@ -53,7 +53,6 @@ def conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) ->
     ----------
     points : mapping
         See :data:`Points`.
-    side : 'r' or 'l'
     heading : float or (n_frames,), rad
         Where the person walks: turn about y that leads from x to this direction.
 
@@ -99,7 +98,6 @@ def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:
     ----------
     standing : mapping
         ``KJC AJC LM HEE TOE`` of the side; see :data:`Points`.
-    side : 'r' or 'l'
     flat : bool
         Whether the foot is flat on the floor: heel and toe marker then count as equally high.
 
@@ -128,7 +126,6 @@ def heel_from_offset(moving: Points, side: Side, offset: ArrayLike) -> Array:
     ----------
     moving : mapping
         ``KJC AJC LM TOE`` of the side.
-    side : 'r' or 'l'
     offset : (3,)
         From :func:`foot_offset`.
     """

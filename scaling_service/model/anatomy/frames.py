@@ -20,17 +20,10 @@ _MIN_LENGTH = 1e-6  # m; chosen: landmarks closer than a thousandth of a millime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """One anatomical frame over time.
+    """One anatomical frame over time."""
 
-    Parameters
-    ----------
-    rotation : (n_frames, 3, 3)
-        Maps the anatomical frame to ground; columns are its x, y, z axes.
-    origin : (n_frames, 3), m
-    """
-
-    rotation: Array
-    origin: Array
+    rotation: Array  # (n_frames, 3, 3): maps the anatomical frame to ground; columns are its x, y, z axes
+    origin: Array  # (n_frames, 3), m
 
     def to_ground(self, points: ArrayLike) -> Array:
         """Points of this frame, (n_frames, 3) or (3,), in ground, (n_frames, 3), m."""

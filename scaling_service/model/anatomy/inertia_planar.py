@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.inertia import InertiaResult, apply_inertia_table
-from scaling_service.model.anatomy.inertia_landmarks import Neutral
+from scaling_service.model.anatomy.inertia import InertiaResult, Neutral, apply_inertia_table
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import builtin
-from scaling_service.model.inertia_tables import Sex
-from scaling_service.model.massive import inertias_of, six, total_mass, with_inertias
+from scaling_service.model.inertia import Sex, inertias_of, six, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 

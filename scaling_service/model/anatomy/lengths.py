@@ -13,7 +13,7 @@ import numpy as np
 
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector
-from scaling_service.model.neutral import Array, follow, marker_position, model_values
+from scaling_service.model.poses import Array, follow, marker_position, model_values
 
 _SIDES = ("r", "l", "")
 _ROLES: Mapping[str, tuple[str, ...]] = {
@@ -110,7 +110,6 @@ def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     role : str
         ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the foot's
         markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
-    side : 'r', 'l' or ''
     """
     names = {segment.name.casefold(): segment.name for segment in model.segments}
     for word in _ROLES[role]:

@@ -66,7 +66,6 @@ def reproduce_futamure(
     ----------
     seed : int
         Decides who the persons are.
-    subjects : int
     recordings : sequence of paths
         Subject files of real squats with forces, shown beside: .osim models are taken as they are.
     worker_count : int, optional

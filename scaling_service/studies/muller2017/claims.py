@@ -12,23 +12,12 @@ from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, PersonSt
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim.
+    """One claim."""
 
-    Parameters
-    ----------
-    where : str
-        Section or figure; "truth" where only virtual persons can tell.
-    text : str
-    paper : str
-        The paper's own figures for it.
-    ask : callable
-        From the persons to an answer.
-    """
-
-    where: str
+    where: str  # section or figure; "truth" where only virtual persons can tell
     text: str
-    paper: str
-    ask: Callable[[Sequence[PersonStudied]], Answer]
+    paper: str  # the paper's own figures for it
+    ask: Callable[[Sequence[PersonStudied]], Answer]  # from the persons to an answer
 
 
 def answers(persons: Sequence[PersonStudied]) -> tuple[tuple[Claim, Answer], ...]:

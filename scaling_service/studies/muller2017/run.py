@@ -69,8 +69,6 @@ def reproduce_muller2017(
     ----------
     settings : UncertaintySettings
         Its seed decides who the persons are.
-    subjects : int
-    recorded : ExcitationSettings
     recordings : sequence of paths
         Subject files of real persons whose model is scaled already, with forces.
     worker_count : int, optional

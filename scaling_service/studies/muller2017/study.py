@@ -33,7 +33,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
 )
 from scaling_service.capabilities.dynamics.uncertainty.verdict import blames_inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.muller2017.excitation import (
     WHOLE,
@@ -100,42 +100,24 @@ class Held:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonStudied:
-    """One person of the study.
-
-    Parameters
-    ----------
-    name : str
-    uncertainty : WrenchUncertainty
-        Muller's, by Monte Carlo.
-    linear_slopes : ndarray, shape (6,)
-        The same slopes by linear propagation.
-    measurement : ndarray, shape (6,)
-        Indicator of the true error of the residual: what the same inertia leaves of the measured motion minus
-        what it leaves of the true one.
-    inertial : ndarray, shape (6,)
-        Indicator of what the table's inertia leaves of the true motion.
-    markers_sd : ndarray, shape (6,)
-        Indicator of the standard deviation that the markers' errors give.
-    coverage : ndarray, shape (6,)
-        Share of frames whose true error lies within ``INTERVAL`` of these standard deviations.
-    markers : MarkerUncertainty
-    choice : FrameChoice
-        The ten best windows.
-    cautious, free : Held
-        Identified despite the verdict: beside the tables' prior, and with hardly any.
-    """
+    """One person of the study."""
 
     name: str
-    uncertainty: WrenchUncertainty
-    linear_slopes: Array
+    uncertainty: WrenchUncertainty  # Muller's, by Monte Carlo
+    linear_slopes: Array  # (6,): the same slopes by linear propagation
     measurement: Array
-    inertial: Array
-    markers_sd: Array
+    """(6,): indicator of the true error of the residual: what the same inertia leaves of the measured
+    motion minus what it leaves of the true one."""
+    inertial: Array  # (6,): indicator of what the table's inertia leaves of the true motion
+    markers_sd: Array  # (6,): indicator of the standard deviation that the markers' errors give
     coverage: Array
+    """(6,): share of frames whose true error lies within ``INTERVAL`` of these standard deviations."""
     markers: MarkerUncertainty
-    choice: FrameChoice
+    choice: FrameChoice  # the ten best windows
     cautious: Held
     free: Held
+    """``cautious``, ``free``: identified despite the verdict: beside the tables' prior, and with hardly
+    any."""
 
     @property
     def supported_by_markers(self) -> NDArray[np.bool_]:
@@ -172,7 +154,6 @@ def study_person(
         Of the person.
     settings : UncertaintySettings
         Its seed is replaced by the person's.
-    recorded : ExcitationSettings
     """
     person = excited_person(seed, recorded)
     performance = person.performances["in_order"]

@@ -11,24 +11,12 @@ from scaling_service.studies.puchaud2019.questions import Answer, Study
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim of the paper.
+    """One claim of the paper."""
 
-    Parameters
-    ----------
-    where : str
-        Section, table or figure.
-    text : str
-        The claim in plain English.
-    paper : str
-        The paper's own figures for it.
-    ask : callable
-        From a study to an answer.
-    """
-
-    where: str
-    text: str
-    paper: str
-    ask: Callable[[Study], Answer]
+    where: str  # section, table or figure
+    text: str  # the claim in plain English
+    paper: str  # the paper's own figures for it
+    ask: Callable[[Study], Answer]  # from a study to an answer
 
 
 def answers(study: Study) -> tuple[tuple[Claim, Answer], ...]:

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import yaml
 
-from scaling_service.model.builtin import reference_folder
+from scaling_service.model.reference import reference_folder
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
 """The five models, in the order of the paper's figures."""
@@ -40,34 +40,20 @@ Table = Mapping[str, Mapping[str, Spread]]
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """What the paper found.
-
-    Parameters
-    ----------
-    source : str
-    lengths : mapping
-        Table 2, m.
-    differs_from_EB : mapping
-        Method to length to stars, where table 2 has any.
-    knee_axes : mapping
-        Table 3, rad.
-    errors, shifts : mapping
-        Method to kinematic error (figure 5) and marker shift (section 3.1), m.
-    length_differences : mapping
-        Method minus EB (figure 4), m.
-    literature_errors, table5_errors : mapping
-        Table 5: study to its mean kinematic error, and the paper's own by method, m.
-    """
+    """What the paper found."""
 
     source: str
-    lengths: Table
-    differs_from_EB: Mapping[str, Mapping[str, str]]
-    knee_axes: Table
+    lengths: Table  # table 2, m
+    differs_from_EB: Mapping[str, Mapping[str, str]]  # method to length to stars, where table 2 has any
+    knee_axes: Table  # table 3, rad
     errors: Mapping[str, Spread]
     shifts: Mapping[str, Spread]
-    length_differences: Table
+    """``errors``, ``shifts``: method to kinematic error (figure 5) and marker shift (section 3.1), m."""
+    length_differences: Table  # method minus EB (figure 4), m
     literature_errors: Mapping[str, float]
     table5_errors: Mapping[str, float]
+    """``literature_errors``, ``table5_errors``: table 5: study to its mean kinematic error, and the
+    paper's own by method, m."""
 
 
 @cache

@@ -22,21 +22,11 @@ _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """The statistics that claims are asked of.
+    """The statistics that claims are asked of."""
 
-    Parameters
-    ----------
-    cohort : CohortStatistics
-        All subjects, their functional movements and their gait.
-    walkers : CohortStatistics
-        The few whose gait the paper had.
-    slowest_s : float
-        The most time that one subject's calibrations took.
-    """
-
-    cohort: CohortStatistics
-    walkers: CohortStatistics
-    slowest_s: float
+    cohort: CohortStatistics  # all subjects, their functional movements and their gait
+    walkers: CohortStatistics  # the few whose gait the paper had
+    slowest_s: float  # the most time that one subject's calibrations took
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.cohort.report.angles import angle_blocks
-from scaling_service.capabilities.cohort.report.page import statistics_sections
-from scaling_service.capabilities.cohort.report.quantities import p_words, quantity_words
+from scaling_service.capabilities.cohort.figures import angle_blocks, quantity_words
+from scaling_service.capabilities.cohort.report import statistics_sections
 from scaling_service.capabilities.cohort.statistics import CohortStatistics
+from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.methods import method_columns

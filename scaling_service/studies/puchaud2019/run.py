@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scaling_service.capabilities.cohort.custom_legs import Generic
-from scaling_service.capabilities.cohort.documents import statistics_document
+from scaling_service.capabilities.cohort.document import statistics_document
 from scaling_service.capabilities.cohort.executors import workers
+from scaling_service.capabilities.cohort.outcomes import Outcome, run_members
 from scaling_service.capabilities.cohort.run import Watcher
-from scaling_service.capabilities.cohort.scaling_items import CohortRun, VirtualPerson, run_cohort
 from scaling_service.capabilities.cohort.statistics import CohortStatistics, cohort_statistics
+from scaling_service.capabilities.cohort.summary import SubjectSummary
 from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
@@ -24,6 +24,7 @@ from scaling_service.studies.document import Beside, ClaimEntry, StudyDocument
 from scaling_service.studies.puchaud2019 import tables
 from scaling_service.studies.puchaud2019.claims import answers
 from scaling_service.studies.puchaud2019.paper import METHODS, paper
+from scaling_service.studies.puchaud2019.persons import Generic, VirtualPerson
 from scaling_service.studies.puchaud2019.questions import Study
 from scaling_service.studies.puchaud2019.report import study_page
 from scaling_service.studies.puchaud2019.study import DIFFERENCES, SUBJECTS, WALKERS, person_seeds
@@ -61,7 +62,6 @@ def reproduce_puchaud2019(
         The model that scaling starts from.
     worker_count : int, optional
         Processes; results do not depend on it.
-    watcher : Watcher, optional
 
     Raises
     ------
@@ -81,12 +81,14 @@ def reproduce_puchaud2019(
     if watcher is not None:
         watcher.started(len(people), count)
     with workers(count, None if watcher is None else watcher.stage) as executor:
-        run = run_cohort(
+        outcomes = run_members(
             people, executor, METHODS, settings, finished=None if watcher is None else watcher.finished
         )
-    _require_all(run)
-    walkers = cohort_statistics(run.summaries[:WALKERS], METHODS, seed=settings.seed)
-    study = Study(run.statistics, walkers, max(outcome.wall_s for outcome in run.outcomes))
+    summaries = _all_summaries(outcomes)
+    everybody, walkers = (
+        cohort_statistics(some, METHODS, seed=settings.seed) for some in (summaries, summaries[:WALKERS])
+    )
+    study = Study(everybody, walkers, max(outcome.wall_s for outcome in outcomes))
     return StudyResult(_document(study, settings, generic, time.perf_counter() - clock), study)
 
 
@@ -99,15 +101,16 @@ def save_study(result: StudyResult, folder: str | Path) -> tuple[str, ...]:
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def _require_all(run: CohortRun) -> None:
+def _all_summaries(outcomes: Sequence[Outcome]) -> list[SubjectSummary]:
     """A study with a person missing is another study."""
-    for outcome in run.outcomes:
+    for outcome in outcomes:
         if outcome.status != "done":
             raise InputError(
                 f"{outcome.name} could not be scaled: {outcome.reason}",
                 field="--seed",
                 remedy="Take another seed, and report this one",
             )
+    return [outcome.summary for outcome in outcomes if outcome.summary is not None]
 
 
 def _document(study: Study, settings: Settings, generic: Generic, wall_s: float) -> StudyDocument:

@@ -7,36 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.scalars import ScalarComparison
+from scaling_service.capabilities.cohort.groups import ScalarComparison
 from scaling_service.capabilities.cohort.statistics import CohortStatistics
 from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, Spread, paper
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One mean of the paper beside ours, m or rad.
-
-    Parameters
-    ----------
-    quantity, method : str
-    paper : Spread, optional
-        None where the paper gives no number.
-    ours : Spread
-    stars : str
-        The paper's mark of a difference from EB.
-    p_from_EB : float, optional
-        Ours, by Tukey's HSD; None where it was not tested.
-    significant : bool, optional
-        After Friedman's test.
-    """
+    """One mean of the paper beside ours, m or rad."""
 
     quantity: str
     method: str
-    paper: Spread | None
+    paper: Spread | None  # None where the paper gives no number
     ours: Spread
-    stars: str = ""
-    p_from_EB: float | None = None
-    significant: bool | None = None
+    stars: str = ""  # the paper's mark of a difference from EB
+    p_from_EB: float | None = None  # ours, by Tukey's HSD; None where it was not tested
+    significant: bool | None = None  # after Friedman's test
 
 
 def lengths(cohort: CohortStatistics) -> Iterator[Cell]:

@@ -19,7 +19,7 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ, Ra
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.massive import mechanism_of
+from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import forward, positions

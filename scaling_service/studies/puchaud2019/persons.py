@@ -1,4 +1,4 @@
-"""The legs of CusToM, the toolbox of Puchaud et al. 2019, as another generic model to start from.
+"""The study's virtual persons, and the legs of the paper's toolbox CusToM as another model to start from.
 
 The paper does not print its generic model; the built-in one has its subjects' mean proportions. Joint
 centres and markers below are those of CusToM's leg (files PelvisNoTrunk, Thigh, Shank), at its stature of
@@ -7,14 +7,20 @@ centres and markers below are those of CusToM's leg (files PelvisNoTrunk, Thigh,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from scaling_service.capabilities.cohort.outcomes import Done
+from scaling_service.capabilities.cohort.summary import Truth, summarise
 from scaling_service.capabilities.scaling.methods.joints import with_centre
 from scaling_service.capabilities.scaling.methods.placement import moved
+from scaling_service.capabilities.scaling.run import Progress, run
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import generic_person
+from scaling_service.virtual.subject import VirtualSettings, demo_session
 
 Generic = Literal["custom", "mean"]
 """The legs of CusToM, or the built-in ones, which have the mean proportions of the paper's subjects."""
@@ -39,14 +45,40 @@ _CENTRES: Mapping[str, Vector] = {"femur": (-0.0843, -0.0651, 0.080), "tibia": (
 """Of the right hip in the pelvis and the right knee in the thigh, m."""
 
 
-def custom_legs(mean: BodyModel) -> BodyModel:
-    """The built-in legs with joint centres and markers where CusToM's have them.
+@dataclass(frozen=True, slots=True)
+class VirtualPerson:
+    """A person drawn from the literature's spread, truth known; with or without images.
 
-    Parameters
-    ----------
-    mean : BodyModel
-        The built-in ``lower_limb_14dof``, whose names, axes and inertia stay.
+    ``generic`` says what scaling starts from.
     """
+
+    seed: int
+    settings: VirtualSettings = field(default_factory=VirtualSettings)
+    groups: Mapping[str, str] = field(default_factory=dict)
+    images: bool = False
+    generic: Generic = "mean"
+
+    @property
+    def name(self) -> str:
+        """``virtual_<seed>``."""
+        return f"virtual_{self.seed}"
+
+    @property
+    def shown(self) -> str:
+        """There is no file."""
+        return self.name
+
+    def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
+        """Record the person, and scale."""
+        session, person = demo_session(self.seed, self.settings, images=self.images)
+        if self.generic == "custom":
+            session = replace(session, model=custom_legs(session.model))
+        results = run(Loaded(session), methods, settings, progress=progress)
+        return Done(summarise(results, Truth(person.model, person.motions)))
+
+
+def custom_legs(mean: BodyModel) -> BodyModel:
+    """The built-in ``lower_limb_14dof`` with joint centres and markers where CusToM's legs have them."""
     k = generic_person(mean.name).height_m / _STATURE_M
     local = {
         f"{letter}{name}": _sided(place, k, side)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from scaling_service.studies.document import STUDY_SCHEMA_VERSION, ClaimEntry
+from scaling_service.capabilities.cohort.document import Part
+from scaling_service.studies.claims import StudyDocument
 
 Three = tuple[float, float, float]
 """fx, N; fy, N; mz, N m, about the ankle or the middle of the feet."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class WayEntry(_Part):
+class WayEntry(Part):
     """One way of explaining one recording."""
 
     wrench_rmse: Three
@@ -26,7 +23,7 @@ class WayEntry(_Part):
     )
 
 
-class RecordingEntry(_Part):
+class RecordingEntry(Part):
     """One recording in three ways."""
 
     classical: WayEntry
@@ -34,7 +31,7 @@ class RecordingEntry(_Part):
     predicted: WayEntry
 
 
-class SquatterEntry(_Part):
+class SquatterEntry(Part):
     """One virtual person."""
 
     name: str
@@ -50,7 +47,7 @@ class SquatterEntry(_Part):
     seconds: float
 
 
-class RealEntry(_Part):
+class RealEntry(Part):
     """A real recording: its first part fitted, the rest held out."""
 
     name: str
@@ -62,18 +59,14 @@ class RealEntry(_Part):
     seconds: float
 
 
-class FutamureDocument(_Part):
+class FutamureDocument(StudyDocument):
     """``study.json``."""
 
-    schema_version: int = STUDY_SCHEMA_VERSION
-    kind: Literal["study"] = "study"
     study: Literal["futamure"] = "futamure"
-    source: str
-    code_version: str
-    settings: dict[str, Any]
-    seed: int
     persons: list[SquatterEntry]
     recordings: list[RealEntry] = Field(description="Real ones, if given; claims leave them out.")
-    claims: list[ClaimEntry]
-    notes: list[str] = Field(description="How this study is not the paper's.")
-    wall_s: float
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)

@@ -17,15 +17,13 @@ from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.document import ClaimEntry
-from scaling_service.studies.futamure.claims import answers
+from scaling_service.studies.claims import answer_claims, person_seeds
+from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.document import (
     FutamureDocument,
     RealEntry,
@@ -34,7 +32,6 @@ from scaling_service.studies.futamure.document import (
     Three,
     WayEntry,
 )
-from scaling_service.studies.futamure.report import study_page
 from scaling_service.studies.futamure.squatters import SUBJECTS
 from scaling_service.studies.futamure.study import (
     DIFFERENCES,
@@ -42,11 +39,8 @@ from scaling_service.studies.futamure.study import (
     SOURCE,
     SquatterStudied,
     Way,
-    person_seeds,
     study_squatter,
 )
-
-DOCUMENT = "study.json"
 
 FITTED_SHARE = 0.6
 """Of a real recording (chosen: three of five squats)."""
@@ -95,21 +89,10 @@ def reproduce_futamure(
         seed=seed,
         persons=[_person(person) for person in persons],
         recordings=real,
-        claims=[
-            ClaimEntry(where=c.where, claim=c.text, paper=c.paper, holds=a.holds, ours=a.figures)
-            for c, a in answers(persons)
-        ],
+        claims=answer_claims(CLAIMS, persons),
         notes=list(DIFFERENCES),
         wall_s=round(time.perf_counter() - clock, 3),
     )
-
-
-def save_futamure(document: FutamureDocument, folder: str | Path) -> tuple[str, ...]:
-    """Write the study into a folder, all or nothing, and name the files."""
-    with all_or_nothing(Path(folder)) as scratch:
-        write_json(scratch / DOCUMENT, document)
-        (scratch / REPORT).write_text(study_page(document).html(), encoding="utf-8")
-        return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
 def _person(person: SquatterStudied) -> SquatterEntry:

@@ -32,7 +32,6 @@ from scaling_service.studies.futamure.squatters import (
     MASS_SD,
     RADIUS_SD,
     RATE_HZ,
-    SUBJECTS,
     Squats,
     VirtualSquatter,
     virtual_squatter,
@@ -49,8 +48,6 @@ TABLE = "winter2009"
 
 PLACED_M = 0.007
 """As the virtual persons' markers are placed."""
-
-_PERSONS = 1000  # chosen: cohorts of different seeds share nobody
 
 SAGITTAL_ROWS = (0, 1, 5)
 """fx, fy, mz of the six components."""
@@ -95,11 +92,6 @@ class SquatterStudied:
     loops: int
     converged: bool
     seconds: float  # of the loop, for 13 s at 100 Hz, with the held-out recording
-
-
-def person_seeds(seed: int, count: int = SUBJECTS) -> tuple[int, ...]:
-    """The seeds of a cohort's persons."""
-    return tuple(_PERSONS * seed + k for k in range(1, count + 1))
 
 
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterStudied:

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from scaling_service.studies.document import STUDY_SCHEMA_VERSION, ClaimEntry
+from scaling_service.capabilities.cohort.document import Part
+from scaling_service.studies.claims import StudyDocument
 
-Six = tuple[float, float, float, float, float, float]
+_DIGITS = 8
+
+
+def _plain(values: Any) -> Any:
+    """Arrays as tuples."""
+    return tuple(values.tolist()) if isinstance(values, np.ndarray) else values
+
+
+def _rounded(value: float) -> float:
+    """Eight digits after the point; smaller numbers, such as the plates', to four that count."""
+    return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
+
+
+_Number = Annotated[float, AfterValidator(_rounded)]
+Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_plain)]
 """fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_plain)]
 
 
-class IdentificationEntry(_Part):
+class IdentificationEntry(Part):
     """Residual indicators on the held-out performance before and after an identification."""
 
     residual_before: Six
@@ -25,7 +39,7 @@ class IdentificationEntry(_Part):
     true_error_after: Six
 
 
-class LevelEntry(_Part):
+class LevelEntry(Part):
     """One level of added reconstruction error."""
 
     added_mm: float
@@ -33,7 +47,7 @@ class LevelEntry(_Part):
     distinct_motions: int
 
 
-class MarkerEntry(_Part):
+class MarkerEntry(Part):
     """One marker's error and its share of the uncertainty."""
 
     marker: str
@@ -41,7 +55,7 @@ class MarkerEntry(_Part):
     shares: Six = Field(description="Of the variance of each component.")
 
 
-class WindowEntry(_Part):
+class WindowEntry(Part):
     """One window of frames worth calibrating with."""
 
     start_s: float
@@ -50,7 +64,7 @@ class WindowEntry(_Part):
     uncertainty: float = Field(description="Mean SD of the residual force over body weight.")
 
 
-class PropagatedEntry(_Part):
+class PropagatedEntry(Part):
     """One recording's residual and its uncertainty, by samples."""
 
     name: str
@@ -64,7 +78,7 @@ class PropagatedEntry(_Part):
     r2: Six
     r2_centred: Six
     levels: list[LevelEntry]
-    calibration_supported: tuple[bool, bool, bool, bool, bool, bool]
+    calibration_supported: SixFlags
     verdict: str
 
 
@@ -75,7 +89,7 @@ class PersonEntry(PropagatedEntry):
     true_measurement_error: Six
     true_inertial_error: Six
     markers_sd: Six = Field(description="Standard deviation by the markers' errors.")
-    supported_by_markers: tuple[bool, bool, bool, bool, bool, bool] = Field(
+    supported_by_markers: SixFlags = Field(
         description="Where dr exceeds that by the root of two: inertia then has the larger part."
     )
     coverage: Six = Field(description="Share of frames whose true error lies within 1.96 of it.")
@@ -86,18 +100,14 @@ class PersonEntry(PropagatedEntry):
     identified_freely: IdentificationEntry
 
 
-class Muller2017Document(_Part):
+class Muller2017Document(StudyDocument):
     """``study.json``."""
 
-    schema_version: int = STUDY_SCHEMA_VERSION
-    kind: Literal["study"] = "study"
     study: Literal["muller2017"] = "muller2017"
-    source: str
-    code_version: str
-    settings: dict[str, Any]
-    seed: int
     persons: list[PersonEntry]
     recordings: list[PropagatedEntry] = Field(description="Real ones, if given; claims leave them out.")
-    claims: list[ClaimEntry]
-    notes: list[str] = Field(description="How this study is not the paper's.")
-    wall_s: float
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)

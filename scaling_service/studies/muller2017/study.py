@@ -1,7 +1,4 @@
-"""The study of Muller et al. 2017 on virtual persons, whose true errors are known.
-
-Claims are in ``muller2017_claims``; the persons are in ``virtual_excitation``.
-"""
+"""The study of Muller et al. 2017 on virtual persons, whose true errors are known."""
 
 from __future__ import annotations
 
@@ -76,8 +73,6 @@ DIFFERENCES = (
 )
 """How this study is not the paper's, in plain English."""
 
-_PERSONS = 1000  # chosen: cohorts of different seeds share nobody
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
@@ -128,17 +123,6 @@ class PersonStudied:
     def blamed(self) -> NDArray[np.bool_]:
         """Components in which the true inertial error exceeds the true error of the measurement."""
         return np.asarray(self.inertial > self.measurement)
-
-
-def person_seeds(seed: int, count: int = SUBJECTS) -> tuple[int, ...]:
-    """The seeds of a cohort's persons.
-
-    Examples
-    --------
-    >>> person_seeds(0, 3)
-    (1, 2, 3)
-    """
-    return tuple(_PERSONS * seed + k for k in range(1, count + 1))
 
 
 def study_person(

@@ -62,10 +62,7 @@ class InertiaTable:
     def row(self, segment: str, sex: Sex) -> InertiaRow:
         """The row of a segment and sex.
 
-        Raises
-        ------
-        InputError
-            The table has none.
+        InputError: the table has none.
         """
         found = self.find(segment, sex)
         if found is None:
@@ -82,10 +79,7 @@ class InertiaTable:
 def inertia_table(name: str) -> InertiaTable:
     """A table by its name.
 
-    Raises
-    ------
-    InputError
-        There is no such table; the names are listed.
+    InputError: there is no such table; the names are listed.
 
     Examples
     --------
@@ -135,10 +129,7 @@ def mechanism_of(model: BodyModel) -> Mechanism:
 
     The tree carries one marker per segment, at its centre of mass.
 
-    Raises
-    ------
-    ModelRefused
-        No segment has mass.
+    ModelRefused: no segment has mass.
     """
     if not any(s.mass for s in model.segments):
         raise ModelRefused(
@@ -164,7 +155,7 @@ def inertias_of(model: BodyModel) -> Inertias:
 
 def tensor_of(numbers: Six) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
-    tensor = np.empty((3, 3))
+    tensor = np.empty(3, 3)
     for (i, j), value in zip(TENSOR, numbers, strict=True):
         tensor[i, j] = tensor[j, i] = value
     return tensor

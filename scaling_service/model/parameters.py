@@ -70,10 +70,7 @@ def free_scale_axes(
     Parameters are ``scale.<segment>.<axis>``; the other axes take the mean of those freed. Otherwise
     as :func:`free_scale`. Translations along oblique axes become one for each axis of their frame.
 
-    Parameters
-    ----------
-    axes : str
-        Of ``xyz``, such as ``"yz"``.
+    ``axes``: of ``xyz``, such as ``"yz"``.
     """
     names = {letter: f"scale.{segment}.{letter}" for letter in axes}
     mean = {name: 1.0 / len(names) for name in names.values()}
@@ -192,10 +189,7 @@ def free_marker(
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:
     """The model with its parameters turned into plain numbers.
 
-    Parameters
-    ----------
-    values : mapping, optional
-        Parameter to value; those not named keep the model's.
+    ``values``: parameter to value; those not named keep the model's.
     """
     known = {p.name: p.value for p in model.parameters} | dict(values or {})
 
@@ -252,15 +246,8 @@ def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
     New coordinates are ``knee_adduction_r`` (varus positive) and ``knee_rotation_r`` (inward positive)
     and the left ones, each after its knee's flexion. At zero the model is as it was.
 
-    Parameters
-    ----------
-    kind : 'hinge', 'universal' or 'spherical'
-        Flexion alone; with inward rotation; with varus and valgus as well.
-
-    Raises
-    ------
-    SubjectInvalid
-        The model has no knee, or one that is not a plain hinge about z.
+    ``kind``: flexion alone; with inward rotation; with varus and valgus as well. SubjectInvalid: the model
+    has no knee, or one that is not a plain hinge about z.
 
     Examples
     --------

@@ -24,15 +24,8 @@ Frame = tuple[Array, Array]
 def model_values(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, float]:
     """Coordinates at their default and parameters at their value, unless ``values`` says otherwise.
 
-    Parameters
-    ----------
-    values : mapping, optional
-        Coordinate or parameter name to its value, rad or m.
-
-    Raises
-    ------
-    KeyError
-        A name that the model does not have.
+    ``values``: coordinate or parameter name to its value, rad or m. KeyError: a name that the model does not
+    have.
     """
     known = {c.name: c.default for c in model.coordinates} | {p.name: p.value for p in model.parameters}
     for name, value in (values or {}).items():
@@ -45,15 +38,8 @@ def model_values(model: BodyModel, values: Mapping[str, float] | None = None) ->
 def neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Frame]:
     """The frame of every segment in one pose, signals at zero.
 
-    Parameters
-    ----------
-    values : mapping, optional
-        Coordinates (or parameters) that differ from the default, rad or m.
-
-    Returns
-    -------
-    dict
-        Segment to ``(R_ground_segment, origin_ground)``, shapes (3, 3) and (3,), m; ground included.
+    ``values``: coordinates (or parameters) that differ from the default, rad or m. Returns segment to
+    ``(R_ground_segment, origin_ground)``, shapes (3, 3) and (3,), m; ground included.
 
     Examples
     --------
@@ -139,16 +125,9 @@ _BLOCK = 4096
 def segment_poses(model: BodyModel, q: Array) -> Array:
     """Origins and rotations of all segments.
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates), rad or m
-        NaN where unknown.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_segments, 7)
-        Origin in ground, m, then the quaternion x, y, z, w that turns the segment's frame to ground; NaN
-        where the segment hangs on something unknown.
+    ``q`` ((n_frames, n_coordinates), rad or m): NaN where unknown. Returns (n_frames, n_segments, 7): origin
+    in ground, m, then the quaternion x, y, z, w that turns the segment's frame to ground; NaN where the
+    segment hangs on something unknown.
     """
     points = tuple(
         Marker.at(f"{segment.name} {k}", segment.name, corner)

@@ -60,12 +60,8 @@ class Artefact:
 def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], size: float) -> Artefact:
     """The skin of one person.
 
-    Parameters
-    ----------
-    reference : mapping
-        The coordinates in the standing posture, rad.
-    size : float
-        Multiplies every coefficient; one for the literature's, zero for none.
+    ``reference``: the coordinates in the standing posture, rad. ``size``: multiplies every coefficient; one
+    for the literature's, zero for none.
     """
     coefficients = {m.name: _coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
     low, high = RESIDUAL_MM

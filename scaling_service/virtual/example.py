@@ -65,12 +65,6 @@ def hidden_session(
 
     The model is the person's: sizes, knee axes and markers are right. Functional movements fit, walking is
     held out; recordings are neither smoothed nor filled.
-
-    Returns
-    -------
-    session : Session
-    person : VirtualSubject
-    hidden : tuple of Hidden
     """
     person = virtual_subject(seed, settings)
     sliding = _with_sliding(person.model)
@@ -159,19 +153,8 @@ def write_example(folder: Path, name: str = "example", seed: int = 0) -> dict[st
     Functional movements fit, walking is held out; bones are imaged. In the recordings two things are hidden
     that a model does not have: a marker slides with the knee, and two labels are exchanged for a while.
 
-    Parameters
-    ----------
-    folder : Path
-        Is there, and empty.
-    name : str
-        Of the subject.
-    seed : int
-        Decides the person.
-
-    Returns
-    -------
-    dict
-        The document.
+    ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person. Returns the
+    document.
     """
     session, person, _hidden = hidden_session(seed)
     image = virtual_image(person)

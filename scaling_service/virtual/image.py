@@ -58,10 +58,7 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
 
     The size of all errors is the person's ``settings.image``; zero is an exact image.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
+    ``progress``: called with the name of each bone before its turn.
 
     Examples
     --------
@@ -93,15 +90,7 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
 def image_evidence(image: VirtualImage, *, progress: Progress | None = None) -> ImageEvidence:
     """What landmarking reads from an image; the truth in it is not looked at.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
-
-    Raises
-    ------
-    MeshRefused
-        Landmarking refuses a bone.
+    ``progress``: called with the name of each bone before its turn. MeshRefused: landmarking refuses a bone.
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
     return evidence_of(find_landmarks(meshes, progress=progress), image.markers, image.bones)

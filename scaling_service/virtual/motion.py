@@ -136,12 +136,8 @@ def _standing(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
 def wander(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
     """An irregular smooth signal, (n_frames,): a few sinusoids of random frequency and phase.
 
-    Parameters
-    ----------
-    sd : float
-        Its standard deviation, in the unit wanted.
-    highest_hz : float
-        Frequencies lie between a tenth of this and this.
+    ``sd``: its standard deviation, in the unit wanted. ``highest_hz``: frequencies lie between a tenth of
+    this and this.
     """
     rates = rng.uniform(0.1 * highest_hz, highest_hz, _WAVES)
     phases = rng.uniform(0.0, 2.0 * np.pi, _WAVES)

@@ -84,20 +84,9 @@ def sequence(
 ) -> tuple[Array, Array]:
     """Coordinates of one performance.
 
-    Parameters
-    ----------
-    model : BodyModel
-        The built-in whole body, of any size.
-    times : ndarray, shape (n,), s
-    in_order : bool
-        As the video shows them, or shuffled.
-
-    Returns
-    -------
-    q : ndarray, shape (n, n_coordinates), rad and m
-        The pelvis is carried so that the feet that bear the person stay where they are.
-    share : ndarray, shape (n,)
-        Of the load on the right foot.
+    ``model``: the built-in whole body, of any size. ``times``: (n,), s. ``in_order``: as the video shows
+    them, or shuffled. Returns ``q`` ((n, n_coordinates), rad and m): the pelvis is carried so that the feet
+    that bear the person stay where they are; ``share`` (n,): of the load on the right foot.
     """
     q = default_coordinates(model, len(times))
     bearing = np.empty(len(times))

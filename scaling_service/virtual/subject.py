@@ -160,13 +160,8 @@ class VirtualSubject:
 def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) -> VirtualSubject:
     """A person drawn from the literature's spread, and recorded.
 
-    Parameters
-    ----------
-    seed : int
-        Not negative. Equal seeds are the same person, whatever the settings.
+    ``seed``: not negative. Equal seeds are the same person, whatever the settings.
 
-    Notes
-    -----
     Every quantity has its own random stream, named after it: leaving one fault out changes no other.
 
     Examples
@@ -199,12 +194,8 @@ def demo_session(
 ) -> tuple[Session, VirtualSubject]:
     """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
 
-    Parameters
-    ----------
-    images : bool
-        Whether the person's bones were imaged too; making them and reading their landmarks takes seconds.
-    progress : callable, optional
-        Called with what is done, where bones are made.
+    ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
+    seconds. ``progress``: called with what is done, where bones are made.
     """
     person = virtual_subject(seed, settings)
     trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}

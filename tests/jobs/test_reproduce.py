@@ -11,8 +11,7 @@ from scaling_service.cli import main
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.document import Beside, Puchaud2019Document
-from scaling_service.studies.puchaud2019.paper import METHODS, paper
+from scaling_service.studies.puchaud2019.paper import METHODS, Beside, Puchaud2019Document, paper
 from scaling_service.studies.puchaud2019.report import page as study_page
 from scaling_service.studies.puchaud2019.run import StudyResult, reproduce_puchaud2019
 from tests.report.reading import Node, read

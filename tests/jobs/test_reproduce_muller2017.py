@@ -11,10 +11,9 @@ from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintyS
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import save_study
 from scaling_service.studies.muller2017.claims import CLAIMS
-from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
 from scaling_service.studies.muller2017.report import page as study_page
-from scaling_service.studies.muller2017.run import reproduce_muller2017
+from scaling_service.studies.muller2017.run import Muller2017Document, reproduce_muller2017
 from tests.report.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)

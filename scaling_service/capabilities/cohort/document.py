@@ -11,9 +11,12 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:  # they bring scipy, which a service that only passes documents on does not need
-    from scaling_service.capabilities.cohort.curves import CurveComparison
     from scaling_service.capabilities.cohort.groups import GroupComparison, ScalarComparison
-    from scaling_service.capabilities.cohort.statistics import CohortAgreement, CohortStatistics
+    from scaling_service.capabilities.cohort.statistics import (
+        CohortAgreement,
+        CohortStatistics,
+        CurveComparison,
+    )
     from scaling_service.capabilities.scaling.comparison.agreement import Estimate
     from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.cohort.curves import CurveComparison
 from scaling_service.capabilities.cohort.groups import ScalarComparison
+from scaling_service.capabilities.cohort.statistics import CurveComparison
 from scaling_service.core.text import p_words
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table, Text

@@ -16,10 +16,7 @@ from scaling_service.documents.names import DOCUMENT
 def work(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write the subject's folder, with what the cohort's statistics take of it; the result says how it ended.
 
-    Raises
-    ------
-    InputError
-        Whatever in the subject, the model or the recordings cannot be used: the subject failed.
+    InputError: whatever in the subject, the model or the recordings cannot be used: the subject failed.
     """
     clock = time.perf_counter()
     name = request.subject

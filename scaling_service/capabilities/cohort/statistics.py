@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.curves import CurveComparison, compare_curves
 from scaling_service.capabilities.cohort.document import GATE_MAX_M, GATE_RMS_M
-from scaling_service.capabilities.cohort.groups import ScalarComparison, compare_scalars
+from scaling_service.capabilities.cohort.groups import ScalarComparison, compare_scalars, too_few
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
 from scaling_service.capabilities.scaling.comparison.agreement import Agreement, agreement
-from scaling_service.numerics.statistics.waveforms import WaveformSettings
+from scaling_service.core.streams import stream
+from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.cycles import Curves
+from scaling_service.numerics.statistics.panels import Panel, panels
+from scaling_service.numerics.statistics.waveforms import (
+    WaveformComparison,
+    WaveformSettings,
+    compare_waveforms,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,10 +177,10 @@ def agreements(
         for quantity, table in tables.items():
             for method in methods:
                 if method != reference:
-                    yield from _compared(quantity, table, method, reference, confidence)
+                    yield from _agree(quantity, table, method, reference, confidence)
 
 
-def _compared(
+def _agree(
     quantity: str, table: Mapping[str, Mapping[str, float]], method: str, reference: str, confidence: float
 ) -> Iterator[CohortAgreement]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
@@ -206,3 +213,87 @@ def _quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, 
         for joint, place in joints.items():
             for axis, value in zip("xyz", place, strict=True):
                 yield f"{joint}.{axis}", {method: value}
+
+
+REFERENCES = ("EB_am", "MB_am")
+"""What others are compared to: Puchaud 2019 (section 2.3) takes EB_am; where nobody was imaged, MB_am, which
+the paper found to come nearest to it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurveComparison:
+    """One joint angle over the gait cycle, over a cohort; curves are (n_nodes,), rad."""
+
+    coordinate: str
+    panel: Panel  # who walked and has all methods; the others with the reason
+    strides: Mapping[str, int]  # subject to the number of strides behind its curve
+    reference: str | None  # pairs are tested against it; None where no reference is there: all pairs are
+    mean: Mapping[str, Array]
+    sd: Mapping[str, Array]  # n - 1; empty for a single subject
+    test: WaveformComparison | None  # repeated-measures ANOVA by permutation, and the pairs after it
+    note: str = ""  # why there is no test, or why it could not have found anything
+
+
+def compare_curves(
+    subjects: Sequence[SubjectSummary],
+    methods: Sequence[str],
+    seed: int,
+    settings: WaveformSettings | None = None,
+) -> Iterator[CurveComparison]:
+    """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
+    coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
+    for coordinate in coordinates:
+        has = {
+            s.subject: [name for name, method in s.methods.items() if coordinate in method.curves]
+            for s in subjects
+        }
+        for panel in panels(has, methods):
+            rng = stream(seed, "cohort", "curves", coordinate, *panel.methods)
+            yield _compare_curve(coordinate, _explained(panel, coordinate, subjects), subjects, rng, settings)
+
+
+def _explained(panel: Panel, coordinate: str, subjects: Sequence[SubjectSummary]) -> Panel:
+    """The panel with the reason of those who did not walk."""
+    side = coordinate.rpartition("_")[2]
+    reasons = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
+    return replace(panel, excluded={s: reasons.get(s, why) for s, why in panel.excluded.items()})
+
+
+def _compare_curve(
+    coordinate: str,
+    panel: Panel,
+    subjects: Sequence[SubjectSummary],
+    rng: np.random.Generator,
+    settings: WaveformSettings | None,
+) -> CurveComparison:
+    counted = [s for s in subjects if s.subject in panel.subjects]
+    values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
+    side = coordinate.rpartition("_")[2]
+    reference = next((m for m in REFERENCES if m in panel.methods), None)
+    note, test = too_few(panel), None
+    if not note:
+        curves = Curves(coordinate, tuple(s.subject for s in counted), panel.methods, values)
+        test = compare_waveforms(curves, rng, reference=reference, settings=settings)
+        note = _undecidable(test)
+    return CurveComparison(
+        coordinate=coordinate,
+        panel=panel,
+        strides={s.subject: s.strides[side] for s in counted},
+        reference=reference,
+        mean={m: values[:, k].mean(axis=0) for k, m in enumerate(panel.methods)} if counted else {},
+        sd={m: values[:, k].std(axis=0, ddof=1) for k, m in enumerate(panel.methods)}
+        if len(counted) > 1
+        else {},
+        test=test,
+        note=note,
+    )
+
+
+def _undecidable(test: WaveformComparison) -> str:
+    """A word where too few subjects make significance impossible."""
+    n = len(test.subjects)
+    if not test.anova.can_decide:
+        return f"{n} subjects are too few for any difference to be significant"
+    if any(not pair.test.can_decide for pair in test.pairs):
+        return f"{n} subjects are too few for any pair to be significant after {test.n_pairs} comparisons"
+    return ""

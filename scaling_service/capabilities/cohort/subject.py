@@ -66,12 +66,8 @@ class SubjectMember:
     def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Scale by the methods that are possible, and write what ``compare`` writes.
 
-        Raises
-        ------
-        NothingPossible
-            None of the methods can be done.
-        InputError
-            Whatever in the subject's files cannot be used, or a folder that cannot be written to.
+        NothingPossible: none of the methods can be done. InputError: whatever in the subject's files cannot
+        be used, or a folder that cannot be written to.
         """
         if self.error is not None:
             raise self.error

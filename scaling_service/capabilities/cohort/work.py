@@ -26,10 +26,7 @@ def work(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress)
 
     Every subject was scaled by a job of its own, which wrote the subject's folder.
 
-    Raises
-    ------
-    InputError
-        Nobody can be done by any of the methods, or a subject is called like a file of results.
+    InputError: nobody can be done by any of the methods, or a subject is called like a file of results.
     """
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)

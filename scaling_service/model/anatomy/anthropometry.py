@@ -56,27 +56,15 @@ class DimensionPrior:
     def condition(self, measured: Mapping[str, tuple[float, float]]) -> DimensionPrior:
         """What is known once some dimensions were measured; exact for Gaussian logarithms.
 
-        Parameters
-        ----------
-        measured : mapping
-            Dimension to (value, standard deviation), m (kg for ``mass``); independent errors.
-
-        Raises
-        ------
-        InputError
-            There is no such dimension, or value or standard deviation is not a positive number.
+        ``measured``: dimension to (value, standard deviation), m (kg for ``mass``); independent errors.
+        InputError: there is no such dimension, or value or standard deviation is not a positive number.
         """
         return self.weigh(measured)[0]
 
     def weigh(self, measured: Mapping[str, tuple[float, float]]) -> tuple[DimensionPrior, float]:
         """Condition, and say how well the distribution had foreseen what was measured.
 
-        Returns
-        -------
-        DimensionPrior
-            As :meth:`condition`.
-        float
-            Logarithm of the probability density of the measured logarithms.
+        Returns what :meth:`condition` does, and the logarithm of the density of the measured logarithms.
         """
         if not measured:
             return self, 0.0

@@ -224,22 +224,11 @@ def construct_centres(
 ) -> dict[str, Centre]:
     """All joint centres of hips, knees and ankles that a recording's markers give, in every frame.
 
-    Parameters
-    ----------
-    points : mapping
-        Canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them.
-    regression : str
-        As ``hip_centres`` takes it.
-    hips : mapping, optional
-        Hip centres (``hip_r``) that are known better than by regression, (n_frames, 3), m.
-    errors : mapping, optional
-        Centre to an offset along x, y, z of the pelvis that is added to it, (n_frames, 3), m: how errors of
-        one construction are carried on to the next.
-
-    Returns
-    -------
-    dict
-        ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
+    ``points``: canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them. ``regression``:
+    as ``hip_centres`` takes it. ``hips``: hip centres (``hip_r``) that are known better than by regression,
+    (n_frames, 3), m. ``errors``: centre to an offset along x, y, z of the pelvis that is added to it,
+    (n_frames, 3), m: how errors of one construction are carried on to the next. Returns ``hip_r``,
+    ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
     """
     pelvis = read_pelvis(points)
     found = {} if pelvis is None else _hips(pelvis, sizes, regression)

@@ -242,19 +242,11 @@ def chord_centre(proximal: ArrayLike, lateral: ArrayLike, plane: ArrayLike, dist
     It lies in the plane of the three points, and the line from the proximal centre to the lateral marker
     separates it from the plane marker.
 
-    Parameters
-    ----------
-    proximal, lateral, plane : (n_frames, 3), m
-        Proximal joint centre (hip for the knee, knee for the ankle), lateral marker of the joint, and the
-        marker on the segment between them (thigh or shank wand).
-    distance : float or (n_frames,), m
-        From the centre to the lateral marker: half the joint's width and the marker's radius.
-
-    Returns
-    -------
-    (n_frames, 3), m
-        NaN where a point is missing, the proximal centre is nearer to the lateral marker than ``distance``,
-        or the plane marker is within a millimetre of the line.
+    ``proximal``, ``lateral``, ``plane`` ((n_frames, 3), m): proximal joint centre (hip for the knee, knee for
+    the ankle), lateral marker of the joint, and the marker on the segment between them (thigh or shank wand).
+    ``distance`` (float or (n_frames,), m): from the centre to the lateral marker: half the joint's width and
+    the marker's radius. Returns (n_frames, 3), m: NaN where a point is missing, the proximal centre is nearer
+    to the lateral marker than ``distance``, or the plane marker is within a millimetre of the line.
 
     Examples
     --------

@@ -132,13 +132,8 @@ def apply_inertia_table(
 def possible_tensor(tensor: Array) -> tuple[Array, bool]:
     """The nearest tensor that a body can have, and whether it is another one.
 
-    Parameters
-    ----------
-    tensor : ndarray, shape (3, 3)
-        About the centre of mass.
+    ``tensor`` (3, 3): about the centre of mass.
 
-    Notes
-    -----
     The second moments of the mass, ``tr(I)/2 - I``, must not be negative along any direction: this is the
     triangle inequality of the principal moments (Wensing, Kim & Slotine 2018). Negative ones become zero.
     """
@@ -324,10 +319,7 @@ class Neutral:
 def landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
     """A landmark in ground, m; None where the model does not show it.
 
-    Parameters
-    ----------
-    name : str
-        As tables call it: ``HJC``, ``MTC``, ``XYPH`` …
+    ``name`` is what tables call it: ``HJC``, ``MTC``, ``XYPH`` and so on.
     """
     if name in CENTRES:
         for segment in (f"{CENTRES[name]}_{side}", CENTRES[name]):
@@ -374,10 +366,7 @@ def _on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
 def needed(neutral: Neutral, name: str, side: str, sex: Sex, segment: str) -> Array:
     """A landmark that must be known.
 
-    Raises
-    ------
-    InputError
-        The model does not show it.
+    InputError: the model does not show it.
     """
     found = landmark(neutral, name, side, sex)
     if found is None:

@@ -58,22 +58,9 @@ def apply_to_squat(
 ) -> InertiaResult:
     """Give the planar squat the inertia that a table says.
 
-    Parameters
-    ----------
-    model : BodyModel
-        ``squat_4dof`` of any size.
-    table, sex, height_m, mass_kg
-        See ``apply_inertia_table``.
-
-    Returns
-    -------
-    InertiaResult
-        Masses sum to ``mass_kg``; centres of mass lie in the plane and products with z are zero.
-
-    Raises
-    ------
-    InputError
-        The model is no squat, or as ``apply_inertia_table``.
+    ``model``: ``squat_4dof`` of any size. ``table``, ``sex``, ``height_m``, ``mass_kg``: see
+    ``apply_inertia_table``. Masses sum to ``mass_kg``; centres of mass lie in the plane and products
+    with z are zero. InputError: the model is no squat, or as ``apply_inertia_table``.
     """
     if set(model.segment_names) != set(PARTS):
         raise InputError(

@@ -37,10 +37,7 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     Of two sets that fit, the one counts that explains more of the labels and asks for fewer others
     (Dice coefficient). Labels that only the static trial needs count where they are, and are not missed.
 
-    Parameters
-    ----------
-    labels : iterable of str
-        Of all recordings together.
+    ``labels``: of all recordings together.
 
     Examples
     --------
@@ -133,12 +130,7 @@ def plane_marker(
     With the joint centre above and the joint's lateral marker it spans the plane in which the joint's centre
     is looked for (Davis 1991).
 
-    Parameters
-    ----------
-    labels : sequence of str
-        Of one recording.
-    joint : 'knee' or 'ankle'
-        The thigh's marker tells the knee's, the shank's the ankle's.
+    ``labels``: of one recording. ``joint``: the thigh's marker tells the knee's, the shank's the ankle's.
 
     Examples
     --------

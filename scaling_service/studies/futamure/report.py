@@ -13,7 +13,7 @@ from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT
 from scaling_service.studies.claims import study_page
-from scaling_service.studies.futamure.document import FutamureDocument, RecordingEntry, SquatterEntry
+from scaling_service.studies.futamure.run import FutamureDocument, RecordingEntry, SquatterEntry
 from scaling_service.studies.screen import titled_table
 
 _WAYS = (("classical", "#0072B2"), ("consistent", "#D55E00"), ("predicted", "#009E73"))  # Okabe & Ito 2008

@@ -1,4 +1,4 @@
-"""Futamure et al. done again on virtual squatters, and written."""
+"""Futamure et al. done again on virtual squatters, as ``study.json``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
+from pydantic import Field
 
+from scaling_service.capabilities.cohort.document import Part
 from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.consistent.estimate import Followed
 from scaling_service.capabilities.consistent.estimate import consistent as identify
@@ -22,16 +24,8 @@ from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.claims import answer_claims, person_seeds
+from scaling_service.studies.claims import StudyDocument, answer_claims, person_seeds
 from scaling_service.studies.futamure.claims import CLAIMS
-from scaling_service.studies.futamure.document import (
-    FutamureDocument,
-    RealEntry,
-    RecordingEntry,
-    SquatterEntry,
-    Three,
-    WayEntry,
-)
 from scaling_service.studies.futamure.squatters import SUBJECTS
 from scaling_service.studies.futamure.study import (
     DIFFERENCES,
@@ -41,6 +35,69 @@ from scaling_service.studies.futamure.study import (
     Way,
     study_squatter,
 )
+
+Three = tuple[float, float, float]
+"""fx, N; fy, N; mz, N m, about the ankle or the middle of the feet."""
+
+
+class WayEntry(Part):
+    """One way of explaining one recording."""
+
+    wrench_rmse: Three
+    marker_rms_mm: float
+    angle_rmse_deg: list[float] = Field(
+        description="Ankle, knee, hip, shoulder; empty where no truth is known."
+    )
+
+
+class RecordingEntry(Part):
+    """One recording in three ways."""
+
+    classical: WayEntry
+    consistent: WayEntry
+    predicted: WayEntry
+
+
+class SquatterEntry(Part):
+    """One virtual person."""
+
+    name: str
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    inertia_distance: tuple[Three, Three] = Field(
+        description="Masses, centres of mass, moments of inertia, in SDs of tables; before, after."
+    )
+    length_error_mm: tuple[Three, Three] = Field(description="Shank, thigh, trunk; before, after.")
+    marker_rms_mm: dict[str, tuple[float, float]] = Field(description="Classical, consistent.")
+    loops: int
+    converged: bool
+    seconds: float
+
+
+class RealEntry(Part):
+    """A real recording: its first part fitted, the rest held out."""
+
+    name: str
+    model: str
+    start: str
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    loops: int
+    seconds: float
+
+
+class FutamureDocument(StudyDocument):
+    """``study.json``."""
+
+    study: Literal["futamure"] = "futamure"
+    persons: list[SquatterEntry]
+    recordings: list[RealEntry] = Field(description="Real ones, if given; claims leave them out.")
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)
+
 
 FITTED_SHARE = 0.6
 """Of a real recording (chosen: three of five squats)."""

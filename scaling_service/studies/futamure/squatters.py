@@ -121,10 +121,7 @@ class VirtualSquatter:
 def virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     """A person by seed.
 
-    Parameters
-    ----------
-    faults : float
-        Multiplies placement errors, artefact and noise: one as in the literature, zero for none.
+    ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
     height, mass = _build(seed)
     model = _with_placement(seed, _person(seed, height, mass), faults)

@@ -97,10 +97,7 @@ class SquatterStudied:
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterStudied:
     """Record one person, explain the recordings, and compare with the truth.
 
-    Parameters
-    ----------
-    faults : float
-        See :func:`virtual_squatter`.
+    ``faults``: see :func:`virtual_squatter`.
     """
     person = virtual_squatter(seed, faults=faults)
     plane = plane_of(person.fitted.trial)

@@ -118,12 +118,7 @@ def excited_person(
 ) -> ExcitedPerson:
     """Draw a person and record them.
 
-    Parameters
-    ----------
-    seed : int
-        Not negative.
-    names : tuple of str
-        Which performances.
+    ``seed``: not negative. ``names``: which performances.
     """
     rng = stream(seed, "excited", "person")
     height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))

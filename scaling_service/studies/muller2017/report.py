@@ -14,7 +14,7 @@ from scaling_service.report.figures import Figure, chart
 from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT, INK
 from scaling_service.studies.claims import study_page
-from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.muller2017.run import Muller2017Document, PersonEntry, PropagatedEntry
 from scaling_service.studies.screen import titled_table
 
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008

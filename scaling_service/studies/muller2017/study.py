@@ -132,12 +132,7 @@ def study_person(
 ) -> PersonStudied:
     """The whole study of one person, in this thread.
 
-    Parameters
-    ----------
-    seed : int
-        Of the person.
-    settings : UncertaintySettings
-        Its seed is replaced by the person's.
+    ``seed``: of the person. ``settings``: its seed is replaced by the person's.
     """
     person = excited_person(seed, recorded)
     performance = person.performances["in_order"]

@@ -17,7 +17,7 @@ from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT, styles
 from scaling_service.studies.claims import study_page
 from scaling_service.studies.puchaud2019.claims import Study
-from scaling_service.studies.puchaud2019.document import Beside, Puchaud2019Document
+from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document
 from scaling_service.studies.screen import titled_table
 
 

@@ -17,10 +17,17 @@ from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.studies.claims import answer_claims, person_seeds
-from scaling_service.studies.puchaud2019 import tables
 from scaling_service.studies.puchaud2019.claims import CLAIMS, Study
-from scaling_service.studies.puchaud2019.document import Puchaud2019Document
-from scaling_service.studies.puchaud2019.paper import METHODS, paper
+from scaling_service.studies.puchaud2019.paper import (
+    METHODS,
+    Puchaud2019Document,
+    errors,
+    knee_axes,
+    length_differences,
+    lengths,
+    marker_shifts,
+    paper,
+)
 from scaling_service.studies.puchaud2019.persons import (
     DIFFERENCES,
     SUBJECTS,
@@ -109,12 +116,12 @@ def _document(study: Study, settings: Settings, generic: Generic, wall_s: float)
         seed=settings.seed,
         subjects=list(cohort.subjects),
         walkers=list(study.walkers.subjects),
-        segment_lengths_mm=tables.lengths(cohort),
-        knee_axis_deg=tables.knee_axes(cohort),
-        kinematic_error_mm=tables.errors(cohort),
+        segment_lengths_mm=lengths(cohort),
+        knee_axis_deg=knee_axes(cohort),
+        kinematic_error_mm=errors(cohort),
         literature_error_mm={who: round(1e3 * v, 4) for who, v in paper().literature_errors.items()},
-        length_difference_mm=tables.length_differences(cohort),
-        marker_shift_mm=tables.marker_shifts(cohort),
+        length_difference_mm=length_differences(cohort),
+        marker_shift_mm=marker_shifts(cohort),
         claims=answer_claims(CLAIMS, study),
         notes=list(DIFFERENCES),
         statistics=statistics_document(cohort),

@@ -106,10 +106,7 @@ class LegShape:
 def leg_shape(seed: int, side: Side, sex: Sex, length: float) -> LegShape:
     """The bones of one leg of a person.
 
-    Parameters
-    ----------
-    length : float
-        Of the person's femurs and tibias, in standard deviations from the mean of the sex.
+    ``length``: of the person's femurs and tibias, in standard deviations from the mean of the sex.
 
     Examples
     --------
@@ -155,12 +152,8 @@ class Femur:
 def femur(shape: LegShape, length: float, axis: Array) -> Femur:
     """Build a right femur.
 
-    Parameters
-    ----------
-    length : float, m
-        From hip to knee centre.
-    axis : (3,)
-        Unit vector along the knee's true axis, to the right.
+    ``length`` (m): from hip to knee centre. ``axis`` (3,): unit vector along the knee's true axis, to the
+    right.
     """
     w = shape.epicondylar_breadth / BREADTH_M
     knee = np.array([0.0, -length, 0.0])
@@ -289,14 +282,9 @@ class Tibia:
 def tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places: Places) -> Tibia:
     """Build a right tibia with its fibula.
 
-    Parameters
-    ----------
-    length : float, m
-        From knee to ankle centre.
-    condyles : two (3,), m
-        Centres of the femur's medial and lateral condyle with the knee straight.
-    places : Places
-        The tips of the malleoli lie straight below their ends' middle.
+    ``length`` (m): from knee to ankle centre. ``condyles`` (two (3,), m): centres of the femur's medial and
+    lateral condyle with the knee straight. ``places``: the tips of the malleoli lie straight below their
+    ends' middle.
     """
     w = shape.epicondylar_breadth / BREADTH_M
     ankle = np.array([0.0, -length, 0.0])

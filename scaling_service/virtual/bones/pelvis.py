@@ -50,14 +50,8 @@ class HipBone:
 def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
     """Build a right hip bone.
 
-    Parameters
-    ----------
-    hip : (3,), m
-        The hip centre, in the middle of the socket.
-    socket : float, m
-        Its radius.
-    asis, psis : (3,), m
-        The foremost point of the anterior and the rearmost of the posterior spine.
+    ``hip`` ((3,), m): the hip centre, in the middle of the socket. ``socket`` (m): its radius. ``asis``,
+    ``psis`` ((3,), m): the foremost point of the anterior and the rearmost of the posterior spine.
     """
     w = float(hip[2]) / HALF_WIDTH_M
     forward = np.array([w, 0.0, 0.0])

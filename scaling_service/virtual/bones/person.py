@@ -44,13 +44,8 @@ class PersonBones:
 def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | None = None) -> PersonBones:
     """Make the bones of a person.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
+    ``progress``: called with the name of each bone before its turn.
 
-    Notes
-    -----
     The centres of the femoral heads and sockets are the model's hip centres; the midpoints of the spheres
     on the condyles its knee centres, the lines through them its knee axes; the midpoints of the malleoli's
     tips its ankle centres. The posterior condylar angle is therefore not drawn: it follows from axis and

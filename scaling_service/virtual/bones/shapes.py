@@ -275,16 +275,8 @@ _STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
 def surface_of(shape: Shape, step: float) -> tuple[Array, Faces]:
     """Contour a solid on a grid, and pull the corners onto its surface.
 
-    Parameters
-    ----------
-    step : float, m
-        Of the grid; edges are about as long.
-
-    Returns
-    -------
-    vertices : (n, 3), m
-    faces : (m, 3)
-        Closed, corners counter-clockwise seen from outside.
+    ``step`` (m): of the grid; edges are about as long. Returns ``vertices`` ((n, 3), m); ``faces`` ((m, 3)):
+    closed, corners counter-clockwise seen from outside.
     """
     low, high = shape.bounds
     low = low - 2.0 * step

@@ -14,7 +14,7 @@ from scaling_service.bones.results import Array, BoneLandmarks, MeshRefused, Sid
 from scaling_service.bones.talus import talus_landmarks
 from scaling_service.bones.tibia import TibiaFrame, tibia_landmarks
 from scaling_service.model.body import Vector
-from scaling_service.model.images import Bone, ImageEvidence
+from scaling_service.model.trial import Bone, ImageEvidence
 
 Mesh = tuple[Array, NDArray[np.integer]]
 

@@ -17,3 +17,14 @@ def few(names: Sequence[str]) -> str:
     """
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def p_words(p: float) -> str:
+    """A probability as papers give it.
+
+    Examples
+    --------
+    >>> p_words(0.0004), p_words(0.0321)
+    ('< 0.001', '0.032')
+    """
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"

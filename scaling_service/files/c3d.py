@@ -15,8 +15,7 @@ from scaling_service.files.c3d_file import METRES, C3dFile, first_value, no_fram
 from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.files.tables import clean_positions, refuse_duplicates
 from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, plate_names
-from scaling_service.model.sizes import MeasuredSizes
-from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled
+from scaling_service.model.trial import Array, MeasuredSizes, Repair, Trial, is_unlabelled
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""

@@ -21,18 +21,11 @@ GROUND = "ground"
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A piecewise polynomial of one coordinate, continued linearly outside its breaks.
+    """A piecewise polynomial of one coordinate, continued linearly outside its breaks."""
 
-    Parameters
-    ----------
-    breaks : tuple of float, length n_pieces + 1
-        Increasing, in the coordinate's unit (rad or m).
-    coefficients : tuple of n_pieces tuples
-        Highest power first, in the local variable ``coordinate - breaks[i]``.
-    """
-
-    breaks: tuple[float, ...]
+    breaks: tuple[float, ...]  # length n_pieces + 1: increasing, in the coordinate's unit (rad or m)
     coefficients: tuple[tuple[float, ...], ...]
+    """Highest power first, in the local variable ``coordinate - breaks[i]``."""
 
     def __post_init__(self) -> None:
         if len(self.breaks) != len(self.coefficients) + 1:
@@ -91,48 +84,29 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A rotation about, or a translation along, an axis of the frame reached so far.
-
-    Parameters
-    ----------
-    kind : 'rotation' or 'translation'
-    axis : (3,) unit vector
-    law : Law
-    scales_with : str, optional
-        For a translation: the segment whose size it follows. The axis then is expressed in that
-        segment's frame, or in a joint frame fixed in it.
-    """
+    """A rotation about, or a translation along, an axis of the frame reached so far."""
 
     kind: Literal["rotation", "translation"]
-    axis: Vector
+    axis: Vector  # (3,) unit vector
     law: Law
     scales_with: str | None = None
+    """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
+    frame, or in a joint frame fixed in it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A rigid body and the chain of joints that carries it from its parent.
-
-    Parameters
-    ----------
-    name, parent : str
-        ``parent`` is another segment or ``"ground"``.
-    joint_name : str
-        The anatomical joint, as the model calls it (``knee_r``).
-    joints : tuple of Joint
-        In order from the parent's frame to this segment's frame.
-    mass : float, kg
-    com : (3,) m, in the segment's frame
-    inertia : (6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz
-    """
+    """A rigid body and the chain of joints that carries it from its parent."""
 
     name: str
     parent: str
-    joint_name: str
-    joints: tuple[Joint, ...]
-    mass: float = 0.0
-    com: Vector = (0.0, 0.0, 0.0)
+    """``name``, ``parent``: ``parent`` is another segment or ``"ground"``."""
+    joint_name: str  # the anatomical joint, as the model calls it (knee_r)
+    joints: tuple[Joint, ...]  # in order from the parent's frame to this segment's frame
+    mass: float = 0.0  # kg
+    com: Vector = (0.0, 0.0, 0.0)  # (3,) m, in the segment's frame
     inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    """(6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,26 +139,14 @@ class Coupler:
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """A marker: three translations in its segment's frame.
-
-    Parameters
-    ----------
-    laws : three Laws, m
-        The local coordinates x, y, z.
-    weight : float
-        Its weight in inverse kinematics.
-    anatomical : bool
-        On a bony landmark (True) or a tracking marker on soft tissue (False).
-    follows_size : bool
-        Whether its local coordinates follow the segment's scale factors.
-    """
+    """A marker: three translations in its segment's frame."""
 
     name: str
     segment: str
-    laws: tuple[Law, Law, Law]
-    weight: float = 1.0
-    anatomical: bool = True
-    follows_size: bool = True
+    laws: tuple[Law, Law, Law]  # three Laws, m: the local coordinates x, y, z
+    weight: float = 1.0  # its weight in inverse kinematics
+    anatomical: bool = True  # on a bony landmark (True) or a tracking marker on soft tissue (False)
+    follows_size: bool = True  # whether its local coordinates follow the segment's scale factors
 
     @classmethod
     def at(
@@ -203,29 +165,17 @@ class Marker:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number shared by all frames: a scale factor, an axis tilt, a marker shift.
-
-    Parameters
-    ----------
-    value, lower, upper : float
-        In ``unit``; bounds may be infinite.
-    unit : 'm', 'rad' or '1'
-    group : str
-        ``length``, ``axis`` or ``marker``; effects of the discovery use their own.
-    target : str
-        What it belongs to: the segment, joint or marker.
-    prior_sd : float, optional
-        Standard deviation of a Gaussian prior centred on ``value``.
-    """
+    """A number shared by all frames: a scale factor, an axis tilt, a marker shift."""
 
     name: str
     value: float
     unit: Literal["m", "rad", "1"]
     lower: float
     upper: float
-    group: str
-    target: str
-    prior_sd: float | None = None
+    """``value``, ``lower``, ``upper``: in ``unit``; bounds may be infinite."""
+    group: str  # length, axis or marker; effects of the discovery use their own
+    target: str  # what it belongs to: the segment, joint or marker
+    prior_sd: float | None = None  # standard deviation of a Gaussian prior centred on value
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,78 +18,41 @@ cross-talk) move it by 25 mm. Laboratories use 10 to 50 N; chosen: 20 N."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawPlate:
-    """One force plate of a recording, in SI units, in its own axes.
+    """One force plate of a recording, in SI units, in its own axes."""
 
-    Parameters
-    ----------
-    kind : int
-        Type of the C3D standard, 1 to 4.
-    corners : ndarray, shape (4, 3), m
-        In the laboratory: the quadrants (+x +y), (-x +y), (-x -y), (+x -y) of the plate's axes.
-    origin : ndarray, shape (3,), m
-        Types 2 and 4: from the sensors' origin to the middle of the surface. Type 3: half-distances of
-        the sensors along x and y, and the height.
-    signals : ndarray, shape (n, 6 or 8), N, N m or m
-    """
-
-    kind: int
+    kind: int  # type of the C3D standard, 1 to 4
     corners: Array
+    """(4, 3), m: in the laboratory: the quadrants (+x +y), (-x +y), (-x -y), (+x -y) of the plate's axes."""
     origin: Array
-    signals: Array
+    """(3,), m: types 2 and 4: from the sensors' origin to the middle of the surface. Type 3:
+    half-distances of the sensors along x and y, and the height."""
+    signals: Array  # (n, 6 or 8), N, N m or m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlateRecording:
-    """All plates of a recording on their clock.
-
-    Parameters
-    ----------
-    name : str
-    times : ndarray, shape (n,), s
-        Zero is the first frame of the markers.
-    plates : tuple of RawPlate
-    repairs : tuple of Repair
-    """
+    """All plates of a recording on their clock."""
 
     name: str
-    times: Array
+    times: Array  # (n,), s: zero is the first frame of the markers
     plates: tuple[RawPlate, ...]
     repairs: tuple[Repair, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundForces:
-    """Wrenches of the ground on the body.
-
-    Parameters
-    ----------
-    name : str
-    times : ndarray, shape (n,), s
-        Strictly increasing.
-    plates : tuple of str, length k
-        ``plate_1`` …, in the order of the file.
-    force : ndarray, shape (n, k, 3), N
-        On the body. NaN where not known.
-    moment : ndarray, shape (n, k, 3), N m
-        About the origin of the axes.
-    surfaces : ndarray, shape (k, 3), m
-        A point of each plate's surface.
-    normals : ndarray, shape (k, 3)
-        Unit vectors square to the surfaces, upwards.
-    repairs : tuple of Repair
-    read : ndarray, shape (n, k), optional
-        How much of each sample comes from readings, 0 to 1, where filters have mixed samples.
-    """
+    """Wrenches of the ground on the body."""
 
     name: str
-    times: Array
-    plates: tuple[str, ...]
-    force: Array
-    moment: Array
-    surfaces: Array
-    normals: Array
+    times: Array  # (n,), s: strictly increasing
+    plates: tuple[str, ...]  # plate_1 …, in the order of the file
+    force: Array  # (n, k, 3), N: on the body. NaN where not known.
+    moment: Array  # (n, k, 3), N m: about the origin of the axes
+    surfaces: Array  # (k, 3), m: a point of each plate's surface
+    normals: Array  # (k, 3): unit vectors square to the surfaces, upwards
     repairs: tuple[Repair, ...] = field(default=())
     read: Array | None = None
+    """(n, k): how much of each sample comes from readings, 0 to 1, where filters have mixed samples."""
 
     def __post_init__(self) -> None:
         shape = (len(self.times), len(self.plates), 3)
@@ -163,22 +126,12 @@ def plate_names(count: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentLoads:
-    """Wrenches from outside on named segments.
+    """Wrenches from outside on named segments."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-    segments : tuple of str, length k
-    force : ndarray, shape (n, k, 3), N
-        On the segment. NaN where not known.
-    moment : ndarray, shape (n, k, 3), N m
-        About the ground origin.
-    """
-
-    times: Array
+    times: Array  # (n,), s
     segments: tuple[str, ...]
-    force: Array
-    moment: Array
+    force: Array  # (n, k, 3), N: on the segment. NaN where not known.
+    moment: Array  # (n, k, 3), N m: about the ground origin
 
     @property
     def total(self) -> Array:

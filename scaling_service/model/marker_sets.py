@@ -19,60 +19,30 @@ Side = Literal["r", "l", ""]
 
 @dataclass(frozen=True, slots=True)
 class Landmark:
-    """A place that can be felt through the skin.
+    """A place that can be felt through the skin."""
 
-    Parameters
-    ----------
-    name : str
-        As the built-in models call its marker.
-    segment : str
-        What carries it, without side: ``pelvis``, ``femur``, ``tibia``, ``calcn`` …
-    side : 'r', 'l' or ''
-    at : str
-        In words.
-    aliases : tuple of str
-        Names that belong to no marker set.
-    """
-
-    name: str
-    segment: str
+    name: str  # as the built-in models call its marker
+    segment: str  # what carries it, without side: pelvis, femur, tibia, calcn …
     side: Side
-    at: str
-    aliases: tuple[str, ...] = ()
+    at: str  # in words
+    aliases: tuple[str, ...] = ()  # names that belong to no marker set
 
 
 @dataclass(frozen=True, slots=True)
 class SetLabel:
-    """One label of a marker set, and what it stands for.
-
-    Parameters
-    ----------
-    label : str
-    aliases : tuple of str
-    landmark : str, optional
-        The landmark; None of tracking markers, whose place is each laboratory's own choice.
-    segment : str
-        What carries it, without side.
-    side : 'r', 'l' or ''
-    wand : bool
-        Whether it stands off the skin on a stick.
-    plane_of : str, optional
-        ``knee`` or ``ankle`` where it is put into the plane of the joint's axis and the segment's length.
-    static_only : bool
-        Whether the set asks for it in the static trial only.
-    optional : bool
-        Whether the set is whole without it.
-    """
+    """One label of a marker set, and what it stands for."""
 
     label: str
     aliases: tuple[str, ...]
     landmark: str | None
-    segment: str
+    """The landmark; None of tracking markers, whose place is each laboratory's own choice."""
+    segment: str  # what carries it, without side
     side: Side
-    wand: bool = False
+    wand: bool = False  # whether it stands off the skin on a stick
     plane_of: str | None = None
-    static_only: bool = False
-    optional: bool = False
+    """``knee`` or ``ankle`` where it is put into the plane of the joint's axis and the segment's length."""
+    static_only: bool = False  # whether the set asks for it in the static trial only
+    optional: bool = False  # whether the set is whole without it
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,28 +52,16 @@ class SetLabel:
 
 @dataclass(frozen=True, slots=True)
 class MarkerSet:
-    """A marker set.
-
-    Parameters
-    ----------
-    name, title, source : str
-    labels : tuple of SetLabel
-        Both sides.
-    one_of : tuple of tuples of tuples of str
-        Choices: of each, all labels of one of its groups are asked for.
-    adds_to_others : bool
-        Whether it comes with another set, never by itself.
-    key_points : bool
-        Whether its labels are guesses of joint centres rather than markers.
-    """
+    """A marker set."""
 
     name: str
     title: str
     source: str
-    labels: tuple[SetLabel, ...]
+    labels: tuple[SetLabel, ...]  # both sides
     one_of: tuple[tuple[tuple[str, ...], ...], ...] = ()
-    adds_to_others: bool = False
-    key_points: bool = False
+    """Choices: of each, all labels of one of its groups are asked for."""
+    adds_to_others: bool = False  # whether it comes with another set, never by itself
+    key_points: bool = False  # whether its labels are guesses of joint centres rather than markers
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Freeing numbers of a body model: scale factors, axis tilts, marker shifts.
+"""Freeing numbers of a body model: scale factors, axis tilts, marker shifts; and more freedom in the knee.
 
 Each function returns a new model in which a number became a named parameter, shared by all
 frames; :func:`fold` turns the parameters back into plain numbers.
@@ -6,14 +6,31 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import Literal
 
-from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Segment, Term
+import numpy as np
 
-_X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.body import (
+    BodyModel,
+    Coordinate,
+    Joint,
+    Law,
+    Marker,
+    Parameter,
+    Segment,
+    Term,
+    Vector,
+)
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import rotation_about
+
+_ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _LETTERS = "xyz"
-_UNITS = (_X, _Y, (0.0, 0.0, 1.0))
+_UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
 
 
 def free_scale(
@@ -53,10 +70,7 @@ def free_scale_axes(
     Parameters are ``scale.<segment>.<axis>``; the other axes take the mean of those freed. Otherwise
     as :func:`free_scale`. Translations along oblique axes become one for each axis of their frame.
 
-    Parameters
-    ----------
-    axes : str
-        Of ``xyz``, such as ``"yz"``.
+    ``axes``: of ``xyz``, such as ``"yz"``.
     """
     names = {letter: f"scale.{segment}.{letter}" for letter in axes}
     mean = {name: 1.0 / len(names) for name in names.values()}
@@ -142,8 +156,8 @@ def _tilted(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
     def turn(axis: tuple[float, float, float], name: str, sign: float) -> Joint:
         return Joint("rotation", axis, Law((Term(sign, parameter=name),)))
 
-    there = (turn(_Y, y, 1.0), turn(_X, x, 1.0))
-    back = (turn(_X, x, -1.0), turn(_Y, y, -1.0))
+    there = (turn(_ALONG_Y, y, 1.0), turn(_ALONG_X, x, 1.0))
+    back = (turn(_ALONG_X, x, -1.0), turn(_ALONG_Y, y, -1.0))
     return (*joints[:first], *there, *joints[first:last], *back, *joints[last:])
 
 
@@ -175,10 +189,7 @@ def free_marker(
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:
     """The model with its parameters turned into plain numbers.
 
-    Parameters
-    ----------
-    values : mapping, optional
-        Parameter to value; those not named keep the model's.
+    ``values``: parameter to value; those not named keep the model's.
     """
     known = {p.name: p.value for p in model.parameters} | dict(values or {})
 
@@ -207,3 +218,123 @@ def _mapped(
 
 def _with(model: BodyModel, *added: Parameter) -> BodyModel:
     return replace(model, parameters=(*model.parameters, *added))
+
+
+KneeKind = Literal["hinge", "universal", "spherical"]
+
+_TURNS: Mapping[KneeKind, tuple[str, ...]] = {
+    "hinge": (),
+    "universal": ("rotation",),
+    "spherical": ("adduction", "rotation"),
+}
+"""What follows flexion, in the order of the ISB (Grood and Suntay 1983; Wu 2002): about the floating axis,
+then about the shank's. A knee's second freedom is the turn of the shank: 10 to 20 deg against a few of varus
+and valgus (Grood and Suntay 1983), so that is what a joint of two axes takes."""
+
+_KNEE_AXES: Mapping[str, Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
+
+_RANGE_DEG: Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
+"""To either side. Chosen: about twice what knees reach, for skin movement is taken for knee movement. They
+inform the first guess, they do not bind."""
+
+_ALONG_Z = 1.0 - 1e-9  # of an axis' z part: rounding
+
+
+def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
+    """The model with turns added after the hinge of each knee.
+
+    New coordinates are ``knee_adduction_r`` (varus positive) and ``knee_rotation_r`` (inward positive)
+    and the left ones, each after its knee's flexion. At zero the model is as it was.
+
+    ``kind``: flexion alone; with inward rotation; with varus and valgus as well. SubjectInvalid: the model
+    has no knee, or one that is not a plain hinge about z.
+
+    Examples
+    --------
+    >>> from scaling_service.model.builtin import builtin
+    >>> with_knee(builtin("lower_limb_14dof"), "spherical").coordinate_names[9:12]
+    ('knee_angle_r', 'knee_adduction_r', 'knee_rotation_r')
+    """
+    turns = _TURNS[kind]
+    if not turns:
+        return model
+    knees = {s.name: _hinge(s) for s in model.segments if s.name in ("tibia_r", "tibia_l")}
+    if not knees:
+        raise SubjectInvalid(
+            f"model '{model.name}' has no knee that could be made {kind}",
+            field="knee",
+            remedy="Choose a built-in leg model, or leave the knee as it is",
+        )
+    segments = tuple(
+        replace(s, joints=(*s.joints, *(_added_turn(turn, s.name[-1]) for turn in turns)))
+        if s.name in knees
+        else s
+        for s in model.segments
+    )
+    added = {flexion: name[-1] for name, flexion in knees.items()}
+    coordinates = tuple(c for old in model.coordinates for c in _followed(old, added, turns))
+    return replace(model, segments=segments, coordinates=coordinates)
+
+
+def _hinge(segment: Segment) -> str:
+    """The coordinate of a plain hinge about z, the last joint of its chain."""
+    moving = [j for j in segment.joints if not j.law.is_constant]
+    last = segment.joints[-1] if segment.joints else None
+    if len(moving) == 1 and moving[0] is last and last.kind == "rotation" and abs(last.axis[2]) > _ALONG_Z:
+        (term,) = last.law.terms or (None,)
+        if term is not None and term.coordinate is not None and term.shape is None:
+            return term.coordinate
+    raise SubjectInvalid(
+        f"'{segment.joint_name}' is not a plain hinge",
+        field="knee",
+        remedy="Choose a built-in leg model, or leave the knee as it is",
+    )
+
+
+def _added_turn(turn: str, side: str) -> Joint:
+    """Axes x and y are reversed on the left, so that both sides carry the same clinical signs."""
+    x, y, z = _KNEE_AXES[turn]
+    axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
+    return Joint("rotation", axis, Law.of(f"knee_{turn}_{side}"))
+
+
+def _followed(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...]) -> Iterator[Coordinate]:
+    yield old
+    if old.name in added:
+        for turn in turns:
+            reach = math.radians(_RANGE_DEG[turn])
+            yield Coordinate(f"knee_{turn}_{added[old.name]}", lower=-reach, upper=reach)
+
+
+Tilt = tuple[float, float]
+
+
+def axis_of(tilt: Tilt) -> Array:
+    """The axis, (3,), that the turns make of z: ``Ry(y) Rx(x) z`` (Puchaud 2019, section 2.2.4)."""
+    axis: Array = tilt_rotation(tilt)[:, 2]
+    return axis
+
+
+def tilt_rotation(tilt: Tilt) -> Array:
+    """``Ry(y) Rx(x)``, (3, 3)."""
+    x, y = tilt
+    rotation: Array = rotation_about((0.0, 1.0, 0.0), y) @ rotation_about((1.0, 0.0, 0.0), x)
+    return rotation
+
+
+def tilt_of(axis: Array) -> Tilt:
+    """The turns about x and y that make z point along an axis, (3,), of which z is positive.
+
+    Examples
+    --------
+    >>> x, y = tilt_of(axis_of((0.1, -0.2)))
+    >>> round(x, 12), round(y, 12)
+    (0.1, -0.2)
+    """
+    unit = axis / np.linalg.norm(axis)
+    return float(-np.arcsin(unit[1])), float(np.arctan2(unit[0], unit[2]))
+
+
+def after(first: Tilt, second: Tilt) -> Tilt:
+    """The tilt of an axis that was turned once and is turned again in its own turned frame."""
+    return tilt_of(tilt_rotation(first) @ axis_of(second))

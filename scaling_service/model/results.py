@@ -10,38 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.images import ImagePose
+from scaling_service.model.trial import ImagePose
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """The coordinates of a model over one trial, with what they leave unexplained.
-
-    Parameters
-    ----------
-    trial : str
-    times : (n_frames,), s
-    coordinates : tuple of str
-    q : (n_frames, n_coordinates), rad or m
-        NaN where the markers of that frame do not determine the coordinate.
-    markers : tuple of str
-        The markers compared, in the order of ``residuals``.
-    residuals : (n_frames, n_markers, 3), m
-        Measured minus model; NaN where the marker was not seen.
-    estimated : tuple of str
-        Coordinates that the recording determines; the others stand at their default.
-    iterations : int
-    """
+    """The coordinates of a model over one trial, with what they leave unexplained."""
 
     trial: str
-    times: Array
+    times: Array  # (n_frames,), s
     coordinates: tuple[str, ...]
     q: Array
-    markers: tuple[str, ...]
-    residuals: Array
-    estimated: tuple[str, ...]
+    """(n_frames, n_coordinates), rad or m: NaN where the markers of that frame do not determine the
+    coordinate."""
+    markers: tuple[str, ...]  # the markers compared, in the order of residuals
+    residuals: Array  # (n_frames, n_markers, 3), m: measured minus model; NaN where the marker was not seen
+    estimated: tuple[str, ...]  # coordinates that the recording determines; the others stand at their default
     iterations: int = 0
 
     @property
@@ -71,28 +57,16 @@ class EstimatedParameter:
 
 @dataclass(frozen=True, slots=True)
 class SegmentSize:
-    """A segment's size over the generic model's, and what it rests on.
+    """A segment's size over the generic model's, and what it rests on."""
 
-    Parameters
-    ----------
-    dimension : str
-        The person's dimension that it follows, such as ``femur_r``.
-    factor : float
-    sd : float
-        Standard deviation, relative.
-    measured, others : float
-        Shares of the estimate that the segment's own distances and those of other segments decide; the rest
-        is what persons of this stature, mass and sex are like.
-    own : bool
-        Whether a distance of the segment itself was measured.
-    """
-
-    dimension: str
+    dimension: str  # the person's dimension that it follows, such as femur_r
     factor: float
-    sd: float
+    sd: float  # standard deviation, relative
     measured: float
     others: float
-    own: bool = True
+    """``measured``, ``others``: shares of the estimate that the segment's own distances and those of other
+    segments decide; the rest is what persons of this stature, mass and sex are like."""
+    own: bool = True  # whether a distance of the segment itself was measured
 
     @property
     def expected(self) -> float:
@@ -113,42 +87,23 @@ class EstimatedCentre:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """A scaled model and how it came about.
+    """A scaled model and how it came about."""
 
-    Parameters
-    ----------
-    method : str
-        ``MB``, ``MB_lam``, ``MB_am``, ``EB`` or ``EB_am``.
-    model : BodyModel
-        With all parameters folded in; ``generic`` is what it was made from.
-    scale_factors : mapping
-        Segment to its x, y, z factors against the generic model.
-    axis_tilts : mapping
-        Knee (joint name) to the turns of its axis about x and y of the thigh, rad.
-    parameters : tuple of EstimatedParameter
-    cost : float, m2
-        The cumulative kinematic error over the calibration frames (Puchaud 2019, eq. 1).
-    iterations : int
-    wall_s : float
-    warnings : tuple of str
-    image_poses : mapping
-        Segment to where its frame lies in the image, for those that were imaged.
-    sizes : mapping
-        Segment to its estimated size, where markers and anthropometry gave it.
-    centres : mapping
-        ``hip_r`` … to how the person's joint centre was found.
-    """
-
-    method: str
-    model: BodyModel
+    method: str  # MB, MB_lam, MB_am, EB or EB_am
+    model: BodyModel  # with all parameters folded in; generic is what it was made from
     generic: BodyModel
-    scale_factors: Mapping[str, Vector]
+    scale_factors: Mapping[str, Vector]  # segment to its x, y, z factors against the generic model
     axis_tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Knee (joint name) to the turns of its axis about x and y of the thigh, rad."""
     parameters: tuple[EstimatedParameter, ...] = ()
     cost: float = float("nan")
+    """m2: the cumulative kinematic error over the calibration frames (Puchaud 2019, eq. 1)."""
     iterations: int = 0
     wall_s: float = 0.0
     warnings: tuple[str, ...] = ()
     image_poses: Mapping[str, ImagePose] = field(default_factory=dict)
+    """Segment to where its frame lies in the image, for those that were imaged."""
     sizes: Mapping[str, SegmentSize] = field(default_factory=dict)
+    """Segment to its estimated size, where markers and anthropometry gave it."""
     centres: Mapping[str, EstimatedCentre] = field(default_factory=dict)
+    """``hip_r`` … to how the person's joint centre was found."""

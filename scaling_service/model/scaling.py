@@ -28,7 +28,6 @@ def scaled(
 
     Parameters
     ----------
-    model : BodyModel
     factors : mapping
         Segment to its factors along its x, y and z axes. A built-in model takes one factor thrice.
         Segments not named keep their size.

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.images import ImageEvidence
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import ImageEvidence, Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _NO_SIZES: Mapping[str, float] = MappingProxyType({})

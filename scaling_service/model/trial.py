@@ -1,18 +1,76 @@
-"""A recording of markers as one frozen value, with everything that was done to it."""
+"""What is measured of a person, as frozen values: recordings of markers, sizes taken by hand, images."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import MarkerMissing, TrialUnusable
-from scaling_service.model.sizes import NOT_MEASURED, MeasuredSizes
+from scaling_service.model.body import Vector
 
 Array = NDArray[np.float64]
+
+_AGREE = 0.005
+"""Chosen: heights, masses and sizes of two files that differ by less are one measurement, rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredSizes:
+    """What was measured on a person by hand."""
+
+    height_m: float | None = None
+    mass_kg: float | None = None
+    lengths_m: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Keys of ``RANGES_M`` to m."""
+
+    def __bool__(self) -> bool:
+        return self.height_m is not None or self.mass_kg is not None or bool(self.lengths_m)
+
+    def or_else(self, other: MeasuredSizes) -> MeasuredSizes:
+        """These sizes, and the other's where these say nothing."""
+        return MeasuredSizes(
+            other.height_m if self.height_m is None else self.height_m,
+            other.mass_kg if self.mass_kg is None else self.mass_kg,
+            {**other.lengths_m, **self.lengths_m},
+        )
+
+    def conflicts(self, other: MeasuredSizes) -> tuple[str, ...]:
+        """Names of what both state differently."""
+        mine, theirs = self.as_mapping(), other.as_mapping()
+        return tuple(
+            name
+            for name, value in mine.items()
+            if name in theirs and abs(theirs[name] - value) > _AGREE * abs(value)
+        )
+
+    def as_mapping(self) -> dict[str, float]:
+        """All of it by name, m and kg; what is not known is left out."""
+        whole = {"height": self.height_m, "mass": self.mass_kg}
+        return {name: v for name, v in whole.items() if v is not None} | dict(self.lengths_m)
+
+
+NOT_MEASURED = MeasuredSizes()
+"""Nothing was measured by hand."""
+
+
+def merge(sizes: Iterable[MeasuredSizes]) -> MeasuredSizes:
+    """The sizes of several files as one; of two that differ the first counts.
+
+    Examples
+    --------
+    >>> merge([MeasuredSizes(1.7), MeasuredSizes(1.8, 60.0)])
+    MeasuredSizes(height_m=1.7, mass_kg=60.0, lengths_m={})
+    """
+    result = MeasuredSizes()
+    for item in sizes:
+        result = result.or_else(item)
+    return result
+
 
 _UNLABELLED = re.compile(
     r"^(\*\d*|\?+|[cu]_\d+|uname\*?\d*|(unlabell?ed|unnamed|unidentified)[\s_]*\d*)$", re.IGNORECASE
@@ -47,30 +105,17 @@ class Repair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """Marker trajectories on one clock.
+    """Marker trajectories on one clock."""
 
-    Parameters
-    ----------
-    name : str
-        The file's stem.
-    times : ndarray, shape (n_frames,), s
-        Strictly increasing.
-    labels : tuple of str, length n_markers
-    markers : ndarray, shape (n_frames, n_markers, 3), m
-        NaN where a marker was not seen. X forward, Y up, Z right once oriented.
-    rate_hz : float
-    repairs : tuple of Repair
-    sizes : MeasuredSizes
-        Of the person, as the file states them.
-    """
-
-    name: str
-    times: Array
+    name: str  # the file's stem
+    times: Array  # (n_frames,), s: strictly increasing
     labels: tuple[str, ...]
     markers: Array
+    """(n_frames, n_markers, 3), m: NaN where a marker was not seen. X forward, Y up, Z right once
+    oriented."""
     rate_hz: float
     repairs: tuple[Repair, ...] = field(default=())
-    sizes: MeasuredSizes = NOT_MEASURED
+    sizes: MeasuredSizes = NOT_MEASURED  # of the person, as the file states them
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -120,3 +165,47 @@ class Trial:
     def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Trial:
         """Only these frames."""
         return replace(self, times=self.times[rows], markers=self.markers[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bone:
+    """A bone's surface in the image's frame."""
+
+    vertices: Array  # (n_vertices, 3), m
+    faces: NDArray[np.integer]  # (n_faces, 3): indices of each triangle's corners
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePose:
+    """Where a segment's frame lies in the image: ``point_image = rotation @ point_segment + origin``."""
+
+    rotation: Array  # (3, 3)
+    origin: Array  # (3,), m
+
+    def to_local(self, points: Array) -> Array:
+        """Points of the image, (n, 3) or (3,), in the segment's frame, m."""
+        local: Array = (points - self.origin) @ self.rotation
+        return local
+
+
+@dataclass(frozen=True, slots=True)
+class ImageEvidence:
+    """Points of one image session, all in its frame, m."""
+
+    centres: Mapping[str, Vector] = field(default_factory=dict)
+    """``hip_r``, ``knee_r``, ``ankle_r`` and the left ones, as far as imaged."""
+    axes: Mapping[str, Vector] = field(default_factory=dict)
+    """``knee_r``, ``knee_l``: direction of the flexion axis, either way round."""
+    landmarks: Mapping[str, Vector] = field(default_factory=dict)
+    """Points on bone by the name of the marker that is put on them (``RASIS``, ``RLFE`` …)."""
+    markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)
+    """Skin markers seen in the image: model marker to (segment, position)."""
+    source: str = ""  # how they were found
+    bones: Mapping[str, Bone] = field(default_factory=dict)
+    """Segment to the surface of its bone, as far as imaged."""
+
+    def sides(self) -> tuple[str, ...]:
+        """The legs of which hip, knee and ankle centre are known."""
+        return tuple(
+            s for s in "rl" if all(f"{joint}_{s}" in self.centres for joint in ("hip", "knee", "ankle"))
+        )

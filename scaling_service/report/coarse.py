@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from scaling_service.model.images import Bone
+from scaling_service.model.trial import Bone
 
 MOST_FACES = 4000
 """Chosen: a bone keeps its shape at the size of a screen, and takes 0.1 MB of the page."""

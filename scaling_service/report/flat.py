@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scaling_service.model.images import Array
+from scaling_service.model.trial import Array
 from scaling_service.report.palette import BONE, INK
 
 if TYPE_CHECKING:

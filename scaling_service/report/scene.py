@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.images import Array, Bone
+from scaling_service.model.trial import Array, Bone
 from scaling_service.report.figures import to_data
 from scaling_service.report.flat import flat_views
 from scaling_service.report.palette import BONE, INK

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from scaling_service.capabilities.shared.arguments import Out
 from scaling_service.capabilities.shared.flags import Only, with_flags
-from scaling_service.capabilities.shared.screen import console_of_results
 from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
-
-if TYPE_CHECKING:
-    from scaling_service.studies.document import Beside, StudyDocument
 
 IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
 """As the paper has it."""
@@ -83,85 +76,54 @@ def reproduce(
 
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
-    from scaling_service.capabilities.cohort.progress import watched
+    from scaling_service.capabilities.cohort.screen import watched
+    from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
     from scaling_service.capabilities.scaling.saving import check_folder
-    from scaling_service.studies.futamure.screen import run_futamure
-    from scaling_service.studies.muller2017.screen import run_muller2017
-    from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019, save_study
-    from scaling_service.studies.puchaud2019.study import SUBJECTS
+    from scaling_service.studies.claims import save_study
+    from scaling_service.studies.futamure import report as futamure
+    from scaling_service.studies.futamure.run import reproduce_futamure
+    from scaling_service.studies.futamure.squatters import SUBJECTS as SQUATTERS
+    from scaling_service.studies.muller2017 import report as muller2017
+    from scaling_service.studies.muller2017.run import reproduce_muller2017
+    from scaling_service.studies.muller2017.study import SUBJECTS as MEN
+    from scaling_service.studies.puchaud2019 import report as puchaud2019
+    from scaling_service.studies.puchaud2019.persons import SUBJECTS as WALKERS
+    from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
+    from scaling_service.studies.screen import counting, show_study
 
     check_folder(out)
-    seed = settings.seed
     if study == "muller2017":
-        run_muller2017(
-            out,
-            subjects=subjects,
+        count = subjects or MEN
+        men = reproduce_muller2017(
+            UncertaintySettings(samples=samples, seed=settings.seed),
+            subjects=count,
             recordings=recording or (),
-            samples=samples,
-            seed=seed,
             worker_count=workers,
+            finished=counting(count),
         )
-        return
-    if study == "futamure":
-        run_futamure(out, subjects=subjects, recordings=recording or (), seed=seed, worker_count=workers)
-        return
-    with watched() as watcher:
-        result = reproduce_puchaud2019(
-            settings,
-            subjects=subjects or SUBJECTS,
-            generic=generic,
+        show_study(men, [muller2017.table(men)], out, save_study(men, muller2017.page(men), out))
+    elif study == "futamure":
+        count = subjects or SQUATTERS
+        squats = reproduce_futamure(
+            seed=settings.seed,
+            subjects=count,
+            recordings=recording or (),
             worker_count=workers,
-            watcher=watcher,
+            finished=counting(count),
         )
-        files = save_study(result, out)
-    console = console_of_results()
-    _show(console, result.document)
-    console.print(f"Written under [bold]{escape(str(out))}[/bold]: {', '.join(files)}", highlight=False)
-
-
-def _show(console: Console, document: StudyDocument) -> None:
-    """The paper's tables beside ours, then its claims."""
-    console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
-    for title, cells in (
-        ("Segment lengths, mm (table 2): paper | here", document.segment_lengths_mm),
-        ("Knee axes, deg (table 3): paper | here", document.knee_axis_deg),
-        ("Kinematic error, mm (figure 5): paper | here", document.kinematic_error_mm),
-        ("Marker shifts, mm: paper | here", document.marker_shift_mm),
-    ):
-        console.print(_table(title, cells))
-    claims = Table(
-        box=None, pad_edge=False, header_style="bold", title="Does it hold here?", title_justify="left"
-    )
-    for heading in ("", "where", "claim"):
-        claims.add_column(heading)
-    for claim in document.claims:
-        claims.add_row(_WORDS[claim.holds], claim.where, escape(claim.claim))
-    console.print(claims)
-    held = sum(claim.holds is True for claim in document.claims)
-    console.print(
-        f"{held} of {len(document.claims)} claims hold; {document.wall_s:.0f} s for {len(document.subjects)} "
-        "persons",
-        highlight=False,
-    )
-
-
-_WORDS = {True: "[green]holds[/green]", False: "[red]not[/red]", None: "[yellow]undecided[/yellow]"}
-
-
-def _table(title: str, cells: list[Beside]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold", title=title, title_justify="left")
-    methods = list(dict.fromkeys(cell.method for cell in cells))
-    for heading in ("", *methods):
-        table.add_column(heading, justify="left" if not heading else "right")
-    for quantity in dict.fromkeys(cell.quantity for cell in cells):
-        by_method = {cell.method: cell for cell in cells if cell.quantity == quantity}
-        table.add_row(quantity, *(_cell(by_method[m]) if m in by_method else "" for m in methods))
-    return table
-
-
-def _cell(cell: Beside) -> str:
-    theirs = "–" if cell.paper_mean is None else f"{cell.paper_mean:.1f}{cell.paper_stars}"
-    return f"{theirs} | {cell.mean:.1f}{'*' if cell.significant else ''}"
+        files = save_study(squats, futamure.page(squats), out)
+        show_study(squats, [futamure.table(squats)], out, files, figures=True)
+    else:
+        with watched() as watcher:
+            walks = reproduce_puchaud2019(
+                settings,
+                subjects=subjects or WALKERS,
+                generic=generic,
+                worker_count=workers,
+                watcher=watcher,
+            )
+        files = save_study(walks.document, puchaud2019.page(walks.document, walks.study), out)
+        show_study(walks.document, puchaud2019.tables(walks.document), out, files)
 
 
 COMMANDS = (reproduce,)

@@ -49,32 +49,19 @@ RESIDUAL_HZ = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Artefact:
-    """How the skin of one person moves.
-
-    Parameters
-    ----------
-    coefficients : mapping
-        Marker to driving coordinate to displacement per angle, m/rad, in the segment's frame.
-    reference : mapping
-        Coordinate to its value standing, where nothing is displaced, rad.
-    residual_m : float
-        RMS length of the part that no angle explains.
-    """
+    """How the skin of one person moves."""
 
     coefficients: Mapping[str, Mapping[str, Vector]]
-    reference: Mapping[str, float]
-    residual_m: float
+    """Marker to driving coordinate to displacement per angle, m/rad, in the segment's frame."""
+    reference: Mapping[str, float]  # coordinate to its value standing, where nothing is displaced, rad
+    residual_m: float  # RMS length of the part that no angle explains
 
 
 def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], size: float) -> Artefact:
     """The skin of one person.
 
-    Parameters
-    ----------
-    reference : mapping
-        The coordinates in the standing posture, rad.
-    size : float
-        Multiplies every coefficient; one for the literature's, zero for none.
+    ``reference``: the coordinates in the standing posture, rad. ``size``: multiplies every coefficient; one
+    for the literature's, zero for none.
     """
     coefficients = {m.name: _coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
     low, high = RESIDUAL_MM

@@ -11,9 +11,9 @@ from scaling_service.bones.whole import evidence_of, find_landmarks
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import Vector
-from scaling_service.model.images import Bone, ImageEvidence, ImagePose
-from scaling_service.model.knee_axes import axis_of
-from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.parameters import axis_of
+from scaling_service.model.poses import neutral_frames
+from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones.person import virtual_bones
 from scaling_service.virtual.subject import VirtualSubject
@@ -39,27 +39,17 @@ _FRAME_M = 0.5  # chosen: SD of the image's origin about the standing person's
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualImage:
-    """What was imaged, and beside it the truth; all in the image's frame, m.
-
-    Parameters
-    ----------
-    bones : mapping
-        ``pelvis``, ``femur_r``, ``tibia_r``, ``femur_l``, ``tibia_l`` to surfaces as reconstructed.
-    markers : mapping
-        Skin markers as seen: model marker to (segment, position).
-    centres, axes, landmarks : mapping
-        The truth under the names of ``ImageEvidence``: joint centres,
-        knee axes (unit vectors to the right) and points on bone.
-    poses : mapping
-        Segment to where its true frame lies.
-    """
+    """What was imaged, and beside it the truth; all in the image's frame, m."""
 
     bones: Mapping[str, Bone]
-    markers: Mapping[str, tuple[str, Vector]]
+    """``pelvis``, ``femur_r``, ``tibia_r``, ``femur_l``, ``tibia_l`` to surfaces as reconstructed."""
+    markers: Mapping[str, tuple[str, Vector]]  # skin markers as seen: model marker to (segment, position)
     centres: Mapping[str, Vector]
     axes: Mapping[str, Vector]
     landmarks: Mapping[str, Vector]
-    poses: Mapping[str, ImagePose]
+    """``centres``, ``axes``, ``landmarks``: the truth under the names of ``ImageEvidence``: joint centres,
+    knee axes (unit vectors to the right) and points on bone."""
+    poses: Mapping[str, ImagePose]  # segment to where its true frame lies
 
 
 def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -> VirtualImage:
@@ -67,10 +57,7 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
 
     The size of all errors is the person's ``settings.image``; zero is an exact image.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
+    ``progress``: called with the name of each bone before its turn.
 
     Examples
     --------
@@ -102,15 +89,7 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
 def image_evidence(image: VirtualImage, *, progress: Progress | None = None) -> ImageEvidence:
     """What landmarking reads from an image; the truth in it is not looked at.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
-
-    Raises
-    ------
-    MeshRefused
-        Landmarking refuses a bone.
+    ``progress``: called with the name of each bone before its turn. MeshRefused: landmarking refuses a bone.
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
     return evidence_of(find_landmarks(meshes, progress=progress), image.markers, image.bones)

@@ -16,8 +16,8 @@ import yaml
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import reference_folder
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.reference import reference_folder
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
 
@@ -90,21 +90,14 @@ def _curve(content: Mapping[str, float | list[float]]) -> Curve:
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """How this person stands and walks.
-
-    Parameters
-    ----------
-    stride_s : float
-    offsets, gains : mapping
-        Curve name to what is added to its mean (deg) and what multiplies its swing.
-    stance : mapping
-        Coordinate to its value standing upright, rad; the pelvis' position is not among them.
-    """
+    """How this person stands and walks."""
 
     stride_s: float
     offsets: Mapping[str, float]
     gains: Mapping[str, float]
+    """``offsets``, ``gains``: curve name to what is added to its mean (deg) and what multiplies its swing."""
     stance: Mapping[str, float]
+    """Coordinate to its value standing upright, rad; the pelvis' position is not among them."""
 
 
 def draw_style(rng: np.random.Generator, sex: Literal["F", "M"]) -> Style:
@@ -143,12 +136,8 @@ def _standing(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
 def wander(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
     """An irregular smooth signal, (n_frames,): a few sinusoids of random frequency and phase.
 
-    Parameters
-    ----------
-    sd : float
-        Its standard deviation, in the unit wanted.
-    highest_hz : float
-        Frequencies lie between a tenth of this and this.
+    ``sd``: its standard deviation, in the unit wanted. ``highest_hz``: frequencies lie between a tenth of
+    this and this.
     """
     rates = rng.uniform(0.1 * highest_hz, highest_hz, _WAVES)
     phases = rng.uniform(0.0, 2.0 * np.pi, _WAVES)

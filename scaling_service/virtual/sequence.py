@@ -28,24 +28,12 @@ PEAK_SPREAD = (0.8, 1.2)
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """One movement of the sequence.
+    """One movement of the sequence."""
 
-    Parameters
-    ----------
-    peaks_deg : mapping
-        Coordinate to its largest excursion.
-    both_ways : bool
-        To and fro past the standing posture; else one way and back.
-    lifted : str
-        ``r`` or ``l`` where that foot leaves its plate.
-    slots : float
-        How many times longer than others it takes.
-    """
-
-    peaks_deg: Mapping[str, float] = field(default_factory=dict)
-    both_ways: bool = False
-    lifted: str = ""
-    slots: float = 1.0
+    peaks_deg: Mapping[str, float] = field(default_factory=dict)  # coordinate to its largest excursion
+    both_ways: bool = False  # to and fro past the standing posture; else one way and back
+    lifted: str = ""  # r or l where that foot leaves its plate
+    slots: float = 1.0  # how many times longer than others it takes
 
 
 def movements() -> tuple[Movement, ...]:
@@ -96,22 +84,9 @@ def sequence(
 ) -> tuple[Array, Array]:
     """Coordinates of one performance.
 
-    Parameters
-    ----------
-    model : BodyModel
-        The built-in whole body, of any size.
-    times : ndarray, shape (n,), s
-    rng : Generator
-    stature_m : float
-    in_order : bool
-        As the video shows them, or shuffled.
-
-    Returns
-    -------
-    q : ndarray, shape (n, n_coordinates), rad and m
-        The pelvis is carried so that the feet that bear the person stay where they are.
-    share : ndarray, shape (n,)
-        Of the load on the right foot.
+    ``model``: the built-in whole body, of any size. ``times``: (n,), s. ``in_order``: as the video shows
+    them, or shuffled. Returns ``q`` ((n, n_coordinates), rad and m): the pelvis is carried so that the feet
+    that bear the person stay where they are; ``share`` (n,): of the load on the right foot.
     """
     q = default_coordinates(model, len(times))
     bearing = np.empty(len(times))

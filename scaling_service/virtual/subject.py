@@ -1,23 +1,23 @@
-"""A person made of numbers: known bones, known motion, and recordings of it with the usual faults."""
+"""Virtual persons: known bones and motion, drawn as in Puchaud 2019, and recordings with usual faults."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.palpation import landmark_sd
+from scaling_service.model.anatomy.centres import landmark_sd
 from scaling_service.model.body import BodyModel, Law, Marker, Vector
 from scaling_service.model.builtin import builtin, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.images import ImageEvidence
 from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Session, Subject
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import ImageEvidence, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.recording.orientation import Orientation
@@ -25,7 +25,81 @@ from scaling_service.recording.pipeline import process
 from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, with_artefact
-from scaling_service.virtual.cohort import KNEE_AXIS_DEG, Sex, factors_of, person_of, tilt_of_knee
+
+Sex = Literal["F", "M"]
+
+STATURE_M = (1.762, 0.076)
+"""Mean and SD of the cohort of Puchaud 2019 (section 2.1)."""
+MALE_SHARE = 22.0 / 26.0
+"""Puchaud 2019, section 2.1."""
+SEX_GAP_M = 0.127
+"""Men over women: 1.756 - 1.629 m (ANSUR II 2012)."""
+BMI = (21.6, 2.14)
+"""kg/m2, mean and SD: Puchaud 2019, section 2.1."""
+
+FEMUR, SHANK, INTER_HIP = (0.2454, 0.012), (0.2356, 0.011), (0.0985, 0.008)
+"""Mean as a share of stature (EOS, Puchaud 2019, table 2) and SD about it in m (facts section 10, from the
+table's SDs)."""
+FEMUR_SHANK_CORRELATION = 0.8
+"""Proposed (facts section 10)."""
+SIDE_SD_M = 0.00325
+"""Of one bone's length about the mean of both sides: legs differ by 5.2 mm on average (Knutson 2005,
+Chiropr Osteopat 13:11, from radiographs), so by 6.5 mm SD, half of the variance in each bone."""
+
+KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
+    "r": ((1.94, 1.83), (-2.02, 2.10)),
+    "l": ((-0.81, 1.84), (0.81, 2.16)),
+}
+"""Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
+
+
+def stature_of(sex: Sex) -> tuple[float, float]:
+    """Mean and SD of the stature (m) of one sex in the cohort."""
+    mean, sd = STATURE_M
+    mean += SEX_GAP_M * ((1.0 - MALE_SHARE) if sex == "M" else -MALE_SHARE)
+    return mean, float(np.sqrt(sd**2 - MALE_SHARE * (1.0 - MALE_SHARE) * SEX_GAP_M**2))
+
+
+def person_of(seed: int) -> tuple[Sex, float, float]:
+    """Sex, stature (m) and mass (kg); both sexes together have the cohort's mean and SD of stature."""
+    rng = stream(seed, "person")
+    sex: Sex = "M" if rng.random() < MALE_SHARE else "F"
+    height = float(rng.normal(*stature_of(sex)))
+    return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
+
+
+def factors_of(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
+    """Each segment's size against the generic model, for a person of a stature (m)."""
+    rng = stream(seed, "lengths")
+    common = rng.normal()
+    across = np.sqrt(1.0 - FEMUR_SHANK_CORRELATION**2) * rng.normal()
+    femur = FEMUR[0] * height + FEMUR[1] * common
+    shank = SHANK[0] * height + SHANK[1] * (FEMUR_SHANK_CORRELATION * common + across)
+    inter_hip = INTER_HIP[0] * height + INTER_HIP[1] * rng.normal()
+    factors = {"pelvis": float(inter_hip / (2.0 * _offset(generic, "femur_r")[2]))}
+    for side in ("r", "l"):
+        for bone, length, reach in (
+            ("femur", femur, _offset(generic, f"tibia_{side}")),
+            ("tibia", shank, np.array(generic.marker(f"{side.upper()}AJC").nominal)),
+        ):
+            own = length + SIDE_SD_M * stream(seed, "lengths", bone, side).normal()
+            factors[f"{bone}_{side}"] = float(own / np.linalg.norm(reach))
+    return factors
+
+
+def _offset(model: BodyModel, segment: str) -> Array:
+    """Where a segment's joint sits in its parent, m."""
+    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
+    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
+    return total
+
+
+def tilt_of_knee(seed: int, side: str) -> tuple[float, float]:
+    """The turns of a knee's axis about x and y of the thigh, rad."""
+    rng = stream(seed, "knee_axis", side)
+    x, y = (float(np.radians(rng.normal(*spread))) for spread in KNEE_AXIS_DEG[side])
+    return (x, y)
+
 
 GENERIC = "lower_limb_14dof"
 
@@ -38,29 +112,22 @@ than the 0.15 s that a spline may bridge."""
 
 @dataclass(frozen=True, slots=True)
 class VirtualSettings:
-    """What is recorded, and how large its faults are (one: as in the literature, zero: none).
-
-    Parameters
-    ----------
-    placement, artefact, noise, gaps, image : float
-        Multiply the placement errors, skin movement, camera noise, the number of gaps and the errors of the
-        image (markers and bone surfaces in it).
-    functional_s, static_s : float
-        Length of each functional movement and of the standing trial.
-    strides : float
-        In each gait trial.
-    """
+    """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
 
     placement: float = 1.0
     artefact: float = 1.0
     noise: float = 1.0
     gaps: float = 1.0
     image: float = 1.0
+    """``placement``, ``artefact``, ``noise``, ``gaps``, ``image``: multiply the placement errors, skin
+    movement, camera noise, the number of gaps and the errors of the image (markers and bone surfaces in
+    it)."""
     rate_hz: float = 100.0
     functional_s: float = 10.0
     static_s: float = 2.0
+    """``functional_s``, ``static_s``: length of each functional movement and of the standing trial."""
     gait_trials: int = 2
-    strides: float = 2.5
+    strides: float = 2.5  # in each gait trial
 
     def __post_init__(self) -> None:
         shares = (self.placement, self.artefact, self.noise, self.gaps, self.image, self.gait_trials)
@@ -71,53 +138,31 @@ class VirtualSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualSubject:
-    """A person of whom everything is known.
-
-    Parameters
-    ----------
-    model : BodyModel
-        The truth: true sizes, knee axes and marker places (skin at rest).
-    generic : BodyModel
-        What scaling starts from.
-    factors : mapping
-        Segment to its true size against the generic model.
-    tilts : mapping
-        Knee to the true turns of its axis about x and y of the thigh, rad.
-    marker_offsets : mapping
-        Marker to its misplacement on the segment, m.
-    artefact : Artefact
-        How the skin moves.
-    motions : mapping
-        Trial to the true coordinates, (n_frames, n_coordinates) in the model's order, rad or m.
-    trials : mapping
-        Trial to its recording: ``static``, ``hip_r``, ``hip_l``, ``knee_r``, ``knee_l``, ``gait_1`` and on.
-    """
+    """A person of whom everything is known."""
 
     seed: int
     settings: VirtualSettings
     sex: Sex
     height_m: float
     mass_kg: float
-    model: BodyModel
-    generic: BodyModel
-    factors: Mapping[str, float]
+    model: BodyModel  # the truth: true sizes, knee axes and marker places (skin at rest)
+    generic: BodyModel  # what scaling starts from
+    factors: Mapping[str, float]  # segment to its true size against the generic model
     tilts: Mapping[str, tuple[float, float]]
-    marker_offsets: Mapping[str, Vector]
-    artefact: Artefact
+    """Knee to the true turns of its axis about x and y of the thigh, rad."""
+    marker_offsets: Mapping[str, Vector]  # marker to its misplacement on the segment, m
+    artefact: Artefact  # how the skin moves
     motions: Mapping[str, Array]
+    """Trial to the true coordinates, (n_frames, n_coordinates) in the model's order, rad or m."""
     trials: Mapping[str, Trial]
+    """Trial to its recording: ``static``, ``hip_r``, ``hip_l``, ``knee_r``, ``knee_l``, ``gait_1`` and on."""
 
 
 def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) -> VirtualSubject:
     """A person drawn from the literature's spread, and recorded.
 
-    Parameters
-    ----------
-    seed : int
-        Not negative. Equal seeds are the same person, whatever the settings.
+    ``seed``: not negative. Equal seeds are the same person, whatever the settings.
 
-    Notes
-    -----
     Every quantity has its own random stream, named after it: leaving one fault out changes no other.
 
     Examples
@@ -150,12 +195,8 @@ def demo_session(
 ) -> tuple[Session, VirtualSubject]:
     """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
 
-    Parameters
-    ----------
-    images : bool
-        Whether the person's bones were imaged too; making them and reading their landmarks takes seconds.
-    progress : callable, optional
-        Called with what is done, where bones are made.
+    ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
+    seconds. ``progress``: called with what is done, where bones are made.
     """
     person = virtual_subject(seed, settings)
     trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.centres import JOINT_SD_M, REGRESSION_SD_M
-from scaling_service.model.anatomy.palpation import CALIPER_SD_M, landmark_sd
+from scaling_service.model.anatomy.centres import CALIPER_SD_M, JOINT_SD_M, REGRESSION_SD_M, landmark_sd
 from scaling_service.model.body import BodyModel, Law, Marker
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values

@@ -10,7 +10,7 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, 
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import mechanism_of, with_inertias
+from scaling_service.model.inertia import mechanism_of, with_inertias
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias

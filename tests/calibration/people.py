@@ -10,13 +10,11 @@ from scipy.spatial.transform import Rotation
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.images import ImageEvidence
-from scaling_service.model.knee_axes import axis_of
-from scaling_service.model.neutral import neutral_frames, neutral_markers
-from scaling_service.model.parameters import fold, free_axis, free_marker
+from scaling_service.model.parameters import axis_of, fold, free_axis, free_marker
+from scaling_service.model.poses import neutral_frames, neutral_markers
 from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Session, Subject
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import ImageEvidence, Trial
 from scaling_service.numerics.multibody.tree import marker_positions
 
 RATE_HZ = 100.0

@@ -16,8 +16,7 @@ from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates
-from scaling_service.model.knee_axes import axis_of
-from scaling_service.model.knees import with_knee
+from scaling_service.model.parameters import axis_of, with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
 from scaling_service.numerics.geometry.functional import Poses, rotation_centre

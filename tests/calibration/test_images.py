@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.images import ImageEvidence
-from scaling_service.model.knee_axes import after, axis_of, tilt_of
+from scaling_service.model.parameters import after, axis_of, tilt_of
+from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
 
 TILTS_DEG = {"knee_r": (3.0, -5.0, 0.0), "knee_l": (-4.0, 2.0, 0.0)}

@@ -18,7 +18,7 @@ from scaling_service.capabilities.dynamics.inertia.prior import PriorSpread, ine
 from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
 FREE = IdentificationSettings(mass_known=False)

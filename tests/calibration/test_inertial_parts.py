@@ -21,8 +21,7 @@ from scaling_service.capabilities.dynamics.inertia.prior import (
 )
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.inertia import apply_inertia_table
-from scaling_service.model.inertia_tables import TABLE_NAMES
-from scaling_service.model.massive import inertias_of, with_inertias
+from scaling_service.model.inertia import TABLE_NAMES, inertias_of, with_inertias
 from scaling_service.numerics.multibody.mechanism import Inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 

@@ -20,7 +20,7 @@ from scaling_service.files.osim import read_osim
 from scaling_service.files.sto import read_sto
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates
-from scaling_service.model.knees import KneeKind, with_knee
+from scaling_service.model.parameters import KneeKind, with_knee
 from scaling_service.model.subject import Session, Subject
 from scaling_service.recording.settings import ProcessingSettings
 from tests.calibration.people import imaged, movement, person, trial

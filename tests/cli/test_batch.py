@@ -11,9 +11,9 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from scaling_service.capabilities.cohort import subject_item
-from scaling_service.capabilities.cohort.progress import Screen
-from scaling_service.capabilities.cohort.scaling_items import Outcome
+from scaling_service.capabilities.cohort import subject as subject_item
+from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.screen import Screen
 from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
 from tests.jobs.cohorts import someone, table

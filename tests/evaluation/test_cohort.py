@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import friedmanchisquare
 
 from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
-from scaling_service.capabilities.cohort.subject_summary import (
+from scaling_service.capabilities.cohort.summary import (
     TRUTH,
     Following,
     MethodSummary,

@@ -16,7 +16,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import Referenc
 from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
-from scaling_service.model.massive import Six
+from scaling_service.model.inertia import Six
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from tests.evaluation.uncertain import recording

@@ -10,8 +10,8 @@ from scaling_service.capabilities.subject.loading import with_stated_sizes
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.reading import check_document
 from scaling_service.files.c3d import read_c3d, stated_sizes
-from scaling_service.model.sizes import MeasuredSizes
 from scaling_service.model.subject import Subject
+from scaling_service.model.trial import MeasuredSizes
 from tests.files.made import random_trial
 
 

@@ -9,7 +9,7 @@ from scaling_service.capabilities.discovery.run import DiscoverResults, run
 from scaling_service.capabilities.discovery.settings import DiscoverSettings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.model.subject import Session
-from scaling_service.virtual.hidden import RECORDED, hidden_session
+from scaling_service.virtual.example import RECORDED, hidden_session
 
 SHORT = replace(RECORDED, functional_s=3.0, gait_trials=1, rate_hz=50.0)
 """Three movements at half the rate: searched in a few seconds."""

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.capabilities.cohort import subject_item
+from scaling_service.capabilities.cohort import subject as subject_item
 from scaling_service.capabilities.cohort.document import CohortDocument
+from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.run import BatchResult, batch
-from scaling_service.capabilities.cohort.scaling_items import Outcome
-from scaling_service.capabilities.cohort.subject_item import read_record
+from scaling_service.capabilities.cohort.subject import read_record
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError

@@ -12,9 +12,9 @@ import trimesh
 from scaling_service.capabilities.scaling.bone_files import local_bones, write_bones
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.files.mesh import read_mesh
-from scaling_service.model.images import Bone, ImageEvidence
-from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.poses import neutral_frames
 from scaling_service.model.results import Calibration
+from scaling_service.model.trial import Bone, ImageEvidence
 from tests.calibration.people import imaged, person
 
 TILTS_DEG = {"knee_r": (3.0, -5.0, 0.0), "knee_l": (-4.0, 2.0, 0.0)}

@@ -17,7 +17,7 @@ from scaling_service.capabilities.datasets.run import next_commands
 from scaling_service.cli.app import app
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document
-from scaling_service.model.builtin import reference_folder
+from scaling_service.model.reference import reference_folder
 
 CATALOGUE = read_catalogue()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import threading
+import time
 from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -14,26 +15,25 @@ from os import _exit
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import StatisticsDocument
-from scaling_service.capabilities.cohort.documents import statistics_document
+from scaling_service.capabilities.cohort.document import StatisticsDocument, statistics_document
 from scaling_service.capabilities.cohort.executors import tell, workers
-from scaling_service.capabilities.cohort.scaling_items import (
+from scaling_service.capabilities.cohort.outcomes import (
     Done,
     NothingPossible,
     Outcome,
-    VirtualPerson,
     possible_methods,
-    run_cohort,
+    run_members,
 )
-from scaling_service.capabilities.cohort.subject_summary import TRUTH, MethodSummary, SubjectSummary
-from scaling_service.capabilities.cohort.summaries import summarise
-from scaling_service.capabilities.cohort.tables import table
+from scaling_service.capabilities.cohort.run import BatchResult, summarise_cohort
+from scaling_service.capabilities.cohort.saving import table
+from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.serial import Serial
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.subject import Subject
+from scaling_service.studies.puchaud2019.persons import VirtualPerson
 from scaling_service.virtual.subject import VirtualSettings, virtual_subject
 from tests.calibration.people import imaged, person
 
@@ -48,6 +48,7 @@ class Told:
     name: str
     how: str = "done"
     groups: Mapping[str, str] = field(default_factory=dict)
+    shown: str = ""
 
     def work(self, *_: object) -> Done:
         if self.how == "refused":
@@ -64,6 +65,11 @@ class Told:
         return Done(
             SubjectSummary(self.name, {m: MethodSummary(lengths={"femur_r": length}) for m in METHODS})
         )
+
+
+def run_cohort(members, executor, methods, **watched) -> BatchResult:
+    outcomes = run_members(members, executor, methods, **watched)
+    return summarise_cohort(outcomes, methods, cohort="people", started=time.perf_counter())
 
 
 def _numbers(found):
@@ -96,7 +102,10 @@ def test_virtual_people_are_measured_against_the_truth(people, alone):
     assert summary is not None
     assert summary.true_lengths == truth
     found = {(a.quantity, a.result.method): a.result for a in alone.statistics.agreements}
-    gaps = [s.methods["MB"].lengths["femur_l"] - s.true_lengths["femur_l"] for s in alone.summaries]
+    gaps = [
+        s.methods["MB"].lengths["femur_l"] - s.true_lengths["femur_l"]
+        for s in (o.summary for o in alone.outcomes)
+    ]
     assert found["femur_l", "MB"].bland_altman.bias.value == pytest.approx(np.mean(gaps))
     centre = summary.centres[TRUTH]["MB_am"]["hip_r"]
     true = summary.centres[TRUTH][TRUTH]["hip_r"]

@@ -18,7 +18,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.files.trc import read_trc
 from scaling_service.model.document import from_document
 from scaling_service.report.figures import Figure
-from scaling_service.virtual.hidden import SLIDING, SWAPPED
+from scaling_service.virtual.example import SLIDING, SWAPPED
 from tests.jobs.hidden_case import found, session
 
 

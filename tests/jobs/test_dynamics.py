@@ -18,7 +18,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim import read_osim
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.model.trial import Repair
 from scaling_service.recording.orientation import Orientation
 from tests.calibration.forced import other_person

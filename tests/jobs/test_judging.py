@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.scaling.judging import evidence_of, usual_lengths
 from scaling_service.capabilities.scaling.run import Results
-from scaling_service.model.images import ImageEvidence
+from scaling_service.model.trial import ImageEvidence
 
 
 def test_errors_and_parameters_are_the_results(results: Results) -> None:

@@ -18,8 +18,8 @@ from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.neutral import neutral_frames
 from scaling_service.model.parameters import fold, free_axis
+from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.jobs.reported import MOST_BYTES, document_of, page_of, without
 from tests.report.reading import data, tables

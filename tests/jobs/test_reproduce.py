@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -10,10 +9,11 @@ import pytest
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.cli import main
 from scaling_service.core.errors import InputError
-from scaling_service.studies.document import Beside, StudyDocument
+from scaling_service.studies.claims import person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.paper import METHODS, paper
-from scaling_service.studies.puchaud2019.run import StudyResult, reproduce_puchaud2019, save_study
+from scaling_service.studies.puchaud2019.paper import METHODS, Beside, Puchaud2019Document, paper
+from scaling_service.studies.puchaud2019.report import page as study_page
+from scaling_service.studies.puchaud2019.run import StudyResult, reproduce_puchaud2019
 from tests.report.reading import Node, read
 
 WALKERS = 2  # looked at alone; the paper's six, and one more, take twice as long
@@ -30,8 +30,11 @@ def result() -> StudyResult:
 @pytest.fixture(scope="module")
 def page(result: StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Node:
     folder = tmp_path_factory.mktemp("study")
-    assert save_study(result, folder) == ("report.html", "study.json")
-    written = StudyDocument.model_validate(json.loads((folder / "study.json").read_text(encoding="utf-8")))
+    assert save_study(result.document, study_page(result.document, result.study), folder) == (
+        "report.html",
+        "study.json",
+    )
+    written = Puchaud2019Document.model_validate_json((folder / "study.json").read_bytes())
     assert written == result.document
     return read((folder / "report.html").read_text(encoding="utf-8"))
 
@@ -78,8 +81,6 @@ def test_the_page_says_what_the_document_says(result: StudyResult, page: Node) -
 
 def test_another_seed_is_other_persons(result: StudyResult) -> None:
     assert result.document.subjects[0] == "virtual_1"
-    from scaling_service.studies.puchaud2019.study import person_seeds
-
     assert not set(person_seeds(0)) & set(person_seeds(1))
 
 

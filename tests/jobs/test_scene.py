@@ -21,8 +21,7 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.documents.arrays import ArrayEntry
 from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles
 from scaling_service.model.builtin import builtin
-from scaling_service.model.neutral import neutral_frames
-from scaling_service.model.poses import segment_poses
+from scaling_service.model.poses import neutral_frames, segment_poses
 from scaling_service.model.trial import Array
 from scaling_service.virtual.subject import VirtualSettings, demo_session
 from tests.jobs.hidden_case import found

@@ -11,10 +11,10 @@ import yaml
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Shape
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin, generic_person, reference_folder
-from scaling_service.model.compact import expand
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin, expand, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.neutral import neutral_frames, neutral_markers, shape_value
+from scaling_service.model.poses import neutral_frames, neutral_markers, shape_value
+from scaling_service.model.reference import reference_folder
 from scaling_service.numerics.multibody.tree import marker_positions
 
 models = pytest.mark.parametrize("name", BUILTIN_NAMES)

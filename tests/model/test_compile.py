@@ -20,8 +20,8 @@ from scaling_service.model.compile import (
     parameter_values,
     signal_rows,
 )
-from scaling_service.model.neutral import neutral_frames
 from scaling_service.model.parameters import free_scale
+from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.moves import Fixed, Shift, Turn
 from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.multibody.tree import marker_positions

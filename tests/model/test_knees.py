@@ -12,8 +12,8 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.frames import Frames, knee_angles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
-from scaling_service.model.knees import KneeKind, with_knee
-from scaling_service.model.neutral import neutral_frames, neutral_markers
+from scaling_service.model.parameters import KneeKind, with_knee
+from scaling_service.model.poses import neutral_frames, neutral_markers
 from tests.numerics.bodies import leg
 
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.neutral import neutral_frames
 from scaling_service.model.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
+from scaling_service.model.poses import neutral_frames
 from scaling_service.model.scaling import scaled
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.numerics.bodies import leg, leg_motion

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Parameter, Segment
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.compile import parameter_values
-from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.spatial import moving, point_velocity
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY as DOWN

@@ -10,7 +10,7 @@ import pytest
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Term
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model
-from scaling_service.model.massive import mechanism_of
+from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import marker_motion, marker_normal, rows_of_twists

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
-from scaling_service.model.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.wrench.base_parameters import base_parameters, triangular_factor
 from scaling_service.numerics.wrench.ground_wrench import inverse_dynamics

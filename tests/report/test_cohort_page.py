@@ -8,11 +8,10 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
-from scaling_service.capabilities.cohort.documents import statistics_document
-from scaling_service.capabilities.cohort.report.page import cohort_page
+from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry, statistics_document
+from scaling_service.capabilities.cohort.report import cohort_page
 from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
-from scaling_service.capabilities.cohort.subject_summary import Following, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.report.reading import Node, read
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.model.images import Bone
+from scaling_service.model.trial import Bone
 from scaling_service.report.coarse import coarsened
 from scaling_service.report.scene import Body, Scene
 from tests.report.reading import data, read

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scaling_service.model.images import ImageEvidence
+from scaling_service.model.trial import ImageEvidence
 from scaling_service.virtual.image import VirtualImage, image_evidence, virtual_image
 from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, virtual_subject
 

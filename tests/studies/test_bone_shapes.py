@@ -15,8 +15,8 @@ from scaling_service.virtual.bones.shapes import (
     chain,
     rod,
     strip,
+    surface_of,
 )
-from scaling_service.virtual.bones.surface import surface_of
 
 
 def at(*points: tuple[float, float, float]) -> np.ndarray:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
-from scaling_service.studies.futamure.claims import answers, less
-from scaling_service.studies.futamure.report import study_page
+from scaling_service.studies.futamure.claims import less
+from scaling_service.studies.futamure.report import page as study_page
 from scaling_service.studies.futamure.run import reproduce_futamure
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter
 from scaling_service.studies.futamure.study import study_squatter
@@ -55,4 +55,3 @@ def test_faults_are_what_costs_the_angles() -> None:
     clean, usual = (study_squatter(1, faults=size) for size in (0.0, 1.0))
     for ours, theirs in zip(clean.fitted, usual.fitted, strict=True):
         assert ours.angles.mean() < theirs.angles.mean()
-    assert len(answers([clean])) == len(answers([usual]))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
-from scaling_service.capabilities.cohort.subject_summary import Following, MethodSummary, SubjectSummary
-from scaling_service.studies.puchaud2019.claims import CLAIMS, answers
+from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
+from scaling_service.studies.claims import Answer
+from scaling_service.studies.puchaud2019.claims import CLAIMS, Study
 from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, paper
-from scaling_service.studies.puchaud2019.questions import Answer, Study
 
 NODES = 101
 COORDINATES = [f"{joint}_{side}" for joint in ("hip_flexion", "knee_angle") for side in "rl"]
@@ -73,7 +73,7 @@ def _angle(coordinate: str, method: str) -> float:
 def asked(*, like_the_paper: bool, seconds: float = 9.0) -> dict[str, Answer]:
     people = [subject(k, like_the_paper=like_the_paper) for k in range(26)]
     study = Study(cohort_statistics(people, METHODS), cohort_statistics(people[:6], METHODS), seconds)
-    return {claim.text: answer for claim, answer in answers(study)}
+    return {claim.text: claim.ask(study) for claim in CLAIMS}
 
 
 def test_a_cohort_with_the_papers_numbers_bears_its_claims_out() -> None:
@@ -110,7 +110,7 @@ def test_every_claim_gives_figures() -> None:
 def test_six_subjects_cannot_decide_a_pair_of_curves() -> None:
     few = [subject(k, like_the_paper=True) for k in range(6)]
     statistics = cohort_statistics(few, METHODS)
-    answer = {c.text: a for c, a in answers(Study(statistics, statistics, 1.0))}
+    answer = {c.text: c.ask(Study(statistics, statistics, 1.0)) for c in CLAIMS}
     found = answer["Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait"]
     assert found.holds is None
     assert "too few" in found.figures

@@ -10,8 +10,8 @@ import pytest
 from scaling_service.bones.mesh import shells
 from scaling_service.files.mesh import read_mesh
 from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.virtual.bones.leg import leg_shape
 from scaling_service.virtual.bones.person import PersonBones, leg_shapes, virtual_bones
-from scaling_service.virtual.bones.proportions import leg_shape
 from scaling_service.virtual.subject import virtual_subject
 from tests.studies.imaged import EXACT, SHORT, Imaged
 

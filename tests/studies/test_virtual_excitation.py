@@ -9,7 +9,7 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of, 
 from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.massive import inertias_of, total_mass
+from scaling_service.model.inertia import inertias_of, total_mass
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.studies.muller2017.excitation import ExcitationSettings, excited_person
 from scaling_service.virtual.sequence import sequence

@@ -11,7 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.comparison.truth import centre_errors, length_errors
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.images import Bone
+from scaling_service.model.trial import Bone
 from scaling_service.virtual.image import (
     MARKER_MM,
     SURFACE_MM,

@@ -10,10 +10,10 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.streams import stream
+from scaling_service.model.anatomy.centres import LANDMARK_SD_M
 from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.anatomy.palpation import LANDMARK_SD_M
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, with_artefact

@@ -51,9 +51,8 @@ def batch(
 
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
-    from scaling_service.capabilities.cohort.progress import Interrupted, watched
     from scaling_service.capabilities.cohort.run import batch as run_batch
-    from scaling_service.capabilities.cohort.screen import show_cohort
+    from scaling_service.capabilities.cohort.screen import Interrupted, show_cohort, watched
 
     chosen = None if methods is None else tuple(names(methods))
     with watched() as watcher:

@@ -30,13 +30,7 @@ _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 def tell(name: str, what: str, share: float) -> None:
-    """Say from within a task how far it is; nothing where nobody listens.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        The batch is being stopped: the task should end tidily.
-    """
+    """Say from within a task how far it is; raises KeyboardInterrupt where the batch is being stopped."""
     listener = _LISTENER.get()
     if listener is not None:
         listener(name, what, share)
@@ -47,17 +41,10 @@ def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
     """An executor for a batch: this process for one worker, else a pool of spawned processes.
 
     Worker processes use one thread of linear algebra each, unless the environment says otherwise. When
-    the block is left by an interruption, tasks under way end at the next :func:`tell`.
-
-    Parameters
-    ----------
-    count : int
-        At least 1.
-    listener : callable, optional
-        Told how far each task is, perhaps from another thread.
+    the block is left by an interruption, tasks under way end at the next :func:`tell`. The listener is told
+    how far each task is, perhaps from another thread.
     """
-    inside = _here(listener) if count == 1 else _pool(count, listener)
-    with inside as executor:
+    with _here(listener) if count == 1 else _pool(count, listener) as executor:
         yield executor
 
 
@@ -67,18 +54,9 @@ def gathered(
     count: int,
     finished: Callable[[T, int], None] | None = None,
 ) -> list[T]:
-    """Results of tasks in their order, computed side by side.
+    """Results of a module's function for every tuple of arguments, in order, by so many workers.
 
-    Parameters
-    ----------
-    work : callable
-        Of a module, so that other processes find it.
-    tasks : iterable of tuples
-        Its arguments.
-    count : int
-        Workers.
-    finished : callable, optional
-        Called with each result as it comes, and how many there are.
+    ``finished`` is called with each result as it comes, and how many there are.
     """
     with workers(count) as executor:
         futures = [executor.submit(work, *task) for task in tasks]

@@ -9,16 +9,19 @@ Wolfe 1999, Nonparametric Statistical Methods, 2nd ed., section 7.3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
 from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, checked, rows
+from scaling_service.numerics.statistics.panels import Panel, panels
 
 SAME = 1e-9
 """Relative to the largest value: chosen. Two methods that must give one length (marker-based scaling,
@@ -28,71 +31,36 @@ where rounding errors would be ranked otherwise."""
 
 @dataclass(frozen=True, slots=True)
 class RankedPair:
-    """Two methods after Friedman's test.
-
-    Parameters
-    ----------
-    methods : two str
-    difference_mean, difference_sd, difference_median : float
-        Of the first method's value minus the second's over the subjects, in the quantity's unit.
-    rank_difference : float
-        The first method's mean rank minus the second's; rank 1 is the smallest value.
-    q : float
-        The studentized range statistic of that difference.
-    p : float
-        Family-wise over all pairs (Tukey's HSD).
-    significant : bool
-        ``p < alpha``, and Friedman's test itself significant: the post hoc test is gated by it.
-    """
+    """Two methods after Friedman's test; differences are the first's minus the second's over the subjects."""
 
     methods: tuple[str, str]
     difference_mean: float
     difference_sd: float
     difference_median: float
-    rank_difference: float
-    q: float
-    p: float
-    significant: bool
+    rank_difference: float  # of mean ranks; rank 1 is the smallest value
+    q: float  # the studentized range statistic of that difference
+    p: float  # family-wise over all pairs (Tukey's HSD)
+    significant: bool  # p < alpha, and Friedman's test itself significant: it gates the post hoc test
 
 
 @dataclass(frozen=True, slots=True)
 class GroupComparison:
-    """A quantity compared between methods over a cohort.
-
-    Parameters
-    ----------
-    quantity : str
-    subjects, methods : tuples of str
-    mean, sd, median, mean_rank : mapping
-        Method to the value over subjects (``sd`` with n - 1).
-    chi_square : float
-        Friedman's statistic, corrected for ties.
-    degrees_of_freedom : int
-    p : float
-        From the chi-square distribution, as in MATLAB; approximate for few subjects.
-    kendall_w : float
-        Effect size: 0 where subjects rank the methods without agreement, 1 where all rank them alike.
-    rank_difference_critical : float
-        Mean ranks further apart than this differ at ``alpha``; 0 where all subjects tie all methods.
-    alpha : float
-    pairs : tuple of RankedPair
-        All pairs, in the methods' order.
-    """
+    """A quantity compared between methods over a cohort; mappings are of method to value over subjects."""
 
     quantity: str
     subjects: tuple[str, ...]
     methods: tuple[str, ...]
     mean: Mapping[str, float]
-    sd: Mapping[str, float]
+    sd: Mapping[str, float]  # n - 1
     median: Mapping[str, float]
     mean_rank: Mapping[str, float]
-    chi_square: float
+    chi_square: float  # Friedman's statistic, corrected for ties
     degrees_of_freedom: int
-    p: float
-    kendall_w: float
-    rank_difference_critical: float
+    p: float  # from the chi-square distribution, as in MATLAB; approximate for few subjects
+    kendall_w: float  # 0 where subjects rank the methods without agreement, 1 where all rank them alike
+    rank_difference_critical: float  # mean ranks further apart differ; 0 where all subjects tie all methods
     alpha: float
-    pairs: tuple[RankedPair, ...]
+    pairs: tuple[RankedPair, ...]  # all, in the methods' order
 
     @property
     def significant(self) -> bool:
@@ -210,3 +178,104 @@ def _without_noise(table: Array) -> Array:
 
 def _named(methods: Sequence[str], values: Array) -> dict[str, float]:
     return {method: float(value) for method, value in zip(methods, values, strict=True)}
+
+
+@dataclass(frozen=True, slots=True)
+class ScalarComparison:
+    """One number per subject and method, m or rad, over those who have all of a panel's methods."""
+
+    kind: str  # a key of KINDS
+    quantity: str  # femur_r, evaluation …
+    panel: Panel
+    values: Mapping[str, Mapping[str, float]]  # subject to method to value, of the panel
+    mean: Mapping[str, float]
+    sd: Mapping[str, float]  # n - 1; empty for a single subject
+    test: GroupComparison | None  # Friedman's with Tukey's HSD
+    note: str = ""  # why there is no test
+
+
+def _errors(method: MethodSummary) -> dict[str, float]:
+    """Mean kinematic error over the trials of each role, every trial counting the same, m.
+
+    Chosen: Puchaud 2019 defines the error of a trial, and does not say how trials are pooled.
+    """
+    by_role: dict[str, list[float]] = {}
+    for trial in method.trials.values():
+        if np.isfinite(trial.mean):
+            by_role.setdefault(trial.role, []).append(trial.mean)
+    return {role: float(np.mean(errors)) for role, errors in by_role.items()}
+
+
+def _axes(method: MethodSummary) -> dict[str, float]:
+    return {
+        f"{side}_{axis}": turn
+        for side, turns in method.knee_axes.items()
+        for axis, turn in zip("xy", turns, strict=True)
+    }
+
+
+def _shift(method: MethodSummary) -> dict[str, float]:
+    shifts = list(method.marker_shifts.values())
+    return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
+
+
+KINDS: Mapping[str, Callable[[MethodSummary], Mapping[str, float]]] = MappingProxyType(
+    {
+        "segment_length": lambda method: method.lengths,
+        "kinematic_error": _errors,
+        "knee_axis": _axes,
+        "marker_shift": _shift,
+        "from_truth_m": lambda method: method.from_truth_m,
+        "from_truth_rad": lambda method: method.from_truth_rad,
+    }
+)
+"""Kind of quantity to where a method's summary holds it; ``knee_axis`` and ``from_truth_rad`` are in rad, the
+others in m."""
+
+
+def compare_scalars(
+    subjects: Sequence[SubjectSummary], methods: Sequence[str], alpha: float
+) -> Iterator[ScalarComparison]:
+    """Every quantity of every kind, over every panel that the cohort allows.
+
+    ``alpha`` is of each test: quantities are not corrected for each other, as in Puchaud 2019 (section 2.3).
+    """
+    import pandas  # only here and after all work: it takes half a second
+
+    long = pandas.DataFrame(
+        (
+            (kind, quantity, s.subject, name, value)
+            for kind, read in KINDS.items()
+            for s in subjects
+            for name, method in s.methods.items()
+            for quantity, value in read(method).items()
+        ),
+        columns=["kind", "quantity", "subject", "method", "value"],
+    )
+    for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
+        table = found.pivot(index="subject", columns="method", values="value")
+        table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
+        has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
+        for panel in panels(has, methods):
+            part = table.loc[list(panel.subjects), list(panel.methods)]
+            values, note = part.to_dict("index"), too_few(panel)
+            yield ScalarComparison(
+                kind=kind,
+                quantity=quantity,
+                panel=panel,
+                values=values,
+                mean=part.mean().to_dict(),
+                sd=part.std().to_dict() if len(part) > 1 else {},
+                test=None if note else compare_groups(values, panel.methods, quantity=quantity, alpha=alpha),
+                note=note,
+            )
+
+
+def too_few(panel: Panel) -> str:
+    """Why a panel cannot be tested; empty where it can."""
+    if len(panel.methods) < 2:
+        return f"only {panel.methods[0]} gives a value: nothing to compare"
+    if len(panel.subjects) < 2:
+        count = len(panel.subjects)
+        return f"{count} subject{'s' if count != 1 else ''} with all of {', '.join(panel.methods)}: no test"
+    return ""

@@ -23,7 +23,7 @@ MOST_SUBJECTS = 1000
 
 
 RECORD = "batch.json"
-"""What a member keeps for the statistics (``jobs.subject_item.RECORD``, without importing what computes)."""
+"""What a member keeps for the statistics, in its folder."""
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -17,25 +17,15 @@ _SEPARATORS = ",;\t"
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
-    """One subject of a cohort.
-
-    Parameters
-    ----------
-    file : Path
-        Its subject file.
-    shown : str
-        As the cohort names it.
-    groups : mapping
-        Further columns of the cohort file.
-    """
+class Listed:
+    """One subject of a list: its file, that file as the list writes it, and further columns as groups."""
 
     file: Path
     shown: str
     groups: Mapping[str, str] = field(default_factory=dict)
 
 
-def read_members(cohort: Path) -> tuple[tuple[Member, ...], tuple[str, ...]]:
+def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     """The members of a cohort, and what was passed over.
 
     Parameters
@@ -60,13 +50,13 @@ def read_members(cohort: Path) -> tuple[tuple[Member, ...], tuple[str, ...]]:
     return tuple(_in_table(cohort)), ()
 
 
-def _in_folder(folder: Path) -> tuple[tuple[Member, ...], tuple[str, ...]]:
+def _in_folder(folder: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     members, passed = [], []
     for path in sorted(p for p in folder.iterdir() if not p.name.startswith(".")):
         for file in _candidates(path):
             shown = file.relative_to(folder).as_posix()
             if file.parent != folder or _is_subject(file):
-                members.append(Member(file, shown))
+                members.append(Listed(file, shown))
             else:
                 passed.append(f"{shown} was passed over: it is no subject file")
     if not members:
@@ -95,7 +85,7 @@ def _is_subject(file: Path) -> bool:
     )
 
 
-def _in_table(file: Path) -> Iterator[Member]:
+def _in_table(file: Path) -> Iterator[Listed]:
     lines = read_text(file, "a table of subjects").splitlines()
     header, rows = _table(lines, file)
     column = header.index(COLUMN)
@@ -129,7 +119,7 @@ def _in_table(file: Path) -> Iterator[Member]:
                 remedy="Remove one of the two lines",
             )
         cells += [""] * (len(header) - len(cells))
-        yield Member(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
+        yield Listed(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
 
 
 def _table(lines: Sequence[str], file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

@@ -1,43 +1,32 @@
-"""Many subject files: each into a folder of its own, then the cohort's statistics beside them."""
+"""Many subjects: each scaled on its own, then the methods compared over all of them."""
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
-from scaling_service.capabilities.cohort.documents import statistics_document
+from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry, statistics_document
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.cohort.members import Member, read_members
-from scaling_service.capabilities.cohort.refused_item import RefusedItem
-from scaling_service.capabilities.cohort.report.page import cohort_page
-from scaling_service.capabilities.cohort.scaling_items import (
-    CohortRun,
-    Item,
-    Outcome,
-    possible_methods,
-    run_cohort,
-)
-from scaling_service.capabilities.cohort.subject_item import RECORD, SubjectItem
-from scaling_service.capabilities.cohort.tables import TABLES, table
+from scaling_service.capabilities.cohort.members import Listed, read_members
+from scaling_service.capabilities.cohort.outcomes import Outcome, possible_methods, run_members
+from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
+from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
+from scaling_service.capabilities.cohort.subject import SubjectMember
 from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import check_methods
-from scaling_service.capabilities.scaling.saving import all_or_nothing, check_folder, write_json
+from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
-
-DOCUMENT = "cohort.json"
 
 
 class Watcher(Protocol):
@@ -55,32 +44,12 @@ class Watcher(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchResult:
-    """All that a report of a cohort needs.
+    """All that a report of a cohort needs."""
 
-    Parameters
-    ----------
-    document : CohortDocument
-        ``cohort.json``: mm and degrees.
-    run : CohortRun
-        The same in SI, with every subject's own curves and figures.
-    files : tuple of str
-        What was written beside the subjects' folders.
-    """
-
-    document: CohortDocument
-    run: CohortRun
-    files: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Planned:
-    member: Member
-    subject: Subject | None
-    error: InputError | None = None
-
-    @property
-    def id(self) -> str:
-        return self.member.shown if self.subject is None else self.subject.id
+    document: CohortDocument  # cohort.json: mm and degrees
+    outcomes: tuple[Outcome, ...]  # how every member ended, with its own curves and figures in SI
+    statistics: CohortStatistics  # over those that are done, in SI
+    files: tuple[str, ...] = ()  # what was written beside the subjects' folders
 
 
 def batch(
@@ -106,7 +75,6 @@ def batch(
         tables ``lengths.csv``, ``errors.csv`` and ``angles.csv`` stand beside, and ``report.html``.
     methods : sequence of str, optional
         All that each subject allows unless given; a subject is done by those of them that it allows.
-    settings : Settings
     worker_count : int, optional
         Processes; as many as there are processor cores (no more than subjects) unless given. Results do not
         depend on it.
@@ -114,7 +82,6 @@ def batch(
         Where subjects are scaled, in place of these processes.
     force : bool
         Do again what is done and unchanged.
-    watcher : Watcher, optional
 
     Returns
     -------
@@ -137,20 +104,95 @@ def batch(
     check_axes(settings.up, settings.forward)
     source, folder = Path(cohort), Path(out)
     check_folder(folder)
-    members, notes = read_members(source)
-    plan = [_planned(member) for member in members]
-    _refuse_ids(plan, source)
-    _refuse_impossible(plan, methods, source)
-    _refuse_foreign(folder, plan)
-    items = [_item(planned, folder, force) for planned in plan]
-    count = min(worker_count or cores(), len(items))
+    listed, notes = read_members(source)
+    read = [_load(row) for row in listed]
+    members = [_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
+    readable = [member for member in members if member.error is None]
+    check_names(((m.name, m.shown, m.file) for m in readable), source)
+    _refuse_impossible([found for found in read if isinstance(found, Subject)], methods, source)
+    refuse_foreign(folder, [member.name for member in readable])
+    count = min(worker_count or cores(), len(members))
     if watcher is not None:
-        watcher.started(len(items), count)
+        watcher.started(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finished)
     with _made(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
-        run = run_cohort(items, chosen, methods, settings, finished=finished)
-    document = _document(source, plan, run, methods, settings, notes, clock)
-    return BatchResult(document, run, _write(folder, document, run))
+        outcomes = run_members(members, chosen, methods, settings, finished=finished)
+    result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
+    return replace(result, files=save_cohort(result.document, result.statistics, outcomes, folder))
+
+
+def summarise_cohort(
+    outcomes: Sequence[Outcome],
+    methods: Sequence[str] | None = None,
+    settings: Settings = Settings(),
+    *,
+    cohort: str,
+    notes: Sequence[str] = (),
+    started: float,
+    compared: CohortSettings | None = None,
+) -> BatchResult:
+    """Compare the methods over the members that are done; whoever computed them, nothing is read or written.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        How every member ended.
+    methods : sequence of str, optional
+        Those that were asked for; all that each subject allows if None.
+    settings : Settings
+        Its seed is that of the statistics, too.
+    cohort : str
+        What names the members, as given.
+    started : float
+        When the work began, by ``time.perf_counter``.
+    """
+    summaries = [o.summary for o in outcomes if o.summary is not None]
+    statistics = cohort_statistics(
+        summaries, methods or tuple(METHODS), seed=settings.seed, settings=compared
+    )
+    document = CohortDocument(
+        code_version=code_version(),
+        cohort=cohort,
+        methods_asked=None if methods is None else list(methods),
+        settings=settings.resolved(),
+        seed=settings.seed,
+        subjects=[_entry(outcome) for outcome in outcomes],
+        statistics=statistics_document(statistics),
+        notes=list(notes),
+        wall_s=round(time.perf_counter() - started, 3),
+    )
+    return BatchResult(document, tuple(outcomes), statistics)
+
+
+def none_possible(reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path) -> InputError:
+    """The error that nobody can be done by any of the methods, for these reasons."""
+    return InputError(
+        f"no subject can be done by {', '.join(methods or ())} ({'; '.join(dict.fromkeys(reasons))})",
+        file=source,
+        field="--methods",
+        remedy="Choose other methods, or add what is missing to the subject files",
+    )
+
+
+def _refuse_impossible(subjects: Sequence[Subject], methods: Sequence[str] | None, source: Path) -> None:
+    answers = [possible_methods(subject, methods) for subject in subjects]
+    if answers and not any(possible for possible, _ in answers):
+        reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
+        raise none_possible(reasons, methods, source)
+
+
+def _load(row: Listed) -> Subject | InputError:
+    try:
+        return load_subject(row.file)
+    except InputError as error:
+        return error
+
+
+def _member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
+    if isinstance(found, InputError):
+        return SubjectMember(row.shown, row.file, folder, row.shown, row.groups, error=found)
+    place = (folder / found.id).absolute()
+    return SubjectMember(found.id, row.file, place, row.shown, row.groups, force)
 
 
 @contextmanager
@@ -165,138 +207,19 @@ def _made(folder: Path) -> Iterator[None]:
         raise
 
 
-def _planned(member: Member) -> _Planned:
-    try:
-        return _Planned(member, load_subject(member.file))
-    except InputError as error:
-        return _Planned(member, None, error)
-
-
-def _item(planned: _Planned, folder: Path, force: bool) -> Item:
-    member = planned.member
-    if planned.error is not None:
-        return RefusedItem(planned.id, planned.error, member.groups)
-    return SubjectItem(member.file, (folder / planned.id).absolute(), planned.id, member.groups, force)
-
-
-def _refuse_ids(plan: Sequence[_Planned], source: Path) -> None:
-    """Ids name folders, and on some disks capitals do not count."""
-    seen: dict[str, _Planned] = {}
-    for planned in plan:
-        if planned.subject is None:
-            continue
-        if planned.id.casefold() in (DOCUMENT, REPORT, *TABLES):
-            raise SubjectInvalid(
-                f"'{planned.id}' is the name of a file of results",
-                file=planned.member.file,
-                field="subject.id",
-                remedy="Give the subject another id",
-            )
-        before = seen.setdefault(planned.id.casefold(), planned)
-        if before is not planned:
-            raise SubjectInvalid(
-                f"'{before.member.shown}' and '{planned.member.shown}' are both subject '{planned.id}'",
-                file=source,
-                field="subject.id",
-                remedy="Results are named by it: give each subject an id of its own",
-            )
-
-
-def _refuse_impossible(plan: Sequence[_Planned], methods: Sequence[str] | None, source: Path) -> None:
-    known = [planned.subject for planned in plan if planned.subject is not None]
-    answers = [possible_methods(subject, methods) for subject in known]
-    if answers and not any(possible for possible, _ in answers):
-        reasons = dict.fromkeys(f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
-        raise InputError(
-            f"no subject can be done by {', '.join(methods or ())} ({'; '.join(reasons)})",
-            file=source,
-            field="--methods",
-            remedy="Choose other methods, or add what is missing to the subject files",
-        )
-
-
-def _refuse_foreign(folder: Path, plan: Sequence[_Planned]) -> None:
-    """Nothing of anybody else's is written over."""
-    if not folder.is_dir():
-        return
-    ours = _is_ours(folder / DOCUMENT)
-    for name in (DOCUMENT, REPORT, *TABLES):
-        if (folder / name).exists() and not ours:
-            raise _foreign(folder, f"'{name}' there was not written by a batch")
-    for planned in plan:
-        place = folder / planned.id
-        if planned.subject is None or not place.exists():
-            continue
-        if not place.is_dir() or (any(place.iterdir()) and not _holds_results(place, planned.id)):
-            raise _foreign(folder, f"'{planned.id}' there holds something else than that subject's results")
-
-
-def _foreign(folder: Path, problem: str) -> InputError:
-    return InputError(problem, file=folder, field="--out", remedy="Name another folder, or move it away")
-
-
-def _is_ours(file: Path) -> bool:
-    content = _content(file)
-    return isinstance(content, dict) and content.get("kind") == "cohort" and "schema_version" in content
-
-
-def _holds_results(folder: Path, subject: str) -> bool:
-    content = _content(folder / "comparison.json")
-    return (folder / RECORD).is_file() or (isinstance(content, dict) and content.get("subject") == subject)
-
-
-def _content(file: Path) -> object:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-
-
-def _document(
-    source: Path,
-    plan: Sequence[_Planned],
-    run: CohortRun,
-    methods: Sequence[str] | None,
-    settings: Settings,
-    notes: Sequence[str],
-    started: float,
-) -> CohortDocument:
-    return CohortDocument(
-        code_version=code_version(),
-        cohort=str(source),
-        methods_asked=None if methods is None else list(methods),
-        settings=settings.resolved(),
-        seed=settings.seed,
-        subjects=[_entry(p, outcome) for p, outcome in zip(plan, run.outcomes, strict=True)],
-        statistics=statistics_document(run.statistics),
-        notes=list(notes),
-        wall_s=round(time.perf_counter() - started, 3),
-    )
-
-
-def _entry(planned: _Planned, outcome: Outcome) -> SubjectEntry:
+def _entry(outcome: Outcome) -> SubjectEntry:
     summary = outcome.summary
     return SubjectEntry(
-        id=planned.id,
-        file=planned.member.shown,
+        id=outcome.name,
+        file=outcome.shown,
         groups=dict(outcome.groups),
         status=outcome.status,
         reason="" if outcome.kept else outcome.reason,
         kept=outcome.kept,
-        folder=None if summary is None else planned.id,
+        folder=None if summary is None else outcome.name,
         methods=[] if summary is None else list(summary.methods),
         left_out={} if summary is None else dict(summary.left_out),
         strides={} if summary is None else dict(summary.strides),
         no_strides={} if summary is None else dict(summary.no_strides),
         wall_s=round(outcome.wall_s, 3),
     )
-
-
-def _write(folder: Path, document: CohortDocument, run: CohortRun) -> tuple[str, ...]:
-    """The cohort's own files, all or none; what is written of a cohort is written here."""
-    with all_or_nothing(folder) as scratch:
-        write_json(scratch / DOCUMENT, document)
-        for name in TABLES:
-            (scratch / name).write_text(table(name, run.outcomes), encoding="utf-8")
-        (scratch / REPORT).write_text(cohort_page(document, run.statistics).html(), encoding="utf-8")
-        return tuple(sorted(path.name for path in scratch.iterdir()))

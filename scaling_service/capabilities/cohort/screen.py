@@ -1,17 +1,21 @@
-"""What people see of a cohort: methods compared over its subjects, who did not end well, and the files."""
+"""What people see of a batch: its progress, then methods over subjects, who did not end well, the files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from scaling_service.capabilities.shared.screen import console_of_results, say
-from scaling_service.core.text import few
+from scaling_service.core.text import few, p_words
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.cohort.document import (
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
         StatisticsDocument,
         SubjectEntry,
     )
+    from scaling_service.capabilities.cohort.outcomes import Outcome
 
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
@@ -48,18 +53,18 @@ def _table(found: StatisticsDocument) -> Table:
         table.add_column(method, justify="right")
     table.add_column("n", justify="right")
     table.add_column("Friedman p", justify="right")
-    for title, entries, digits in (
-        ("Kinematic error, mm", found.kinematic_error_mm, 1),
-        ("Segment lengths, mm", found.segment_lengths_mm, 1),
-        ("Knee axis turned, deg", found.knee_axis_deg, 1),
-        ("Marker shift, mm", found.marker_shift_mm, 1),
-        ("Distance from the truth, mm", found.from_truth_mm, 1),
-        ("Distance from the truth, deg", found.from_truth_deg, 1),
+    for title, entries in (
+        ("Kinematic error, mm", found.kinematic_error_mm),
+        ("Segment lengths, mm", found.segment_lengths_mm),
+        ("Knee axis turned, deg", found.knee_axis_deg),
+        ("Marker shift, mm", found.marker_shift_mm),
+        ("Distance from the truth, mm", found.from_truth_mm),
+        ("Distance from the truth, deg", found.from_truth_deg),
     ):
         if entries:
             table.add_row(f"[bold]{title}[/bold]")
         for entry in entries:
-            table.add_row(f"  {_name(entry)}", *_cells(entry, methods, digits))
+            table.add_row(f"  {_name(entry)}", *_cells(entry, methods))
     limits = found.opensim_limits
     kept = {gate.method: f"{gate.subjects_passed} of {gate.subjects}" for gate in limits.methods}
     table.add_row("[bold]Within OpenSim's limits[/bold]", *kept.values())
@@ -71,20 +76,12 @@ def _name(entry: QuantityEntry) -> str:
     return names.get(entry.quantity, entry.quantity)
 
 
-def _cells(entry: QuantityEntry, methods: Sequence[str], digits: int) -> Iterator[str]:
+def _cells(entry: QuantityEntry, methods: Sequence[str]) -> Iterator[str]:
     for method in methods:
-        if method not in entry.mean:
-            yield ""
-        elif method in entry.sd:
-            yield f"{entry.mean[method]:.{digits}f} ± {entry.sd[method]:.{digits}f}"
-        else:
-            yield f"{entry.mean[method]:.{digits}f}"
+        spread = f" ± {entry.sd[method]:.1f}" if method in entry.sd else ""
+        yield f"{entry.mean[method]:.1f}{spread}" if method in entry.mean else ""
     yield str(len(entry.compared.subjects))
-    yield "" if entry.friedman is None else _p(entry.friedman.p)
-
-
-def _p(value: float) -> str:
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+    yield "" if entry.friedman is None else p_words(entry.friedman.p)
 
 
 def _tested(found: StatisticsDocument) -> Iterator[str]:
@@ -133,3 +130,110 @@ def _show_others(console: Console, subjects: Sequence[SubjectEntry]) -> None:
     for subject in others:
         table.add_row(escape(subject.id), subject.status, escape(subject.reason))
     console.print(table)
+
+
+_MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
+_ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
+
+
+class Interrupted(Exception):
+    """A batch was stopped from the keyboard; the subjects that ended are done."""
+
+    def __init__(self, ended: int, count: int, out: Path) -> None:
+        super().__init__(
+            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
+            "run the same command to go on"
+            if ended
+            else "interrupted; no subject was done"
+        )
+
+
+class _Rest(TimeRemainingColumn):
+    """The time that is left, of the whole only: one subject's stages are too uneven to tell."""
+
+    def render(self, task: Task) -> Text:
+        return super().render(task) if task.fields["counted"] else Text("")
+
+
+class Screen:
+    """Shows a batch's progress on stderr; its calls may come from several threads."""
+
+    def __init__(self, progress: Progress, *, terminal: bool) -> None:
+        self._progress, self._terminal = progress, terminal
+        self._lock = Lock()
+        self._whole: TaskID | None = None
+        self._rows: dict[str, TaskID] = {}
+        self._shares: dict[str, float] = {}
+        self._over: set[str] = set()
+        self._kept = 0
+        self.count = 0
+
+    @property
+    def ended(self) -> int:
+        """How many subjects have ended."""
+        return len(self._over)
+
+    def started(self, count: int, workers: int) -> None:
+        """Show the whole, all of it still to do."""
+        self.count = count
+        with_whom = f"{workers} at a time" if workers > 1 else "one at a time"
+        self._whole = self._progress.add_task(f"{count} subjects, {with_whom}", total=count, counted="")
+        self._show_whole()
+
+    def stage(self, name: str, what: str, share: float) -> None:
+        """Show where a subject is."""
+        with self._lock:
+            if name in self._over:  # a message that a worker sent just before it ended
+                return
+            self._shares[name] = share
+            if name not in self._rows and len(self._rows) < _ROWS:
+                self._rows[name] = self._progress.add_task("", total=1.0, counted="")
+            if name in self._rows:
+                said = f"  {escape(name)}: {escape(what)}"
+                self._progress.update(self._rows[name], description=said, completed=share)
+            self._show_whole()
+
+    def finished(self, outcome: Outcome) -> None:
+        """Count a subject, and say how it ended."""
+        with self._lock:
+            self._over.add(outcome.name)
+            self._kept += outcome.kept
+            self._shares.pop(outcome.name, None)
+            row = self._rows.pop(outcome.name, None)
+            if row is not None:
+                self._progress.remove_task(row)
+            self._show_whole()
+            if not self._terminal or outcome.status == "failed":
+                said = f"{self.ended} of {self.count}  {_line(outcome)}"
+                self._progress.console.print(said, markup=False, highlight=False, soft_wrap=True)
+
+    def _show_whole(self) -> None:
+        """What was kept from an earlier run took no time, so the rest is judged by the others."""
+        if self._whole is not None:
+            self._progress.update(
+                self._whole,
+                total=self.count - self._kept,
+                completed=self.ended - self._kept + sum(self._shares.values()),
+                counted=f"{self.ended} of {self.count}",
+            )
+
+
+def _line(outcome: Outcome) -> str:
+    reason = f": {outcome.reason}" if outcome.reason else ""
+    took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
+    return f"{outcome.name} {outcome.status}{took}{reason}"
+
+
+@contextmanager
+def watched() -> Iterator[Screen]:
+    """A screen for the time of a batch; the bars are gone when it is left."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[counted]}"), _Rest())
+    with Progress(
+        *columns,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        speed_estimate_period=_MEMORY_S,
+    ) as progress:
+        yield Screen(progress, terminal=console.is_terminal)

@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import json
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Executor, Future
-from contextlib import chdir
-from dataclasses import replace
+import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import TypeAdapter
+from typing import Any
 
 from scaling_service.capabilities.cohort.job import BatchRequest, MemberResult
-from scaling_service.capabilities.cohort.members import COLUMN
-from scaling_service.capabilities.cohort.run import DOCUMENT as DOCUMENT_OF_COHORT
-from scaling_service.capabilities.cohort.run import batch
-from scaling_service.capabilities.cohort.scaling_items import Item, Outcome
-from scaling_service.capabilities.cohort.subject_item import RECORD, Record
+from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.run import none_possible, summarise_cohort
+from scaling_service.capabilities.cohort.saving import check_names, save_cohort
+from scaling_service.capabilities.cohort.subject import read_summary
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.shared.job import named_files
-from scaling_service.core.serial import Serial
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.names import DOCUMENT, PARTS
-from scaling_service.documents.reading import read_document
-
-T = TypeVar("T")
 
 _COHORT = "cohort.csv"
-_RECORDS = TypeAdapter(Record)
+"""What stands for the list of members, which the request names itself."""
 
 
 def work(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
@@ -37,84 +26,37 @@ def work(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress)
 
     Every subject was scaled by a job of its own, which wrote the subject's folder.
 
-    Raises
-    ------
-    InputError
-        Nobody can be done by any of the methods.
+    InputError: nobody can be done by any of the methods, or a subject is called like a file of results.
     """
+    clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
-    outcomes = ended(inputs)
-    members = write_members(request, inputs)
-    with chdir(inputs):  # the document names the table as it is named here, not where this machine has it
-        done = batch(
-            members.name, outputs.absolute(), request.methods, request.settings, executor=Known(outcomes)
-        )
-    for name in done.files:
-        _forget_place(outputs / name, inputs)
-    return json.loads((outputs / DOCUMENT_OF_COHORT).read_text(encoding="utf-8"))
+    check_names(((name, name, Path(name, DOCUMENT)) for name in request.subjects), _COHORT)
+    outcomes = read_outcomes(request, inputs)
+    if all(outcome.status == "skipped" for outcome in outcomes):
+        reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
+        raise none_possible(reasons, request.methods, _COHORT)
+    result = summarise_cohort(outcomes, request.methods, request.settings, cohort=_COHORT, started=clock)
+    save_cohort(result.document, result.statistics, outcomes, outputs)
+    return result.document.model_dump(mode="json")
 
 
-def ended(inputs: Path) -> dict[str, Outcome]:
-    """Subject to how it ended."""
+def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
+    """How every subject ended, in the request's order, as its own job says."""
     told = json.loads((inputs / PARTS).read_text(encoding="utf-8"))
-    return {end["request"]["subject"]: _outcome(end, inputs) for end in told}
-
-
-def _outcome(end: Mapping[str, Any], inputs: Path) -> Outcome:
-    name = end["request"]["subject"]
-    if end["state"] != State.DONE:
-        return Outcome(name, {}, "failed", str(Failure.model_validate(end["failure"])))
-    result = MemberResult.model_validate(end["result"])
-    summary = None
-    if result.status == "done":
-        content = json.loads((inputs / name / RECORD).read_text(encoding="utf-8"))
-        summary = _RECORDS.validate_python(content).summary
-    return Outcome(name, {}, result.status, result.reason, summary, wall_s=result.wall_s)
-
-
-class Known(Executor):
-    """Gives what became of each subject, in place of scaling it.
-
-    Parameters
-    ----------
-    outcomes : mapping
-        Subject to how it ended. What concerns others is done here.
-    """
-
-    def __init__(self, outcomes: Mapping[str, Outcome]) -> None:
-        self._outcomes = outcomes
-
-    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Look it up."""
-        item: Item = args[0]
-        known = self._outcomes.get(item.name)
-        if known is None:
-            return Serial().submit(fn, *args, **kwargs)
-        future: Future[Any] = Future()
-        future.set_result(replace(known, groups=item.groups))
-        return future
-
-
-def _forget_place(file: Path, folder: Path) -> None:
-    """Name what lies in a folder without it: where this machine has it means nothing to a client."""
-    text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace(f"{folder.absolute()}/", ""), encoding="utf-8")
-
-
-def write_members(request: BatchRequest, folder: Path) -> Path:
-    """The cohort's table as the command line reads it, beside the subjects' folders.
-
-    The files that their documents name are there by name only: whoever scaled the subjects read them.
-    """
-    columns = sorted({label for labels in request.groups.values() for label in labels})
-    rows: Iterable[list[str]] = (
-        [f"{name}/{DOCUMENT}", *(request.groups.get(name, {}).get(column, "") for column in columns)]
+    ends = {end["request"]["subject"]: end for end in told}
+    labels = sorted({label for given in request.groups.values() for label in given})
+    return [
+        _outcome(
+            name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
+        )
         for name in request.subjects
-    )
-    for name in request.subjects:
-        for named in named_files(read_document(folder / name / DOCUMENT)).values():
-            (folder / name / named).touch()
-    file = folder / _COHORT
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream).writerows([[COLUMN, *columns], *rows])
-    return file
+    ]
+
+
+def _outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
+    shown = f"{name}/{DOCUMENT}"
+    if end["state"] != State.DONE:
+        return Outcome(name, groups, "failed", str(Failure.model_validate(end["failure"])), shown=shown)
+    result = MemberResult.model_validate(end["result"])
+    summary = read_summary(inputs / name) if result.status == "done" else None
+    return Outcome(name, groups, result.status, result.reason, summary, wall_s=result.wall_s, shown=shown)

@@ -25,7 +25,7 @@ from scaling_service.model.compile import (
     parameter_values,
 )
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import inertias_of, mechanism_of, total_mass
+from scaling_service.model.inertia import inertias_of, mechanism_of, total_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array

@@ -25,7 +25,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
-from scaling_service.model.massive import total_mass, whole_tree
+from scaling_service.model.inertia import total_mass, whole_tree
 from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.laws import Array

@@ -29,7 +29,7 @@ from scaling_service.capabilities.scaling.saving import all_or_nothing, write_js
 from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
 

@@ -10,7 +10,7 @@ from scaling_service.capabilities.discovery.settings import AS_MEASURED, Discove
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.virtual.hidden import RECORDED, Hidden, hidden_session
+from scaling_service.virtual.example import RECORDED, Hidden, hidden_session
 from scaling_service.virtual.subject import VirtualSettings
 
 

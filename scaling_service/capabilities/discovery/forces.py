@@ -17,7 +17,7 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts

@@ -19,7 +19,7 @@ from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
 from scaling_service.files.osim.plans import planned_joints
 from scaling_service.model.body import BodyModel, Law, Vector
-from scaling_service.model.knee_axes import after
+from scaling_service.model.parameters import after
 
 _EVERY = ""
 """A name of no trial: what holds in all of them."""

@@ -28,7 +28,7 @@ from scaling_service.capabilities.dynamics.trial import TrialDynamics
 from scaling_service.capabilities.dynamics.uncertainty.total import WrenchUncertainty
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.model.trial import Repair
 
 _DIGITS = 6

@@ -17,7 +17,7 @@ from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.derivatives import spline_rates
 from scaling_service.numerics.multibody.law_rates import Motion as Rates

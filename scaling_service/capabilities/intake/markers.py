@@ -13,7 +13,7 @@ from scaling_service.capabilities.intake.document import Candidate, ExtraMarker,
 from scaling_service.model.anatomy.marker_sets import tracking_segments
 from scaling_service.model.anatomy.markers import likeness, looks_computed, meaning, strip_prefix
 from scaling_service.model.body import BodyModel
-from scaling_service.model.neutral import neutral_markers
+from scaling_service.model.poses import neutral_markers
 from scaling_service.model.trial import Array, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.least_squares.masks import seen as seen_in

@@ -10,7 +10,7 @@ from scaling_service.capabilities.intake.files import Found
 from scaling_service.capabilities.intake.recordings import Seen
 from scaling_service.capabilities.intake.roles import Roles, of_bones, of_forces, of_others, of_recordings
 from scaling_service.documents.subject import MODEL_SUFFIXES, SIZE_UNIT, SubjectDocument
-from scaling_service.model.sizes import MeasuredSizes, merge
+from scaling_service.model.trial import MeasuredSizes, merge
 
 _TRIALS = ("static", "calibration", "evaluation")
 _LISTS = ("trials.calibration", "trials.evaluation")

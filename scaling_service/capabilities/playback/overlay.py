@@ -12,10 +12,9 @@ from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.body import BodyModel, Marker, Segment, Vector
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.images import ImagePose
-from scaling_service.model.neutral import follow, model_values
+from scaling_service.model.poses import follow, model_values
 from scaling_service.model.results import Array, Motion
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import ImagePose, Trial
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.report.coarse import coarsened
 from scaling_service.report.methods import words

@@ -21,8 +21,7 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording
-from scaling_service.model.images import Bone
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Array, Bone, Trial
 from scaling_service.numerics.statistics.waveform_clusters import CurveTest
 from scaling_service.recording.plates import ground_forces, orient_forces
 from scaling_service.report.coarse import coarsened

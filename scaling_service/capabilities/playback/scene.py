@@ -31,10 +31,8 @@ from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.images import Bone
-from scaling_service.model.neutral import marker_position, model_values
-from scaling_service.model.poses import glides, placed_markers, segment_poses
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.poses import glides, marker_position, model_values, placed_markers, segment_poses
+from scaling_service.model.trial import Array, Bone, Trial
 
 FOLDER = "scene"
 FILE_NAME = f"{FOLDER}/scene.json"

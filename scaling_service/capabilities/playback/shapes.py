@@ -11,9 +11,8 @@ from trimesh.exchange.gltf import export_glb
 
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
-from scaling_service.model.images import Bone
-from scaling_service.model.neutral import marker_position, model_values, neutral_frames
-from scaling_service.model.trial import Array
+from scaling_service.model.poses import marker_position, model_values, neutral_frames
+from scaling_service.model.trial import Array, Bone
 
 MOST_FACES = 20_000
 """Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""

@@ -16,9 +16,9 @@ from trimesh.exchange.gltf import export_glb
 from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
-from scaling_service.model.images import Bone
-from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.poses import neutral_frames
 from scaling_service.model.results import Array, Calibration
+from scaling_service.model.trial import Bone
 
 FOLDER = "bones"
 SKELETON = "bones.glb"

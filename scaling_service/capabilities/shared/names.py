@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import AfterValidator, WithJsonSchema
 
 from scaling_service.core.options import Flag
-from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.inertia import TABLE_NAMES
 
 AS_IT_IS = "none"
 """In place of a method: the given model is used as it is."""

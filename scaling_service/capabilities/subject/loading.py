@@ -23,10 +23,8 @@ from scaling_service.model.anatomy.markers import canonical, match_labels
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
-from scaling_service.model.images import Bone, ImageEvidence
-from scaling_service.model.sizes import MeasuredSizes, merge
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Trial, merge
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.plausibility import without_strays

@@ -1,10 +1,4 @@
-"""A person's joint centres from what there is: pelvis markers, medial markers, half widths.
-
-Hips come from a regression on the pelvis; a knee or an ankle is the middle of its two epicondyles or malleoli
-where both were marked, else by the chord construction of the conventional gait model from the lateral marker
-and half the joint's width (Kadaba et al. 1990, Davis et al. 1991). Every centre says how it was found and how
-far it may be off beside the markers' own errors.
-"""
+"""How far a marker lies from the landmark that it stands for, and how well sizes are measured by hand."""
 
 from __future__ import annotations
 
@@ -15,12 +9,68 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.model.anatomy.chord import chord_centre
 from scaling_service.model.anatomy.frames import Frames, pelvis_frame
-from scaling_service.model.anatomy.hip_centre import hip_centres
+from scaling_service.model.anatomy.hip_centre import chord_centre, hip_centres
 from scaling_service.model.anatomy.marker_sets import plane_marker
-from scaling_service.model.anatomy.palpation import Vector
 from scaling_service.numerics.multibody.laws import Array
+
+Vector = tuple[float, float, float]
+
+LANDMARK_SD_M: Mapping[str, Vector] = MappingProxyType(
+    {
+        "ASIS": (0.007, 0.007, 0.007),
+        "PSIS": (0.006, 0.008, 0.006),
+        "SACR": (0.006, 0.008, 0.006),
+        "LFE": (0.005, 0.005, 0.004),
+        "MFE": (0.005, 0.005, 0.004),
+        "FH": (0.004, 0.005, 0.004),
+        "LM": (0.003, 0.003, 0.003),
+        "MM": (0.003, 0.003, 0.003),
+    }
+)
+"""Standard deviation of a marker's place about its landmark, x, y, z of the segment, of adults. Proposed from
+the overall errors of Della Croce et al. 1999, 2005 (6-21 mm within, 13-25 mm between examiners); the sacrum's
+is a PSIS'."""
+
+ADULT_STATURE_M = 1.70
+"""Of the adults on whom palpation was studied (chosen); errors are taken to grow with stature."""
+
+OTHER_SD_M: Vector = (0.006, 0.006, 0.006)
+"""Chosen: of landmarks that those studies did not have (foot, trunk, arm), the middle of theirs."""
+
+CALIPER_SD_M = 0.003
+"""Chosen: of a width measured over skin with a caliper; makers of calipers state 1 mm, skin yields more."""
+
+CALIPER_ASIS_SD_M = 0.005
+"""Chosen: between the ASIS, which are palpated each time; half of what two markers leave (7 mm each)."""
+
+TAPE_SD = 0.03
+"""Chosen, relative: a tape from ASIS over the knee to the malleolus against the straight line."""
+
+_SIZE_SD_M: Mapping[str, float] = MappingProxyType({"asis_width": CALIPER_ASIS_SD_M})
+
+
+def size_sd(name: str, value: float) -> float:
+    """Standard deviation (m) of a size measured by hand, by its name in ``sizes``.
+
+    Examples
+    --------
+    >>> size_sd("knee_width_r", 0.104), size_sd("leg_length_r", 0.8)
+    (0.003, 0.024)
+    """
+    return TAPE_SD * value if name.startswith("leg_length") else _SIZE_SD_M.get(name, CALIPER_SD_M)
+
+
+def landmark_sd(landmark: str) -> Vector:
+    """Standard deviation (m) of a marker about its landmark, by canonical name.
+
+    Examples
+    --------
+    >>> landmark_sd("RASIS"), landmark_sd("C7")
+    ((0.007, 0.007, 0.007), (0.006, 0.006, 0.006))
+    """
+    return LANDMARK_SD_M.get(landmark) or LANDMARK_SD_M.get(landmark[1:], OTHER_SD_M)
+
 
 Joint = Literal["knee", "ankle"]
 Side = Literal["r", "l"]
@@ -82,19 +132,12 @@ Size = float | Array
 
 @dataclass(frozen=True, slots=True)
 class BodySizes:
-    """Sizes that the construction needs beside markers, m.
-
-    Parameters
-    ----------
-    widths : mapping
-        ``knee_r``, ``ankle_l`` … to the joint's width over the skin and its standard deviation.
-    leg_lengths : mapping
-        ``r`` and ``l`` to the length from ASIS to medial malleolus.
-    marker_radius : float
-    """
+    """Sizes that the construction needs beside markers, m."""
 
     widths: Mapping[str, tuple[Size, float]] = field(default_factory=lambda: MappingProxyType({}))
+    """``knee_r``, ``ankle_l`` … to the joint's width over the skin and its standard deviation."""
     leg_lengths: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """``r`` and ``l`` to the length from ASIS to medial malleolus."""
     marker_radius: float = MARKER_RADIUS_M
 
     def with_leg_lengths(self, measured: Mapping[str, float]) -> BodySizes:
@@ -104,25 +147,15 @@ class BodySizes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centre:
-    """A joint centre over time.
+    """A joint centre over time."""
 
-    Parameters
-    ----------
-    at : (n_frames, 3), m
-        NaN where it cannot be constructed.
-    source : str
-        How it was found, in plain words.
-    sd : (3,) m
-        Standard deviation of the construction itself along x, y, z of the pelvis, beside the errors of the
-        markers and sizes that it rests on.
-    kind : str
-        ``regression``, ``functional``, ``middle`` of two landmarks, or ``chord``.
-    """
-
-    at: Array
-    source: str
+    at: Array  # (n_frames, 3), m: NaN where it cannot be constructed
+    source: str  # how it was found, in plain words
     sd: Vector
+    """(3,) m: standard deviation of the construction itself along x, y, z of the pelvis, beside the errors
+    of the markers and sizes that it rests on."""
     kind: Literal["regression", "functional", "middle", "chord"]
+    """``regression``, ``functional``, ``middle`` of two landmarks, or ``chord``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,23 +224,11 @@ def construct_centres(
 ) -> dict[str, Centre]:
     """All joint centres of hips, knees and ankles that a recording's markers give, in every frame.
 
-    Parameters
-    ----------
-    points : mapping
-        Canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them.
-    sizes : BodySizes
-    regression : str
-        As ``hip_centres`` takes it.
-    hips : mapping, optional
-        Hip centres (``hip_r``) that are known better than by regression, (n_frames, 3), m.
-    errors : mapping, optional
-        Centre to an offset along x, y, z of the pelvis that is added to it, (n_frames, 3), m: how errors of
-        one construction are carried on to the next.
-
-    Returns
-    -------
-    dict
-        ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
+    ``points``: canonical landmarks; ``RTHI``, ``RTIB`` … where a conventional set has them. ``regression``:
+    as ``hip_centres`` takes it. ``hips``: hip centres (``hip_r``) that are known better than by regression,
+    (n_frames, 3), m. ``errors``: centre to an offset along x, y, z of the pelvis that is added to it,
+    (n_frames, 3), m: how errors of one construction are carried on to the next. Returns ``hip_r``,
+    ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
     """
     pelvis = read_pelvis(points)
     found = {} if pelvis is None else _hips(pelvis, sizes, regression)

@@ -49,19 +49,10 @@ varus), inward rotation, dorsiflexion, toes inward are positive."""
 def conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) -> dict[str, Array]:
     """The conventional angles of one side, as far as the landmarks tell them.
 
-    Parameters
-    ----------
-    points : mapping
-        See :data:`Points`.
-    side : 'r' or 'l'
-    heading : float or (n_frames,), rad
-        Where the person walks: turn about y that leads from x to this direction.
-
-    Returns
-    -------
-    dict
-        Those of :data:`ANGLES` that can be computed to (n_frames,), rad; NaN where a landmark is hidden.
-        Pelvis rotation and foot progression lie within half a turn of the heading.
+    ``points``: see :data:`Points`. ``heading`` (float or (n_frames,), rad): where the person walks: turn
+    about y that leads from x to this direction. Returns those of :data:`ANGLES` that can be computed to
+    (n_frames,), rad; NaN where a landmark is hidden. Pelvis rotation and foot progression lie within half a
+    turn of the heading.
     """
     letter, found = side.upper(), dict[str, Array]()
     pelvis = _pelvis(points)
@@ -95,18 +86,9 @@ def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:
     In movement Plug-in Gait follows the foot by its toe marker and the ankle centre; the heel marker shows in
     standing how the sole lies in between.
 
-    Parameters
-    ----------
-    standing : mapping
-        ``KJC AJC LM HEE TOE`` of the side; see :data:`Points`.
-    side : 'r' or 'l'
-    flat : bool
-        Whether the foot is flat on the floor: heel and toe marker then count as equally high.
-
-    Returns
-    -------
-    (3,)
-        Unit vector; NaN where no frame shows all.
+    ``standing``: ``KJC AJC LM HEE TOE`` of the side; see :data:`Points`. ``flat``: whether the foot is flat
+    on the floor: heel and toe marker then count as equally high. Returns (3,): unit vector; NaN where no
+    frame shows all.
     """
     letter = side.upper()
     heel = heel_level(standing, side) if flat else standing[f"{letter}HEE"]
@@ -124,13 +106,7 @@ def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:
 def heel_from_offset(moving: Points, side: Side, offset: ArrayLike) -> Array:
     """A point on the foot's line behind the toe marker, (n_frames, 3), m: the ``HEE`` of :data:`Points`.
 
-    Parameters
-    ----------
-    moving : mapping
-        ``KJC AJC LM TOE`` of the side.
-    side : 'r' or 'l'
-    offset : (3,)
-        From :func:`foot_offset`.
+    ``moving``: ``KJC AJC LM TOE`` of the side. ``offset`` (3,): from :func:`foot_offset`.
     """
     frame = _toe_frame(moving, side)
     return np.asarray(

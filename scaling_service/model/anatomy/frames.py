@@ -20,17 +20,10 @@ _MIN_LENGTH = 1e-6  # m; chosen: landmarks closer than a thousandth of a millime
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """One anatomical frame over time.
+    """One anatomical frame over time."""
 
-    Parameters
-    ----------
-    rotation : (n_frames, 3, 3)
-        Maps the anatomical frame to ground; columns are its x, y, z axes.
-    origin : (n_frames, 3), m
-    """
-
-    rotation: Array
-    origin: Array
+    rotation: Array  # (n_frames, 3, 3): maps the anatomical frame to ground; columns are its x, y, z axes
+    origin: Array  # (n_frames, 3), m
 
     def to_ground(self, points: ArrayLike) -> Array:
         """Points of this frame, (n_frames, 3) or (3,), in ground, (n_frames, 3), m."""
@@ -49,9 +42,7 @@ def pelvis_frame(rasis: ArrayLike, lasis: ArrayLike, rpsis: ArrayLike, lpsis: Ar
     z runs from the left to the right ASIS, y is normal to the plane of both ASIS and the midpoint of the
     PSIS, upward (Wu 2002, with another origin: hip regressions start from here).
 
-    Parameters
-    ----------
-    rasis, lasis, rpsis, lpsis : (n_frames, 3), m
+    ``rasis``, ``lasis``, ``rpsis``, ``lpsis``: (n_frames, 3), m.
     """
     right, left = _points(rasis), _points(lasis)
     back = (_points(rpsis) + _points(lpsis)) / 2.0
@@ -65,10 +56,7 @@ def femur_frame(hip: ArrayLike, lateral: ArrayLike, medial: ArrayLike, side: Sid
 
     y points from the midpoint of the epicondyles to the hip centre, z lies in the plane of the three.
 
-    Parameters
-    ----------
-    hip, lateral, medial : (n_frames, 3), m
-        Hip centre and the epicondyles.
+    ``hip``, ``lateral``, ``medial`` ((n_frames, 3), m): hip centre and the epicondyles.
     """
     centre = _points(hip)
     y = _unit(centre - (_points(lateral) + _points(medial)) / 2.0)
@@ -83,10 +71,7 @@ def tibia_frame(
     y points from ankle to knee centre, x is normal to the plane of the knee centre and the malleoli,
     forward (Dumas 2007, J Biomech 40:543). With tibial torsion it is turned outward against the thigh's.
 
-    Parameters
-    ----------
-    knee, ankle, lateral, medial : (n_frames, 3), m
-        Knee and ankle centres and the malleoli.
+    ``knee``, ``ankle``, ``lateral``, ``medial`` ((n_frames, 3), m): knee and ankle centres and the malleoli.
     """
     centre = _points(knee)
     return _long_axis_frame(_unit(centre - _points(ankle)), _rightward(lateral, medial, side), centre)
@@ -100,10 +85,8 @@ def tibia_frame_isb(
     z runs through the malleoli, x is normal to the plane of the malleoli and the midpoint of the
     tibial condyles.
 
-    Parameters
-    ----------
-    lateral_condyle, medial_condyle, lateral, medial : (n_frames, 3), m
-        Tibial condyles and malleoli.
+    ``lateral_condyle``, ``medial_condyle``, ``lateral``, ``medial`` ((n_frames, 3), m): tibial condyles and
+    malleoli.
     """
     middle = (_points(lateral) + _points(medial)) / 2.0
     condyles = (_points(lateral_condyle) + _points(medial_condyle)) / 2.0
@@ -117,10 +100,7 @@ def cardan(proximal: Frames, distal: Frames) -> Array:
 
     The joint coordinate system of Grood and Suntay (1983) in its Cardan form (Wu 2002).
 
-    Returns
-    -------
-    (n_frames, 3), rad
-        Of ``R = Rz(a) Rx(b) Ry(c)``: a, b, c with b within a right angle.
+    Returns (n_frames, 3), rad: of ``R = Rz(a) Rx(b) Ry(c)``: a, b, c with b within a right angle.
     """
     r = np.einsum("nji,njk->nik", proximal.rotation, distal.rotation)
     first = np.arctan2(-r[:, 0, 1], r[:, 1, 1])

@@ -23,22 +23,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PelvisSize:
-    """What the regressions predict from, each (n_frames,) or a number, m.
+    """What the regressions predict from, each (n_frames,) or a number, m."""
 
-    Parameters
-    ----------
-    width : distance between the ASIS
-    depth : distance from the midpoint of the ASIS to that of the PSIS
-    leg_length : distance from the ASIS to the medial malleolus of the same side, or None if not known
-    mean_leg_length : of both sides; that of the same side where only one is known
-    marker_radius : from a marker's centre to the skin
-    """
-
-    width: Array
-    depth: Array
+    width: Array  # distance between the ASIS
+    depth: Array  # distance from the midpoint of the ASIS to that of the PSIS
     leg_length: Array | None = None
-    mean_leg_length: Array | None = None
-    marker_radius: float = 0.0
+    """Distance from the ASIS to the medial malleolus of the same side, or None if not known."""
+    mean_leg_length: Array | None = None  # of both sides; that of the same side where only one is known
+    marker_radius: float = 0.0  # from a marker's centre to the skin
 
 
 class HipRegression(Protocol):
@@ -97,16 +89,12 @@ class DavisRegression:
 
     Davis et al. 1991 (Hum Mov Sci 10:575) found it at C = 0.115 L - 15.3 mm from the ASIS, at the angles
     ``theta`` (to the middle) and ``beta`` (downward), the ASIS standing 0.1288 L - 48.56 mm before the hip.
-
-    Parameters
-    ----------
-    source : str
-    theta, beta : float, rad
     """
 
     source: str
     theta: float
     beta: float
+    """``theta``, ``beta``: rad."""
 
     @property
     def needs_leg_length(self) -> bool:
@@ -243,3 +231,40 @@ def _choose(name: str, leg_length_known: bool) -> HipRegression:
             remedy="Mark the medial malleolus in the static trial, or use harrington2007_single",
         )
     return chosen
+
+
+_MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane
+
+
+def chord_centre(proximal: ArrayLike, lateral: ArrayLike, plane: ArrayLike, distance: ArrayLike) -> Array:
+    """The joint centre at a right angle between the proximal centre and the lateral marker.
+
+    It lies in the plane of the three points, and the line from the proximal centre to the lateral marker
+    separates it from the plane marker.
+
+    ``proximal``, ``lateral``, ``plane`` ((n_frames, 3), m): proximal joint centre (hip for the knee, knee for
+    the ankle), lateral marker of the joint, and the marker on the segment between them (thigh or shank wand).
+    ``distance`` (float or (n_frames,), m): from the centre to the lateral marker: half the joint's width and
+    the marker's radius. Returns (n_frames, 3), m: NaN where a point is missing, the proximal centre is nearer
+    to the lateral marker than ``distance``, or the plane marker is within a millimetre of the line.
+
+    Examples
+    --------
+    >>> chord_centre([[0, 0.4, 0]], [[0, 0, 0.05]], [[0, 0.2, 0.09]], 0.05).round(6) + 0.0
+    array([[0., 0., 0.]])
+    """
+    top, side, wand = (
+        np.atleast_2d(np.asarray(points, dtype=float)) for points in (proximal, lateral, plane)
+    )
+    apart = np.broadcast_to(np.asarray(distance, dtype=float), side.shape[:1])[:, None]
+    upward, towards = top - side, wand - side
+    length = np.linalg.norm(upward, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = upward / length
+        across = np.sum(towards * along, axis=1, keepdims=True) * along - towards
+        out_of_line = np.linalg.norm(across, axis=1, keepdims=True)
+        cosine = apart / length
+        known = (apart > 0.0) & (cosine < 1.0) & (out_of_line > _MIN_OUT_OF_LINE)
+        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+        centre = side + apart * (cosine * along + sine * across / out_of_line)
+    return np.asarray(np.where(known, centre, np.nan))

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.inertia import InertiaResult, apply_inertia_table
-from scaling_service.model.anatomy.inertia_landmarks import Neutral
+from scaling_service.model.anatomy.inertia import InertiaResult, Neutral, apply_inertia_table
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import builtin
-from scaling_service.model.inertia_tables import Sex
-from scaling_service.model.massive import inertias_of, six, total_mass, with_inertias
+from scaling_service.model.inertia import Sex, inertias_of, six, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 
@@ -60,22 +58,9 @@ def apply_to_squat(
 ) -> InertiaResult:
     """Give the planar squat the inertia that a table says.
 
-    Parameters
-    ----------
-    model : BodyModel
-        ``squat_4dof`` of any size.
-    table, sex, height_m, mass_kg
-        See ``apply_inertia_table``.
-
-    Returns
-    -------
-    InertiaResult
-        Masses sum to ``mass_kg``; centres of mass lie in the plane and products with z are zero.
-
-    Raises
-    ------
-    InputError
-        The model is no squat, or as ``apply_inertia_table``.
+    ``model``: ``squat_4dof`` of any size. ``table``, ``sex``, ``height_m``, ``mass_kg``: see
+    ``apply_inertia_table``. Masses sum to ``mass_kg``; centres of mass lie in the plane and products
+    with z are zero. InputError: the model is no squat, or as ``apply_inertia_table``.
     """
     if set(model.segment_names) != set(PARTS):
         raise InputError(

@@ -13,7 +13,8 @@ import numpy as np
 
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector
-from scaling_service.model.neutral import Array, follow, marker_position, model_values
+from scaling_service.model.poses import follow, marker_position, model_values
+from scaling_service.model.trial import Array
 
 _SIDES = ("r", "l", "")
 _ROLES: Mapping[str, tuple[str, ...]] = {
@@ -54,13 +55,10 @@ _LENGTHS: Mapping[str, tuple[str, str, str]] = {
 def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
     """Centres of the joints that the model has, in their proximal segment.
 
-    Returns
-    -------
-    dict
-        ``hip_r``, ``knee_r``, ``ankle_r``, ``shoulder_r``, ``elbow_r``, ``wrist_r`` and the left ones to
-        (segment, position in that segment's frame, m). Where the model has no foot, the ankle is
-        the landmark ``RAJC`` (a marker of weight 0), else half-way between the malleolar markers. In a planar
-        model the names have no side.
+    Returns ``hip_r``, ``knee_r``, ``ankle_r``, ``shoulder_r``, ``elbow_r``, ``wrist_r`` and the left ones to
+    (segment, position in that segment's frame, m). Where the model has no foot, the ankle is the landmark
+    ``RAJC`` (a marker of weight 0), else half-way between the malleolar markers. In a planar model the names
+    have no side.
 
     Examples
     --------
@@ -82,11 +80,8 @@ def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
 def segment_lengths(model: BodyModel) -> dict[str, float]:
     """Distances between joint centres, m, as far as the model has them.
 
-    Returns
-    -------
-    dict
-        ``inter_hip``, ``femur_r`` (hip to knee), ``shank_r`` (knee to ankle), ``upper_arm_r``, ``forearm_r``
-        and the left ones; without side in a planar model.
+    Returns ``inter_hip``, ``femur_r`` (hip to knee), ``shank_r`` (knee to ankle), ``upper_arm_r``,
+    ``forearm_r`` and the left ones; without side in a planar model.
     """
     lengths = {}
     hips = [_ends(model, "hip", side) for side in ("r", "l")]
@@ -105,12 +100,8 @@ def segment_lengths(model: BodyModel) -> dict[str, float]:
 def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     """The segment that plays a part on a side, whatever the model calls it; None if there is none.
 
-    Parameters
-    ----------
-    role : str
-        ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the foot's
-        markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
-    side : 'r', 'l' or ''
+    ``role``: ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the
+    foot's markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
     """
     names = {segment.name.casefold(): segment.name for segment in model.segments}
     for word in _ROLES[role]:

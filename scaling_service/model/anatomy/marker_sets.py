@@ -20,27 +20,15 @@ landmark_of = canonical
 
 @dataclass(frozen=True, slots=True)
 class MarkerSetMatch:
-    """The marker set that recordings were made with.
-
-    Parameters
-    ----------
-    name, title : str
-    share : float
-        Of the labels that the set asks for on the sides that were recorded.
-    lacks : tuple of str
-        Labels that it asks for and that no recording has.
-    additions : tuple of str
-        Titles of sets that come with others, such as the Oxford foot model, and are there, too.
-    key_points : bool
-        Whether the labels are joint centres guessed from video rather than markers.
-    """
+    """The marker set that recordings were made with."""
 
     name: str
     title: str
-    share: float
-    lacks: tuple[str, ...] = ()
+    share: float  # of the labels that the set asks for on the sides that were recorded
+    lacks: tuple[str, ...] = ()  # labels that it asks for and that no recording has
     additions: tuple[str, ...] = ()
-    key_points: bool = False
+    """Titles of sets that come with others, such as the Oxford foot model, and are there, too."""
+    key_points: bool = False  # whether the labels are joint centres guessed from video rather than markers
 
 
 def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
@@ -49,10 +37,7 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     Of two sets that fit, the one counts that explains more of the labels and asks for fewer others
     (Dice coefficient). Labels that only the static trial needs count where they are, and are not missed.
 
-    Parameters
-    ----------
-    labels : iterable of str
-        Of all recordings together.
+    ``labels``: of all recordings together.
 
     Examples
     --------
@@ -114,11 +99,6 @@ def _likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> 
 def tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[str, str]:
     """Segment of each label that is known and that no marker of the model takes, where the model has it.
 
-    Parameters
-    ----------
-    labels : iterable of str
-    model : BodyModel
-
     Examples
     --------
     >>> from scaling_service.model.builtin import builtin
@@ -150,13 +130,7 @@ def plane_marker(
     With the joint centre above and the joint's lateral marker it spans the plane in which the joint's centre
     is looked for (Davis 1991).
 
-    Parameters
-    ----------
-    labels : sequence of str
-        Of one recording.
-    joint : 'knee' or 'ankle'
-        The thigh's marker tells the knee's, the shank's the ankle's.
-    side : 'r' or 'l'
+    ``labels``: of one recording. ``joint``: the thigh's marker tells the knee's, the shank's the ankle's.
 
     Examples
     --------

@@ -52,42 +52,21 @@ PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a label is known to stand for, whatever the recording.
+    """What a label is known to stand for, whatever the recording."""
 
-    Parameters
-    ----------
-    landmark : str, optional
-        The built-in models' name of the landmark; None of tracking markers.
-    segment : str
-        What carries it, without side, as the built-in models call it.
-    side : 'r', 'l' or ''
-    """
-
-    landmark: str | None
-    segment: str
+    landmark: str | None  # the built-in models' name of the landmark; None of tracking markers
+    segment: str  # what carries it, without side, as the built-in models call it
     side: Side
 
 
 @dataclass(frozen=True, slots=True)
 class LabelMap:
-    """Which label of the recordings was taken for which marker of the model.
+    """Which label of the recordings was taken for which marker of the model."""
 
-    Parameters
-    ----------
-    mapped : mapping
-        Model marker to label, in the order asked for.
-    unmatched_model : tuple of str
-        Markers for which no label was found.
-    unused_labels : tuple of str
-        Labels that no marker took.
-    notes : tuple of str
-        What was decided and why, one plain sentence each, for a person.
-    """
-
-    mapped: Mapping[str, str]
-    unmatched_model: tuple[str, ...]
-    unused_labels: tuple[str, ...]
-    notes: tuple[str, ...]
+    mapped: Mapping[str, str]  # model marker to label, in the order asked for
+    unmatched_model: tuple[str, ...]  # markers for which no label was found
+    unused_labels: tuple[str, ...]  # labels that no marker took
+    notes: tuple[str, ...]  # what was decided and why, one plain sentence each, for a person
 
     @property
     def renames(self) -> dict[str, str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
 
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.studies.claims import Answer, Claim
 from scaling_service.studies.futamure.study import SquatterStudied
 
 LEVEL = 0.05
@@ -21,29 +21,6 @@ WITHIN = 1.2
 """Held out over fitted that counts as alike (chosen: 20 %)."""
 
 Persons = Sequence[SquatterStudied]
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """Whether a claim holds, and on which figures."""
-
-    holds: bool | None
-    figures: str
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """One claim of the paper, the paper's figures for it, and the question that decides it."""
-
-    where: str
-    text: str
-    paper: str
-    ask: Callable[[Persons], Answer]
-
-
-def answers(persons: Persons) -> tuple[tuple[Claim, Answer], ...]:
-    """Every claim with its answer."""
-    return tuple((claim, claim.ask(persons)) for claim in CLAIMS)
 
 
 def less(first: Array, second: Array) -> float:
@@ -154,7 +131,7 @@ def _quick(persons: Persons) -> Answer:
     return Answer(slowest <= 20.0, f"at most {slowest:.1f} s for 13 s at 100 Hz and a held-out recording")
 
 
-CLAIMS: tuple[Claim, ...] = (
+CLAIMS: tuple[Claim[Persons], ...] = (
     Claim("table 2", "The ground wrench is tracked within 3 N, 4 N and 3 N m", "3, 4, 3 (SD 0)", _as_low),
     Claim("V", "The classical method misses it by two to five times as much", "7, 8, 8 (SD 2, 2, 3)", _lower),
     Claim("V", "The classical method follows the markers better", "4-7 against 14-17 mm", _markers),

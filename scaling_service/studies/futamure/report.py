@@ -6,13 +6,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+import rich.table
 
 from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT
-from scaling_service.studies.claims import claims_section
-from scaling_service.studies.futamure.document import FutamureDocument, RecordingEntry, SquatterEntry
+from scaling_service.studies.claims import study_page
+from scaling_service.studies.futamure.run import FutamureDocument, RecordingEntry, SquatterEntry
+from scaling_service.studies.screen import titled_table
 
 _WAYS = (("classical", "#0072B2"), ("consistent", "#D55E00"), ("predicted", "#009E73"))  # Okabe & Ito 2008
 _PAPER = {"classical": (7.0, 8.0, 8.0), "consistent": (3.0, 4.0, 3.0)}
@@ -21,21 +23,40 @@ _JOINTS = ("ankle", "knee", "hip", "shoulder")
 _INERTIA = ("masses", "centres of mass", "moments of inertia")
 
 
-def study_page(document: FutamureDocument) -> Page:
+def page(document: FutamureDocument) -> Page:
     """The page of the study, all from ``study.json``."""
     persons = document.persons
     real = [Section("Real recordings", list(_real(document)))] if document.recordings else []
-    return Page(
-        "Futamure et al., done again on virtual persons",
+    return study_page(
+        "Futamure et al.",
+        document,
         [
-            claims_section(document.claims, document.notes, len(document.persons)),
             Section("Table 2: ground wrench and markers", list(_table(persons)), new_page=True),
             Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
             *real,
         ],
-        subtitle=document.source,
-        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
     )
+
+
+def table(document: FutamureDocument) -> rich.table.Table:
+    """Means over persons, and real recordings, for the terminal."""
+    shown = titled_table("RMS errors", (*_WRENCH, "markers, mm", "angles, deg"))
+    for part in ("fitted", "held_out"):
+        _add_means(shown, part.replace("_", " "), [getattr(p, part) for p in document.persons])
+    for real in document.recordings:
+        for part in ("fitted", "held_out"):
+            _add_means(shown, f"{real.name}, {real.model}, {part.replace('_', ' ')}", [getattr(real, part)])
+    return shown
+
+
+def _add_means(shown: rich.table.Table, label: str, found: Sequence[RecordingEntry]) -> None:
+    for way, _ in _WAYS:
+        entries = [getattr(recording, way) for recording in found]
+        wrench = np.mean([entry.wrench_rmse for entry in entries], axis=0)
+        markers = np.mean([entry.marker_rms_mm for entry in entries])
+        angles = [np.mean(entry.angle_rmse_deg) for entry in entries if entry.angle_rmse_deg]
+        last = f"{np.mean(angles):.2f}" if angles else "–"
+        shown.add_row(f"{label}, {way}", *(f"{v:.1f}" for v in wrench), f"{markers:.1f}", last)
 
 
 def _table(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
@@ -44,7 +65,7 @@ def _table(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
         for way, _ in _WAYS:
             found = [getattr(p.held_out if held_out else p.fitted, way) for p in persons]
             values = np.array([[*f.wrench_rmse, f.marker_rms_mm] for f in found])
-            cells = [_spread(values[:, k]) for k in range(4)]
+            cells = [_spread(values[:, k], 1) for k in range(4)]
             rows.append(Row(f"{way}, {'held out' if held_out else 'used to fit'}", cells))
     for way, numbers in _PAPER.items():
         rows.append(Row(f"{way}, paper", [f"{v:.0f}" for v in numbers] + ["–"]))
@@ -59,8 +80,9 @@ def _table(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     yield Grid([_bars(persons, k) for k in range(3)])
 
 
-def _spread(values: np.ndarray) -> str:
-    return f"{values.mean():.1f} ± {values.std(ddof=1):.1f}" if len(values) > 1 else f"{values.mean():.1f}"
+def _spread(values: np.ndarray, digits: int = 2) -> str:
+    spread = f" ± {values.std(ddof=1):.{digits}f}" if len(values) > 1 else ""
+    return f"{values.mean():.{digits}f}{spread}"
 
 
 def _bars(persons: Sequence[SquatterEntry], k: int) -> Figure:
@@ -85,7 +107,7 @@ def _truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     rows = []
     for way, _ in _WAYS:
         errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in persons])
-        rows.append(Row(way, [_two(errors[:, k]) for k in range(4)] + [_two(errors.mean(axis=1))]))
+        rows.append(Row(way, [_spread(errors[:, k]) for k in range(4)] + [_spread(errors.mean(axis=1))]))
     yield Table("RMS error of joint angles, degrees, mean ± SD over persons", ["", *_JOINTS, "mean"], rows)
     yield Figure(
         _pairs(
@@ -99,7 +121,7 @@ def _truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     yield Table(
         "Distance of inertial parameters from the truth, SDs of the tables, mean ± SD over persons",
         ["", "table", "identified"],
-        [Row(name, [_two(before[:, k]), _two(after[:, k])]) for k, name in enumerate(_INERTIA)],
+        [Row(name, [_spread(before[:, k]), _spread(after[:, k])]) for k, name in enumerate(_INERTIA)],
     )
     lengths = [np.abs([p.length_error_mm[k] for p in persons]).mean(axis=0) for k in (0, 1)]
     yield Table(
@@ -110,10 +132,6 @@ def _truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
             for n, a, b in zip(("shank", "thigh", "trunk"), *lengths, strict=True)
         ],
     )
-
-
-def _two(values: np.ndarray) -> str:
-    return f"{values.mean():.2f} ± {values.std(ddof=1):.2f}" if len(values) > 1 else f"{values.mean():.2f}"
 
 
 def _pairs(values: Sequence[Sequence[float]], unit: str) -> go.Figure:

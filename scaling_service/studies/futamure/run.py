@@ -1,4 +1,4 @@
-"""Futamure et al. done again on virtual squatters, and written."""
+"""Futamure et al. done again on virtual squatters, as ``study.json``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
+from pydantic import Field
 
+from scaling_service.capabilities.cohort.document import Part
 from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.consistent.estimate import Followed
 from scaling_service.capabilities.consistent.estimate import consistent as identify
@@ -17,24 +19,13 @@ from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.document import ClaimEntry
-from scaling_service.studies.futamure.claims import answers
-from scaling_service.studies.futamure.document import (
-    FutamureDocument,
-    RealEntry,
-    RecordingEntry,
-    SquatterEntry,
-    Three,
-    WayEntry,
-)
-from scaling_service.studies.futamure.report import study_page
+from scaling_service.studies.claims import StudyDocument, answer_claims, person_seeds
+from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.squatters import SUBJECTS
 from scaling_service.studies.futamure.study import (
     DIFFERENCES,
@@ -42,11 +33,71 @@ from scaling_service.studies.futamure.study import (
     SOURCE,
     SquatterStudied,
     Way,
-    person_seeds,
     study_squatter,
 )
 
-DOCUMENT = "study.json"
+Three = tuple[float, float, float]
+"""fx, N; fy, N; mz, N m, about the ankle or the middle of the feet."""
+
+
+class WayEntry(Part):
+    """One way of explaining one recording."""
+
+    wrench_rmse: Three
+    marker_rms_mm: float
+    angle_rmse_deg: list[float] = Field(
+        description="Ankle, knee, hip, shoulder; empty where no truth is known."
+    )
+
+
+class RecordingEntry(Part):
+    """One recording in three ways."""
+
+    classical: WayEntry
+    consistent: WayEntry
+    predicted: WayEntry
+
+
+class SquatterEntry(Part):
+    """One virtual person."""
+
+    name: str
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    inertia_distance: tuple[Three, Three] = Field(
+        description="Masses, centres of mass, moments of inertia, in SDs of tables; before, after."
+    )
+    length_error_mm: tuple[Three, Three] = Field(description="Shank, thigh, trunk; before, after.")
+    marker_rms_mm: dict[str, tuple[float, float]] = Field(description="Classical, consistent.")
+    loops: int
+    converged: bool
+    seconds: float
+
+
+class RealEntry(Part):
+    """A real recording: its first part fitted, the rest held out."""
+
+    name: str
+    model: str
+    start: str
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    loops: int
+    seconds: float
+
+
+class FutamureDocument(StudyDocument):
+    """``study.json``."""
+
+    study: Literal["futamure"] = "futamure"
+    persons: list[SquatterEntry]
+    recordings: list[RealEntry] = Field(description="Real ones, if given; claims leave them out.")
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)
+
 
 FITTED_SHARE = 0.6
 """Of a real recording (chosen: three of five squats)."""
@@ -66,7 +117,6 @@ def reproduce_futamure(
     ----------
     seed : int
         Decides who the persons are.
-    subjects : int
     recordings : sequence of paths
         Subject files of real squats with forces, shown beside: .osim models are taken as they are.
     worker_count : int, optional
@@ -96,21 +146,10 @@ def reproduce_futamure(
         seed=seed,
         persons=[_person(person) for person in persons],
         recordings=real,
-        claims=[
-            ClaimEntry(where=c.where, claim=c.text, paper=c.paper, holds=a.holds, ours=a.figures)
-            for c, a in answers(persons)
-        ],
+        claims=answer_claims(CLAIMS, persons),
         notes=list(DIFFERENCES),
         wall_s=round(time.perf_counter() - clock, 3),
     )
-
-
-def save_futamure(document: FutamureDocument, folder: str | Path) -> tuple[str, ...]:
-    """Write the study into a folder, all or nothing, and name the files."""
-    with all_or_nothing(Path(folder)) as scratch:
-        write_json(scratch / DOCUMENT, document)
-        (scratch / REPORT).write_text(study_page(document).html(), encoding="utf-8")
-        return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
 def _person(person: SquatterStudied) -> SquatterEntry:

@@ -15,7 +15,7 @@ from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.derivatives import SplineRates
@@ -97,44 +97,23 @@ _DRIVERS = {"shank": (0, 1), "thigh": (1, 2), "torso": (2,), "arm": (3,), "foot"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Squats:
-    """One recording of a person.
-
-    Parameters
-    ----------
-    name : str
-    truth : RatedMotion
-    trial : Trial
-        Markers with artefact and noise.
-    loads : SegmentLoads
-        With the plate's noise, on the foot.
-    wrench : ndarray, shape (n, 6)
-        The true one, about the ankle.
-    """
+    """One recording of a person."""
 
     name: str
     truth: RatedMotion
-    trial: Trial
-    loads: SegmentLoads
-    wrench: Array
+    trial: Trial  # markers with artefact and noise
+    loads: SegmentLoads  # with the plate's noise, on the foot
+    wrench: Array  # (n, 6): the true one, about the ankle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualSquatter:
-    """A person and the recordings.
-
-    Parameters
-    ----------
-    name : str
-    height_m, mass_kg : float
-    model : BodyModel
-        The truth: lengths, inertia, places of markers standing.
-    fitted, held_out : Squats
-    """
+    """A person and the recordings."""
 
     name: str
     height_m: float
     mass_kg: float
-    model: BodyModel
+    model: BodyModel  # the truth: lengths, inertia, places of markers standing
     fitted: Squats
     held_out: Squats
 
@@ -142,11 +121,7 @@ class VirtualSquatter:
 def virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     """A person by seed.
 
-    Parameters
-    ----------
-    seed : int
-    faults : float
-        Multiplies placement errors, artefact and noise: one as in the literature, zero for none.
+    ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
     height, mass = _build(seed)
     model = _with_placement(seed, _person(seed, height, mass), faults)

@@ -24,7 +24,7 @@ from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import inertias_of
+from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
@@ -33,7 +33,6 @@ from scaling_service.studies.futamure.squatters import (
     MASS_SD,
     RADIUS_SD,
     RATE_HZ,
-    SUBJECTS,
     Squats,
     VirtualSquatter,
     virtual_squatter,
@@ -50,8 +49,6 @@ TABLE = "winter2009"
 
 PLACED_M = 0.007
 """As the virtual persons' markers are placed."""
-
-_PERSONS = 1000  # chosen: cohorts of different seeds share nobody
 
 SAGITTAL_ROWS = (0, 1, 5)
 """fx, fy, mz of the six components."""
@@ -73,66 +70,35 @@ DIFFERENCES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """One way of explaining one recording.
+    """One way of explaining one recording."""
 
-    Parameters
-    ----------
-    wrench : ndarray, shape (3,), N, N, N m
-        RMS error of fx, fy, mz.
-    markers_m : float
-    angles : ndarray, shape (4,), rad
-        RMS error of ankle, knee, hip and shoulder against the truth.
-    """
-
-    wrench: Array
+    wrench: Array  # (3,), N, N, N m: RMS error of fx, fy, mz
     markers_m: float
-    angles: Array
+    angles: Array  # (4,), rad: RMS error of ankle, knee, hip and shoulder against the truth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SquatterStudied:
-    """One person.
-
-    Parameters
-    ----------
-    name : str
-    fitted, held_out : (classical, consistent, predicted)
-    inertia : ndarray, shape (2, 3)
-        RMS distance from the truth of masses, centres of mass and moments of inertia, in standard deviations
-        of the tables, before and after; the foot, which does not move, left out.
-    lengths : ndarray, shape (2, 3), m
-        Errors of shank, thigh and trunk, before and after.
-    marker_rms : mapping of marker to (classical, consistent), m
-    loops : int
-    converged : bool
-    seconds : float
-        Of the loop, for 13 s at 100 Hz, with the held-out recording.
-    """
+    """One person."""
 
     name: str
     fitted: tuple[Way, Way, Way]
     held_out: tuple[Way, Way, Way]
+    """``fitted``, ``held_out``: (classical, consistent, predicted)."""
     inertia: Array
-    lengths: Array
-    marker_rms: dict[str, tuple[float, float]]
+    """(2, 3): RMS distance from the truth of masses, centres of mass and moments of inertia, in standard
+    deviations of the tables, before and after; the foot, which does not move, left out."""
+    lengths: Array  # (2, 3), m: errors of shank, thigh and trunk, before and after
+    marker_rms: dict[str, tuple[float, float]]  # mapping of marker to (classical, consistent), m
     loops: int
     converged: bool
-    seconds: float
-
-
-def person_seeds(seed: int, count: int = SUBJECTS) -> tuple[int, ...]:
-    """The seeds of a cohort's persons."""
-    return tuple(_PERSONS * seed + k for k in range(1, count + 1))
+    seconds: float  # of the loop, for 13 s at 100 Hz, with the held-out recording
 
 
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterStudied:
     """Record one person, explain the recordings, and compare with the truth.
 
-    Parameters
-    ----------
-    seed : int
-    faults : float
-        See :func:`virtual_squatter`.
+    ``faults``: see :func:`virtual_squatter`.
     """
     person = virtual_squatter(seed, faults=faults)
     plane = plane_of(person.fitted.trial)

@@ -20,7 +20,7 @@ from scaling_service.model.body import BodyModel, Law, Marker, Term
 from scaling_service.model.builtin import builtin, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import inertias_of, mechanism_of, with_inertias
+from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.derivatives import spline_rates
@@ -90,49 +90,25 @@ WHOLE = ExcitationSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Performance:
-    """One recording of a virtual person with its truth.
-
-    Parameters
-    ----------
-    name : str
-    times : ndarray, shape (n,), s
-    q : ndarray, shape (n, n_coordinates), rad and m
-        True.
-    loads : SegmentLoads
-        True, not filtered.
-    recording : Recording
-        As a laboratory has it: fitted motion, measured loads.
-    """
+    """One recording of a virtual person with its truth."""
 
     name: str
-    times: Array
-    q: Array
-    loads: SegmentLoads
-    recording: Recording
+    times: Array  # (n,), s
+    q: Array  # (n, n_coordinates), rad and m: true
+    loads: SegmentLoads  # true, not filtered
+    recording: Recording  # as a laboratory has it: fitted motion, measured loads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExcitedPerson:
-    """A person of whom everything is known.
-
-    Parameters
-    ----------
-    seed : int
-    height_m, mass_kg : float
-    truth : BodyModel
-        True lengths, marker places at rest, inertia.
-    model : BodyModel
-        What a calibration and a regression make of it.
-    performances : mapping
-        ``in_order``, and ``shuffled``, which is never fitted.
-    """
+    """A person of whom everything is known."""
 
     seed: int
     height_m: float
     mass_kg: float
-    truth: BodyModel
-    model: BodyModel
-    performances: Mapping[str, Performance]
+    truth: BodyModel  # true lengths, marker places at rest, inertia
+    model: BodyModel  # what a calibration and a regression make of it
+    performances: Mapping[str, Performance]  # in_order, and shuffled, which is never fitted
 
 
 def excited_person(
@@ -142,13 +118,7 @@ def excited_person(
 ) -> ExcitedPerson:
     """Draw a person and record them.
 
-    Parameters
-    ----------
-    seed : int
-        Not negative.
-    settings : ExcitationSettings
-    names : tuple of str
-        Which performances.
+    ``seed``: not negative. ``names``: which performances.
     """
     rng = stream(seed, "excited", "person")
     height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+import rich.table
 
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart
 from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT, INK
-from scaling_service.studies.claims import claims_section
-from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.claims import study_page
+from scaling_service.studies.muller2017.run import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.screen import titled_table
 
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
 
@@ -28,21 +30,43 @@ _BARS = (
 _AXES = "X forward, Y up, Z right: the paper's vertical Fz and Mz are fy and my here."
 
 
-def study_page(document: Muller2017Document) -> Page:
+_MEANS = (
+    ("Residual dr", "dr"),
+    ("Uncertainty, eq. 12", "total"),
+    ("SD by the markers' errors", "markers_sd"),
+    ("True error of the measurement", "true_measurement_error"),
+    ("True error of the inertia", "true_inertial_error"),
+)
+
+
+def page(document: Muller2017Document) -> Page:
     """The page of the study, all from ``study.json``."""
     persons = document.persons
-    return Page(
-        "Muller et al. 2017, done again on virtual persons",
+    return study_page(
+        "Muller et al. 2017",
+        document,
         [
-            claims_section(document.claims, document.notes, len(document.persons)),
             Section("The paper's figures", list(_figures(persons)), new_page=True),
             Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
             Section("Where the uncertainty comes from", list(_sources(persons)), new_page=True),
             *([Section("Real recordings", list(_real(document.recordings)))] if document.recordings else []),
         ],
-        subtitle=document.source,
-        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
     )
+
+
+def table(document: Muller2017Document) -> rich.table.Table:
+    """Means over persons, and real recordings, for the terminal."""
+    shown = titled_table("Means over persons, % of weight, of weight x height", COMPONENTS)
+    for said, name in _MEANS:
+        shown.add_row(said, *_percent(np.mean([getattr(p, name) for p in document.persons], axis=0)))
+    for recording in document.recordings:
+        shown.add_row(f"{recording.name}: residual", *_percent(recording.dr))
+        shown.add_row(f"{recording.name}: uncertainty", *_percent(recording.total))
+    return shown
+
+
+def _percent(shares: Iterable[float]) -> list[str]:
+    return [f"{100 * share:.2f}" for share in shares]
 
 
 def _figures(persons: Sequence[PersonEntry]) -> Iterator[Block]:
@@ -119,15 +143,8 @@ def _beside(person: PersonEntry) -> Figure:
 def _truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
     columns = ["", *COMPONENTS]
     rows = []
-    for title, name in (
-        ("Residual dr", "dr"),
-        ("Uncertainty, eq. 12", "total"),
-        ("SD by the markers' errors", "markers_sd"),
-        ("True error of the measurement", "true_measurement_error"),
-        ("True error of the inertia", "true_inertial_error"),
-    ):
-        values = 100 * np.array([getattr(person, name) for person in persons])
-        rows.append(Row(title, [f"{m:.2f}" for m in values.mean(axis=0)]))
+    for title, name in _MEANS:
+        rows.append(Row(title, _percent(np.mean([getattr(person, name) for person in persons], axis=0))))
     coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
     rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
     yield Table("Means over persons, % of weight and of weight times stature", columns, rows, _AXES)
@@ -158,8 +175,8 @@ def _real(recordings: Sequence[PropagatedEntry]) -> Iterator[Block]:
             f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} frames",
             ["", *COMPONENTS],
             [
-                Row("residual dr, %", [f"{100 * v:.2f}" for v in recording.dr]),
-                Row("uncertainty, %", [f"{100 * v:.2f}" for v in recording.total]),
+                Row("residual dr, %", _percent(recording.dr)),
+                Row("uncertainty, %", _percent(recording.total)),
                 Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
                 Row("R2", [f"{v:.3f}" for v in recording.r2]),
             ],

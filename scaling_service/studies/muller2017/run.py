@@ -1,4 +1,4 @@
-"""Muller et al. 2017 done again on virtual persons, and written."""
+"""Muller et al. 2017 done again on virtual persons, as ``study.json``."""
 
 from __future__ import annotations
 
@@ -6,53 +6,145 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field
 
+from scaling_service.capabilities.cohort.document import Part
 from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, WrenchUncertainty
 from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.document import ClaimEntry
-from scaling_service.studies.muller2017.claims import answers
-from scaling_service.studies.muller2017.document import (
-    IdentificationEntry,
-    LevelEntry,
-    MarkerEntry,
-    Muller2017Document,
-    PersonEntry,
-    PropagatedEntry,
-    Six,
-    WindowEntry,
-)
+from scaling_service.studies.claims import StudyDocument, answer_claims, person_seeds
+from scaling_service.studies.muller2017.claims import CLAIMS
 from scaling_service.studies.muller2017.excitation import WHOLE, ExcitationSettings
-from scaling_service.studies.muller2017.report import study_page
 from scaling_service.studies.muller2017.study import (
     DIFFERENCES,
     SOURCE,
     SUBJECTS,
     Held,
     PersonStudied,
-    person_seeds,
     study_person,
 )
 
-DOCUMENT = "study.json"
+_DIGITS = 8
+
+
+def _plain(values: Any) -> Any:
+    """Arrays as tuples."""
+    return tuple(values.tolist()) if isinstance(values, np.ndarray) else values
+
+
+def _rounded(value: float) -> float:
+    """Eight digits after the point; smaller numbers, such as the plates', to four that count."""
+    return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
+
+
+_Number = Annotated[float, AfterValidator(_rounded)]
+Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_plain)]
+"""fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
+
+SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_plain)]
+
+
+class IdentificationEntry(Part):
+    """Residual indicators on the held-out performance before and after an identification."""
+
+    residual_before: Six
+    residual_after: Six
+    true_error_before: Six = Field(description="What the inertia leaves of the true motion and forces.")
+    true_error_after: Six
+
+
+class LevelEntry(Part):
+    """One level of added reconstruction error."""
+
+    added_mm: float
+    dispersion: Six
+    distinct_motions: int
+
+
+class MarkerEntry(Part):
+    """One marker's error and its share of the uncertainty."""
+
+    marker: str
+    sd_mm: float = Field(description="Of its own error per direction, after the filter.")
+    shares: Six = Field(description="Of the variance of each component.")
+
+
+class WindowEntry(Part):
+    """One window of frames worth calibrating with."""
+
+    start_s: float
+    stop_s: float
+    gain: float = Field(description="Information on inertia that it adds, nats.")
+    uncertainty: float = Field(description="Mean SD of the residual force over body weight.")
+
+
+class PropagatedEntry(Part):
+    """One recording's residual and its uncertainty, by samples."""
+
+    name: str
+    reconstruction_error_mm: float
+    frames: int
+    dr: Six
+    kinematic: Six
+    plate: Six
+    total: Six
+    slopes_per_cm: Six
+    r2: Six
+    r2_centred: Six
+    levels: list[LevelEntry]
+    calibration_supported: SixFlags
+    verdict: str
+
+
+class PersonEntry(PropagatedEntry):
+    """One virtual person."""
+
+    linear_slopes_per_cm: Six
+    true_measurement_error: Six
+    true_inertial_error: Six
+    markers_sd: Six = Field(description="Standard deviation by the markers' errors.")
+    supported_by_markers: SixFlags = Field(
+        description="Where dr exceeds that by the root of two: inertia then has the larger part."
+    )
+    coverage: Six = Field(description="Share of frames whose true error lies within 1.96 of it.")
+    markers: list[MarkerEntry] = Field(description="Those with the largest shares, largest first.")
+    windows: list[WindowEntry]
+    windows_share: float = Field(description="Of the whole recording's information.")
+    identified_beside_tables: IdentificationEntry
+    identified_freely: IdentificationEntry
+
+
+class Muller2017Document(StudyDocument):
+    """``study.json``."""
+
+    study: Literal["muller2017"] = "muller2017"
+    persons: list[PersonEntry]
+    recordings: list[PropagatedEntry] = Field(description="Real ones, if given; claims leave them out.")
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)
+
 
 SHOWN = 10
 """Markers that are listed (chosen: they carry nearly all)."""
 
 _MM = 1e3
-_DIGITS = 8
+_SAME = (
+    *("frames", "dr", "kinematic", "plate", "total", "slopes_per_cm", "r2", "r2_centred"),
+    *("calibration_supported", "verdict"),
+)
+"""What the document calls as the result does."""
 
 
 def reproduce_muller2017(
@@ -70,8 +162,6 @@ def reproduce_muller2017(
     ----------
     settings : UncertaintySettings
         Its seed decides who the persons are.
-    subjects : int
-    recorded : ExcitationSettings
     recordings : sequence of paths
         Subject files of real persons whose model is scaled already, with forces.
     worker_count : int, optional
@@ -103,51 +193,45 @@ def reproduce_muller2017(
         seed=settings.seed,
         persons=[_person(person, recorded.rate_hz) for person in persons],
         recordings=real,
-        claims=[
-            ClaimEntry(
-                where=claim.where,
-                claim=claim.text,
-                paper=claim.paper,
-                holds=answer.holds,
-                ours=answer.figures,
-            )
-            for claim, answer in answers(persons)
-        ],
+        claims=answer_claims(CLAIMS, persons),
         notes=list(DIFFERENCES),
         wall_s=round(time.perf_counter() - clock, 3),
     )
 
 
-def save_muller2017(document: Muller2017Document, folder: str | Path) -> tuple[str, ...]:
-    """Write the study into a folder, all or nothing, and name the files."""
-    with all_or_nothing(Path(folder)) as scratch:
-        write_json(scratch / DOCUMENT, document)
-        (scratch / REPORT).write_text(study_page(document).html(), encoding="utf-8")
-        return tuple(sorted(path.name for path in scratch.iterdir()))
-
-
 def _person(person: PersonStudied, rate_hz: float) -> PersonEntry:
-    return PersonEntry(
-        **_propagated(person.name, person.uncertainty),
-        linear_slopes_per_cm=_six(person.linear_slopes),
-        true_measurement_error=_six(person.measurement),
-        true_inertial_error=_six(person.inertial),
-        markers_sd=_six(person.markers_sd),
-        supported_by_markers=_six_flags(person.supported_by_markers),
-        coverage=_six(person.coverage),
-        markers=_markers(person),
-        windows=[
-            WindowEntry(
-                start_s=round(w.start / rate_hz, 3),
-                stop_s=round(w.stop / rate_hz, 3),
-                gain=round(w.gain, 4),
-                uncertainty=round(w.uncertainty, _DIGITS),
-            )
-            for w in person.choice.windows
-        ],
-        windows_share=round(person.choice.share, 4),
-        identified_beside_tables=_held(person.cautious),
-        identified_freely=_held(person.free),
+    shares = person.markers.shares
+    largest = np.argsort(-shares.mean(axis=1))[:SHOWN].tolist()
+    return PersonEntry.model_validate(
+        {
+            **_propagated(person.name, person.uncertainty),
+            "linear_slopes_per_cm": person.linear_slopes,
+            "true_measurement_error": person.measurement,
+            "true_inertial_error": person.inertial,
+            "markers_sd": person.markers_sd,
+            "supported_by_markers": person.supported_by_markers,
+            "coverage": person.coverage,
+            "markers": [
+                {
+                    "marker": person.markers.markers[k],
+                    "sd_mm": round(_MM * float(person.markers.sd_m[k]), 4),
+                    "shares": shares[k],
+                }
+                for k in largest
+            ],
+            "windows": [
+                {
+                    "start_s": round(w.start / rate_hz, 3),
+                    "stop_s": round(w.stop / rate_hz, 3),
+                    "gain": round(w.gain, 4),
+                    "uncertainty": round(w.uncertainty, 8),
+                }
+                for w in person.choice.windows
+            ],
+            "windows_share": round(person.choice.share, 4),
+            "identified_beside_tables": _held(person.cautious),
+            "identified_freely": _held(person.free),
+        }
     )
 
 
@@ -160,7 +244,7 @@ def _real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEnt
     )
     subject = found.prepared.subject.id
     return [
-        PropagatedEntry(**_propagated(f"{subject} {name}", trial.uncertainty))
+        PropagatedEntry.model_validate(_propagated(f"{subject} {name}", trial.uncertainty))
         for name, trial in found.trials.items()
     ]
 
@@ -169,55 +253,22 @@ def _propagated(name: str, found: WrenchUncertainty) -> dict[str, Any]:
     return {
         "name": name,
         "reconstruction_error_mm": round(_MM * found.reconstruction_error_m, 4),
-        "frames": found.frames,
-        "dr": _six(found.dr),
-        "kinematic": _six(found.kinematic),
-        "plate": _six(found.plate),
-        "total": _six(found.total),
-        "slopes_per_cm": _six(found.slopes_per_cm),
-        "r2": _six(found.r2),
-        "r2_centred": _six(found.r2_centred),
+        **{key: getattr(found, key) for key in _SAME},
         "levels": [
-            LevelEntry(
-                added_mm=round(_MM * level.added_m, 4),
-                dispersion=_six(level.dispersion),
-                distinct_motions=level.distinct,
-            )
+            {
+                "added_mm": round(_MM * level.added_m, 4),
+                "dispersion": level.dispersion,
+                "distinct_motions": level.distinct,
+            }
             for level in found.levels
         ],
-        "calibration_supported": _six_flags(found.calibration_supported),
-        "verdict": found.verdict,
     }
 
 
-def _markers(person: PersonStudied) -> list[MarkerEntry]:
-    found = person.markers
-    order = np.argsort(-found.shares.mean(axis=1))[:SHOWN].tolist()
-    return [
-        MarkerEntry(
-            marker=found.markers[k],
-            sd_mm=round(_MM * float(found.sd_m[k]), 4),
-            shares=_six(found.shares[k]),
-        )
-        for k in order
-    ]
-
-
-def _held(held: Held) -> IdentificationEntry:
-    return IdentificationEntry(
-        residual_before=_six(held.held_out[0]),
-        residual_after=_six(held.held_out[1]),
-        true_error_before=_six(held.true[0]),
-        true_error_after=_six(held.true[1]),
-    )
-
-
-def _six_flags(values: NDArray[np.bool_]) -> tuple[bool, bool, bool, bool, bool, bool]:
-    return cast("tuple[bool, bool, bool, bool, bool, bool]", tuple(values.tolist()))
-
-
-def _six(values: Array) -> Six:
-    """Rounded to eight digits after the point; smaller numbers, such as the plates', to four that count."""
-    return cast(
-        "Six", tuple(float(f"{v:.4g}") if abs(v) < 1e-4 else round(float(v), _DIGITS) for v in values)
-    )
+def _held(held: Held) -> dict[str, Array]:
+    return {
+        "residual_before": held.held_out[0],
+        "residual_after": held.held_out[1],
+        "true_error_before": held.true[0],
+        "true_error_after": held.true[1],
+    }

@@ -1,7 +1,4 @@
-"""The study of Muller et al. 2017 on virtual persons, whose true errors are known.
-
-Claims are in ``muller2017_claims``; the persons are in ``virtual_excitation``.
-"""
+"""The study of Muller et al. 2017 on virtual persons, whose true errors are known."""
 
 from __future__ import annotations
 
@@ -33,7 +30,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
 )
 from scaling_service.capabilities.dynamics.uncertainty.verdict import blames_inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.muller2017.excitation import (
     WHOLE,
@@ -76,8 +73,6 @@ DIFFERENCES = (
 )
 """How this study is not the paper's, in plain English."""
 
-_PERSONS = 1000  # chosen: cohorts of different seeds share nobody
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
@@ -100,42 +95,24 @@ class Held:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonStudied:
-    """One person of the study.
-
-    Parameters
-    ----------
-    name : str
-    uncertainty : WrenchUncertainty
-        Muller's, by Monte Carlo.
-    linear_slopes : ndarray, shape (6,)
-        The same slopes by linear propagation.
-    measurement : ndarray, shape (6,)
-        Indicator of the true error of the residual: what the same inertia leaves of the measured motion minus
-        what it leaves of the true one.
-    inertial : ndarray, shape (6,)
-        Indicator of what the table's inertia leaves of the true motion.
-    markers_sd : ndarray, shape (6,)
-        Indicator of the standard deviation that the markers' errors give.
-    coverage : ndarray, shape (6,)
-        Share of frames whose true error lies within ``INTERVAL`` of these standard deviations.
-    markers : MarkerUncertainty
-    choice : FrameChoice
-        The ten best windows.
-    cautious, free : Held
-        Identified despite the verdict: beside the tables' prior, and with hardly any.
-    """
+    """One person of the study."""
 
     name: str
-    uncertainty: WrenchUncertainty
-    linear_slopes: Array
+    uncertainty: WrenchUncertainty  # Muller's, by Monte Carlo
+    linear_slopes: Array  # (6,): the same slopes by linear propagation
     measurement: Array
-    inertial: Array
-    markers_sd: Array
+    """(6,): indicator of the true error of the residual: what the same inertia leaves of the measured
+    motion minus what it leaves of the true one."""
+    inertial: Array  # (6,): indicator of what the table's inertia leaves of the true motion
+    markers_sd: Array  # (6,): indicator of the standard deviation that the markers' errors give
     coverage: Array
+    """(6,): share of frames whose true error lies within ``INTERVAL`` of these standard deviations."""
     markers: MarkerUncertainty
-    choice: FrameChoice
+    choice: FrameChoice  # the ten best windows
     cautious: Held
     free: Held
+    """``cautious``, ``free``: identified despite the verdict: beside the tables' prior, and with hardly
+    any."""
 
     @property
     def supported_by_markers(self) -> NDArray[np.bool_]:
@@ -148,17 +125,6 @@ class PersonStudied:
         return np.asarray(self.inertial > self.measurement)
 
 
-def person_seeds(seed: int, count: int = SUBJECTS) -> tuple[int, ...]:
-    """The seeds of a cohort's persons.
-
-    Examples
-    --------
-    >>> person_seeds(0, 3)
-    (1, 2, 3)
-    """
-    return tuple(_PERSONS * seed + k for k in range(1, count + 1))
-
-
 def study_person(
     seed: int,
     settings: UncertaintySettings,
@@ -166,13 +132,7 @@ def study_person(
 ) -> PersonStudied:
     """The whole study of one person, in this thread.
 
-    Parameters
-    ----------
-    seed : int
-        Of the person.
-    settings : UncertaintySettings
-        Its seed is replaced by the person's.
-    recorded : ExcitationSettings
+    ``seed``: of the person. ``settings``: its seed is replaced by the person's.
     """
     person = excited_person(seed, recorded)
     performance = person.performances["in_order"]

@@ -5,49 +5,69 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import plotly.graph_objects as go
+import rich.table
 
-from scaling_service.capabilities.cohort.report.angles import angle_blocks
-from scaling_service.capabilities.cohort.report.page import statistics_sections
-from scaling_service.capabilities.cohort.report.quantities import p_words, quantity_words
-from scaling_service.capabilities.cohort.statistics import CohortStatistics
+from scaling_service.capabilities.cohort.figures import angle_blocks, quantity_words
+from scaling_service.capabilities.cohort.report import statistics_sections
+from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.methods import method_columns
 from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import FAINT, styles
-from scaling_service.studies.claims import claims_section
-from scaling_service.studies.document import Beside, StudyDocument
+from scaling_service.studies.claims import study_page
+from scaling_service.studies.puchaud2019.claims import Study
+from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document
+from scaling_service.studies.screen import titled_table
 
 
-def study_page(document: StudyDocument, cohort: CohortStatistics, walkers: CohortStatistics) -> Page:
-    """The page of the study.
-
-    Parameters
-    ----------
-    document : StudyDocument
-        ``study.json``.
-    cohort, walkers : CohortStatistics
-        All persons, and the paper's number of walkers alone.
-    """
-    return Page(
-        "Puchaud et al. 2019, done again on virtual persons",
+def page(document: Puchaud2019Document, study: Study) -> Page:
+    """The page of the study: its document, and the statistics of all persons and of the walkers alone."""
+    return study_page(
+        "Puchaud et al. 2019",
+        document,
         [
-            claims_section(document.claims, document.notes, len(document.subjects)),
             Section("The paper's tables beside ours", list(_tables(document)), new_page=True),
             Section("The paper's figures beside ours", list(_figures(document)), new_page=True),
             Section(
-                f"Figure 6: joint angles of {len(walkers.subjects)} walkers",
-                list(angle_blocks(walkers.curves)),
+                f"Figure 6: joint angles of {len(study.walkers.subjects)} walkers",
+                list(angle_blocks(study.walkers.curves)),
                 new_page=True,
             ),
-            *statistics_sections(cohort),
+            *statistics_sections(study.cohort),
         ],
-        subtitle=document.source,
-        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: study.json.",
     )
 
 
-def _tables(document: StudyDocument) -> Iterator[Block]:
+def tables(document: Puchaud2019Document) -> Iterator[rich.table.Table]:
+    """The paper's tables beside ours, for the terminal."""
+    for title, cells in (
+        ("Segment lengths, mm (table 2): paper | here", document.segment_lengths_mm),
+        ("Knee axes, deg (table 3): paper | here", document.knee_axis_deg),
+        ("Kinematic error, mm (figure 5): paper | here", document.kinematic_error_mm),
+        ("Marker shifts, mm: paper | here", document.marker_shift_mm),
+    ):
+        methods = list(dict.fromkeys(cell.method for cell in cells))
+        shown = titled_table(title, methods)
+        for quantity, of in _by_quantity(cells).items():
+            shown.add_row(quantity, *(_short(of[m]) if m in of else "" for m in methods))
+        yield shown
+
+
+def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
+    """Quantity to method to its cell."""
+    found: dict[str, dict[str, Beside]] = {}
+    for cell in cells:
+        found.setdefault(cell.quantity, {})[cell.method] = cell
+    return found
+
+
+def _short(cell: Beside) -> str:
+    theirs = "–" if cell.paper_mean is None else f"{cell.paper_mean:.1f}{cell.paper_stars}"
+    return f"{theirs} | {cell.mean:.1f}{'*' if cell.significant else ''}"
+
+
+def _tables(document: Puchaud2019Document) -> Iterator[Block]:
     yield _beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
     yield _beside("Table 3: knee axes, degrees", document.knee_axis_deg)
     literature = ", ".join(f"{who} {value:.1f}" for who, value in document.literature_error_mm.items())
@@ -62,8 +82,7 @@ def _tables(document: StudyDocument) -> Iterator[Block]:
 def _beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
     rows: list[Row] = []
-    for quantity in dict.fromkeys(cell.quantity for cell in cells):
-        of = {cell.method: cell for cell in cells if cell.quantity == quantity}
+    for quantity, of in _by_quantity(cells).items():
         rows.append(Row(f"{quantity_words(quantity)}, paper", [_paper(of.get(m)) for m in methods]))
         rows.append(Row("here", [_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
@@ -83,7 +102,7 @@ def _ours(cell: Beside | None) -> Cell:
     return Cell(f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}")
 
 
-def _figures(document: StudyDocument) -> Iterator[Block]:
+def _figures(document: Puchaud2019Document) -> Iterator[Block]:
     yield Grid(
         [
             _bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),

@@ -11,9 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from scaling_service.virtual.bones.shapes import Array, HalfSpace, Part, Shape, Solid, ball, chain, rod, strip
+from scaling_service.virtual.bones.shapes import (
+    Array,
+    HalfSpace,
+    Part,
+    Shape,
+    Solid,
+    at_mm,
+    ball,
+    chain,
+    rod,
+    strip,
+)
 
 HALF_WIDTH_M = 0.08675  # of the generic model, for which places below are given
 SPINE_M = 6e-3  # chosen: radius of the anterior spine's tip
@@ -40,14 +50,8 @@ class HipBone:
 def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
     """Build a right hip bone.
 
-    Parameters
-    ----------
-    hip : (3,), m
-        The hip centre, in the middle of the socket.
-    socket : float, m
-        Its radius.
-    asis, psis : (3,), m
-        The foremost point of the anterior and the rearmost of the posterior spine.
+    ``hip`` ((3,), m): the hip centre, in the middle of the socket. ``socket`` (m): its radius. ``asis``,
+    ``psis`` ((3,), m): the foremost point of the anterior and the rearmost of the posterior spine.
     """
     w = float(hip[2]) / HALF_WIDTH_M
     forward = np.array([w, 0.0, 0.0])
@@ -65,25 +69,25 @@ def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
 
 def _ilium(front: Array, rear: Array, w: float) -> list[Part]:
     """The wing between its crest and the bone above the socket, thick where it meets the sacrum."""
-    crest = np.vstack([front, _mm(_CREST, w), rear])
-    lower = np.vstack([_mm(_LOWER, w), _mm(_REAR, w)])
-    over_socket = _mm(((-32, -31, 104), (-35, -42, 101), (-41, -52, 96), (-57, -54, 90), (-76, -58, 82)), w)
+    crest = np.vstack([front, at_mm(_CREST, w), rear])
+    lower = np.vstack([at_mm(_LOWER, w), at_mm(_REAR, w)])
+    over_socket = at_mm(((-32, -31, 104), (-35, -42, 101), (-41, -52, 96), (-57, -54, 90), (-76, -58, 82)), w)
     return [
         Part(chain(crest, [1e-3 * w * r for r in _CREST_RADII])),
         Part(strip(crest, lower, _WING_M * w), 4e-3),
         Part(chain(over_socket, [1e-3 * w * r for r in (5.0, 8.0, 12.0, 15.0, 13.0)]), 8e-3),
-        Part(chain(_mm((_LOWER[4], _LOWER[5], _REAR[1]), w), [11e-3 * w, 9e-3 * w, 7e-3 * w]), 8e-3),
-        Part(rod(_mm((-114, -8, 48), w), _mm((-106, 16, 53), w), 9e-3 * w), 8e-3),
+        Part(chain(at_mm((_LOWER[4], _LOWER[5], _REAR[1]), w), [11e-3 * w, 9e-3 * w, 7e-3 * w]), 8e-3),
+        Part(rod(at_mm((-114, -8, 48), w), at_mm((-106, 16, 53), w), 9e-3 * w), 8e-3),
     ]
 
 
 def _ischium_and_pubis(w: float) -> list[Part]:
     """The ring around the obturator foramen, the spine above the lesser notch, the tubercle."""
-    ischium = _mm(((-72, -62, 84), (-72, -108, 76), (-68, -138, 58), (-54, -146, 46)), w)
-    lower_ramus = _mm(((-54, -146, 46), (-32, -136, 28), (-16, -122, 13)), w)
-    upper_ramus = _mm(((-34, -80, 74), (-22, -88, 50), (-14, -95, 24)), w)
-    symphysis = _mm(((-13, -98, 10.5), (-20, -124, 10.5)), w)
-    spine = _mm(((-78, -84, 74), (-96, -96, 58)), w)
+    ischium = at_mm(((-72, -62, 84), (-72, -108, 76), (-68, -138, 58), (-54, -146, 46)), w)
+    lower_ramus = at_mm(((-54, -146, 46), (-32, -136, 28), (-16, -122, 13)), w)
+    upper_ramus = at_mm(((-34, -80, 74), (-22, -88, 50), (-14, -95, 24)), w)
+    symphysis = at_mm(((-13, -98, 10.5), (-20, -124, 10.5)), w)
+    spine = at_mm(((-78, -84, 74), (-96, -96, 58)), w)
     mm = 1e-3 * w
     return [
         Part(chain(ischium, [14 * mm, 12 * mm, 14 * mm, 11 * mm]), 8e-3),
@@ -91,7 +95,7 @@ def _ischium_and_pubis(w: float) -> list[Part]:
         Part(chain(upper_ramus, [10 * mm, 7.5 * mm, 8 * mm]), 6e-3),
         Part(rod(symphysis[0], symphysis[1], 8 * mm), 4e-3),
         Part(rod(spine[0], spine[1], 8 * mm, 3.5 * mm), 6e-3),
-        Part(ball(_mm((-11, -94, 22), w), 5.5 * mm), 3e-3),
+        Part(ball(at_mm((-11, -94, 22), w), 5.5 * mm), 3e-3),
     ]
 
 
@@ -116,10 +120,6 @@ def _socket(hip: Array, radius: float, w: float) -> list[Part]:
         Part(rod(fossa, fossa + 1.2 * radius * below, 0.38 * radius), 2e-3, "cut"),
         Part(ball(hip, radius), 2e-3, "cut"),
     ]
-
-
-def _mm(at: ArrayLike, w: float) -> Array:
-    return 1e-3 * w * np.asarray(at, dtype=float)
 
 
 def _unit(vector: Array) -> Array:

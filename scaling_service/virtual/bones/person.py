@@ -9,15 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.model.knee_axes import axis_of
-from scaling_service.virtual.bones.femur import femur
+from scaling_service.model.parameters import axis_of
+from scaling_service.virtual.bones.leg import SOCKET_GAP_M, LegShape, Places, Side, femur, leg_shape, tibia
 from scaling_service.virtual.bones.pelvis import hip_bone
-from scaling_service.virtual.bones.proportions import SOCKET_GAP_M, LegShape, Side, leg_shape
-from scaling_service.virtual.bones.shapes import Array
-from scaling_service.virtual.bones.surface import surface_of
-from scaling_service.virtual.bones.tibia import Places, tibia
-from scaling_service.virtual.cohort import FEMUR, stature_of
-from scaling_service.virtual.subject import VirtualSubject
+from scaling_service.virtual.bones.shapes import Array, surface_of
+from scaling_service.virtual.subject import FEMUR, VirtualSubject, stature_of
 
 Faces = NDArray[np.intp]
 
@@ -36,31 +32,20 @@ _LEFT = np.array([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonBones:
-    """Meshes and what is true of them, each in its segment's frame, m.
-
-    Parameters
-    ----------
-    meshes : mapping
-        ``pelvis``, ``femur_r``, ``tibia_r`` (with the fibula as a second shell), ``femur_l``, ``tibia_l`` to
-        vertices (n, 3) and faces (m, 3), closed and facing outwards.
-    landmarks : mapping
-        Points on bone by the name of the marker that is put on them, to (segment, position).
-    """
+    """Meshes and what is true of them, each in its segment's frame, m."""
 
     meshes: Mapping[str, tuple[Array, Faces]]
+    """``pelvis``, ``femur_r``, ``tibia_r`` (with the fibula as a second shell), ``femur_l``, ``tibia_l``
+    to vertices (n, 3) and faces (m, 3), closed and facing outwards."""
     landmarks: Mapping[str, tuple[str, Array]]
+    """Points on bone by the name of the marker that is put on them, to (segment, position)."""
 
 
 def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | None = None) -> PersonBones:
     """Make the bones of a person.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called with the name of each bone before its turn.
+    ``progress``: called with the name of each bone before its turn.
 
-    Notes
-    -----
     The centres of the femoral heads and sockets are the model's hip centres; the midpoints of the spheres
     on the condyles its knee centres, the lines through them its knee axes; the midpoints of the malleoli's
     tips its ankle centres. The posterior condylar angle is therefore not drawn: it follows from axis and

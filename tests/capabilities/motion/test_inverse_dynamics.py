@@ -27,7 +27,7 @@ from scaling_service.files.trc import read_trc
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import mechanism_of, total_mass
+from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.derivatives import spline_rates

@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.anthropometry import predict_dimensions, soldiers
-from scaling_service.model.anatomy.dimensions import DimensionPrior
+from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions, soldiers
 from scaling_service.model.reference import reference_folder
 from tests.model.anatomy.make_anthropometry import COLUMNS, read_logs, write_document
 

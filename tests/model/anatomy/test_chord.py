@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.anatomy.chord import chord_centre
+from scaling_service.model.anatomy.hip_centre import chord_centre
 from tests.model.anatomy.clinic_files import clinic_trials
 
 RNG = np.random.default_rng(3)

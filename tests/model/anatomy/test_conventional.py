@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.anatomy.chord import chord_centre
 from scaling_service.model.anatomy.conventional import (
     ANGLES,
     conventional_angles,
@@ -16,7 +15,7 @@ from scaling_service.model.anatomy.conventional import (
     heel_from_offset,
     heel_level,
 )
-from scaling_service.model.anatomy.hip_centre import hip_centres
+from scaling_service.model.anatomy.hip_centre import chord_centre, hip_centres
 from tests.model.anatomy.clinic_files import ClinicTrial, clinic_trials
 
 RAD = np.pi / 180.0

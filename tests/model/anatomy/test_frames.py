@@ -20,7 +20,7 @@ from scaling_service.model.anatomy.frames import (
     tibia_frame_isb,
 )
 from scaling_service.model.builtin import builtin
-from scaling_service.model.neutral import neutral_frames, neutral_markers
+from scaling_service.model.poses import neutral_frames, neutral_markers
 
 TORSION = np.radians(15.0)  # of the malleoli in the built-in model
 angle = st.floats(-1.2, 1.2)

@@ -13,8 +13,7 @@ from scaling_service.model.anatomy.inertia import apply_inertia_table, possible_
 from scaling_service.model.anatomy.inertia_planar import apply_to_squat
 from scaling_service.model.body import BodyModel, Law
 from scaling_service.model.builtin import builtin, generic_person
-from scaling_service.model.inertia_tables import TABLE_NAMES, inertia_table
-from scaling_service.model.massive import inertias_of, total_mass
+from scaling_service.model.inertia import TABLE_NAMES, inertia_table, inertias_of, total_mass
 from scaling_service.model.reference import reference_folder
 
 BODY = builtin("full_body_35dof")

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.settings import DiscoverSettings
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.files.trc import write_trc
-from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.inertia import TABLE_NAMES
 from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings

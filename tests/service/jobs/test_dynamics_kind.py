@@ -17,7 +17,7 @@ from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
-from scaling_service.model.inertia_tables import TABLE_NAMES
+from scaling_service.model.inertia import TABLE_NAMES
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from tests.jobs.force_laboratory import document, force_laboratory

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from scaling_service.capabilities.cohort.job import RECORD
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.service import Service, open_store
@@ -167,9 +166,3 @@ def test_parts_count_for_the_queue_and_cannot_be_asked_for(settings: ServiceSett
     with pytest.raises(NotFound):
         service.ask("lab", "part", {"number": 1})
     service.close()
-
-
-def test_the_name_of_what_a_member_keeps() -> None:
-    from scaling_service.capabilities.cohort import subject_item
-
-    assert RECORD == subject_item.RECORD

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scaling_service.model.body import Segment
-from scaling_service.model.massive import tensor_of
+from scaling_service.model.inertia import tensor_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR
 

@@ -12,7 +12,7 @@ import numpy as np
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
-from scaling_service.model.massive import inertias_of, mechanism_of
+from scaling_service.model.inertia import inertias_of, mechanism_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
 from scaling_service.numerics.multibody.tree import forward

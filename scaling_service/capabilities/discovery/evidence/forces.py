@@ -31,7 +31,7 @@ from scaling_service.capabilities.discovery.laws.loads import (
 from scaling_service.capabilities.discovery.search.candidates import Candidate
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.massive import inertias_of, with_inertias
+from scaling_service.model.inertia import inertias_of, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.multibody.rigid import rotation_about

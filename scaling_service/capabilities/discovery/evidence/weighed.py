@@ -20,7 +20,7 @@ from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.massive import mechanism_of
+from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import forward, positions

@@ -7,7 +7,7 @@ import numpy as np
 from scaling_service.capabilities.dynamics.inertia.cone import Body
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.compile import default_coordinates, parameter_values
-from scaling_service.model.massive import tensor_of, whole_tree
+from scaling_service.model.inertia import tensor_of, whole_tree
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward
 

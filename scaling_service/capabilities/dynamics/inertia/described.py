@@ -9,7 +9,7 @@ import numpy as np
 from scaling_service.capabilities.dynamics.inertia.prior import PARTS, InertialPrior, tensor_of_second_moments
 from scaling_service.capabilities.dynamics.inertia.result import QUANTITIES, Combination, InertialParameter
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import inertias_of
+from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR
 

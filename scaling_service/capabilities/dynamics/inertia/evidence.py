@@ -12,7 +12,7 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynami
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
-from scaling_service.model.massive import mechanism_of
+from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.wrench.ground_wrench import moment_about
 from scaling_service.numerics.wrench.regressor import regressor_blocks

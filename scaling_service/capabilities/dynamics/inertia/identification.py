@@ -41,7 +41,7 @@ from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.inertia import possible_tensor
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import inertias_of, with_inertias
+from scaling_service.model.inertia import inertias_of, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
 

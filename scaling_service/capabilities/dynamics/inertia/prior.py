@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.massive import inertias_of
+from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Inertias
 

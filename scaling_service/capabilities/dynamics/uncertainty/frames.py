@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.dynamics.uncertainty.markers import MarkerUncertainty
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
 from scaling_service.core.errors import InputError
-from scaling_service.model.massive import inertias_of, mechanism_of
+from scaling_service.model.inertia import inertias_of, mechanism_of
 from scaling_service.numerics.multibody.derivatives import spline_rates
 from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.laws import Array

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.massive import tensor_of
+from scaling_service.model.inertia import tensor_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, Poses, Tree, cross, forward
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY

@@ -16,7 +16,7 @@ from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.massive import total_mass
+from scaling_service.model.inertia import total_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions, positions

@@ -11,8 +11,7 @@ from scaling_service.model.anatomy.conventional import heel_level
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.neutral import marker_position, model_values, neutral_frames
-from scaling_service.model.poses import placed_markers
+from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
 from scaling_service.model.results import Array, Motion
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")

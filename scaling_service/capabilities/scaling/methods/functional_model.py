@@ -14,8 +14,8 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import femur_frame
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.knee_axes import Tilt, tilt_of
-from scaling_service.model.neutral import marker_position, model_values
+from scaling_service.model.parameters import Tilt, tilt_of
+from scaling_service.model.poses import marker_position, model_values
 from scaling_service.model.subject import Session
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid

@@ -22,11 +22,10 @@ from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_fra
 from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
-from scaling_service.model.images import ImageEvidence, ImagePose
-from scaling_service.model.knee_axes import Tilt, tilt_of, tilt_rotation
+from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
 

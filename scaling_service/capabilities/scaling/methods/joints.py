@@ -8,8 +8,7 @@ import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.body import BodyModel, Joint, Law, Vector
-from scaling_service.model.knee_axes import Tilt
-from scaling_service.model.parameters import fold, free_axis
+from scaling_service.model.parameters import Tilt, fold, free_axis
 
 
 def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:

@@ -25,8 +25,7 @@ from scaling_service.core.text import few
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.knee_axes import Tilt
-from scaling_service.model.knees import with_knee
+from scaling_service.model.parameters import Tilt, with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Measurement, ScaleSetup, Session

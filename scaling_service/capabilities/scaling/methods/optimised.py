@@ -18,8 +18,7 @@ from scaling_service.capabilities.scaling.methods.per_axis import fitted_factor
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
-from scaling_service.model.knee_axes import after
-from scaling_service.model.parameters import fold
+from scaling_service.model.parameters import after, fold
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Outcome, Solution, Uncertainty, uncertainty

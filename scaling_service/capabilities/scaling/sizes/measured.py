@@ -20,8 +20,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import (
     distances,
 )
 from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
-from scaling_service.model.anatomy.centres import Points, Size, construct_centres, read_pelvis
-from scaling_service.model.anatomy.palpation import landmark_sd
+from scaling_service.model.anatomy.centres import Points, Size, construct_centres, landmark_sd, read_pelvis
 from scaling_service.numerics.multibody.laws import Array
 
 _UNKNOWN_SD = 0.05

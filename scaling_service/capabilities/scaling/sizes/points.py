@@ -17,11 +17,11 @@ from scaling_service.model.anatomy.centres import (
     lift_ankle,
     with_mirrored_psis,
 )
-from scaling_service.model.anatomy.chord import chord_centre
+from scaling_service.model.anatomy.hip_centre import chord_centre
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel
-from scaling_service.model.neutral import neutral_frames
+from scaling_service.model.poses import neutral_frames
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 

@@ -15,10 +15,9 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.scaling.sizes.measured import Ratios
-from scaling_service.model.anatomy.anthropometry import predict_dimensions
-from scaling_service.model.anatomy.dimensions import DimensionPrior
+from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
+from scaling_service.model.anatomy.centres import size_sd
 from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.anatomy.palpation import size_sd
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.results import SegmentSize
 from scaling_service.model.subject import Subject

@@ -25,9 +25,8 @@ from scaling_service.capabilities.scaling.sizes.segment_sizes import (
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
-from scaling_service.model.anatomy.centres import MARKER_RADIUS_M, BodySizes, Size
-from scaling_service.model.anatomy.dimensions import DimensionPrior
-from scaling_service.model.anatomy.palpation import ADULT_STATURE_M, size_sd
+from scaling_service.model.anatomy.anthropometry import DimensionPrior
+from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject

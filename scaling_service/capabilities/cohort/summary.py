@@ -1,18 +1,13 @@
-"""From one subject's results to what a cohort takes of them."""
+"""What a cohort's statistics take of one subject: few numbers and mean curves, no recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.subject_summary import (
-    TRUTH,
-    Following,
-    MethodSummary,
-    SubjectSummary,
-)
 from scaling_service.capabilities.scaling.comparison.placed_centres import placed_centres
 from scaling_service.capabilities.scaling.comparison.stride_curves import StrideCurves, stride_curves
 from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
@@ -20,26 +15,71 @@ from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.images import ImageEvidence
 from scaling_service.model.results import Array
 from scaling_service.model.subject import Session
+from scaling_service.model.trial import ImageEvidence
 
-_IMAGED = "EB"
+TRUTH = "truth"
+"""Stands beside the methods' names where the true body is known."""
+
+IMAGED = "EB"
+"""The reference of lengths and joint centres (Puchaud 2019, section 2.3): nothing in it is fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Following:
+    """How closely a method's model follows the markers of one trial, m.
+
+    ``mean``, ``rms`` and ``max`` are over frames and markers; ``role`` is ``evaluation`` for a trial that
+    was not used to fit.
+    """
+
+    role: Literal["calibration", "evaluation"]
+    mean: float
+    rms: float
+    max: float
+
+
+@dataclass(frozen=True, slots=True)
+class MethodSummary:
+    """One method's figures of one subject; an image-based method has what was imaged."""
+
+    lengths: Mapping[str, float] = field(default_factory=dict)  # inter_hip, femur_r … to m
+    trials: Mapping[str, Following] = field(default_factory=dict)  # calibration and evaluation
+    knee_axes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """``r``, ``l`` to the turns of the knee axis about x and y of the thigh, rad."""
+    marker_shifts: Mapping[str, float] = field(default_factory=dict)
+    """Marker to how far the fit moved it, m; empty where the method fits no marker."""
+    curves: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """Coordinate to its mean over the subject's strides, (n_nodes,), rad."""
+    from_truth_m: Mapping[str, float] = field(default_factory=dict)
+    """What is measured (``lengths``, ``hip_centre`` …) to its distance from the truth."""
+    from_truth_rad: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SubjectSummary:
+    """One subject's figures under all its methods.
+
+    ``centres``: reference (``EB`` or ``truth``) to method, the reference's own name among them, to joint, to
+    where the method puts its centre in the reference's proximal segment, mean over frames, m.
+    """
+
+    subject: str
+    methods: Mapping[str, MethodSummary]  # in the order computed
+    true_lengths: Mapping[str, float] = field(default_factory=dict)  # empty where the truth is not known
+    centres: Mapping[str, Mapping[str, Mapping[str, Vector]]] = field(default_factory=dict)
+    strides: Mapping[str, int] = field(default_factory=dict)  # r, l to the strides behind the curves
+    no_strides: Mapping[str, str] = field(default_factory=dict)  # r, l to why there are none
+    left_out: Mapping[str, str] = field(default_factory=dict)  # method to why it was not done
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The true body and motion of a virtual person.
-
-    Parameters
-    ----------
-    model : BodyModel
-    motions : mapping
-        Trial to true coordinates, (n_frames, n_coordinates) in the model's order, rad or m.
-    """
+    """The true body and motion of a virtual person."""
 
     model: BodyModel
-    motions: Mapping[str, Array]
+    motions: Mapping[str, Array]  # trial to coordinates, (n_frames, n_coordinates), rad or m
 
 
 def summarise(
@@ -47,15 +87,6 @@ def summarise(
 ) -> SubjectSummary:
     """What a cohort's statistics take of one subject's results.
 
-    Parameters
-    ----------
-    results : Results
-    truth : Truth, optional
-    left_out : mapping, optional
-        Methods that were asked for and not done, with the reason.
-
-    Notes
-    -----
     Joint centres and distances from the truth are taken on the evaluation trials, where there are any. Of a
     leg that was not imaged an image-based method knows no length: what it took over from the other leg
     is left out here.
@@ -130,9 +161,9 @@ def _centres(
         method: (scaling.calibration.model, np.concatenate([scaling.motions[t].q for t in trials]))
         for method, scaling in results.scalings.items()
     }
-    if _IMAGED in models:
-        seen = _seen_from(models, *models[_IMAGED])
-        found[_IMAGED] = {m: {j: at for j, at in by.items() if j in imaged} for m, by in seen.items()}
+    if IMAGED in models:
+        seen = _seen_from(models, *models[IMAGED])
+        found[IMAGED] = {m: {j: at for j, at in by.items() if j in imaged} for m, by in seen.items()}
     if truth is not None:
         true = truth.model, np.concatenate([truth.motions[t] for t in trials])
         found[TRUTH] = _seen_from({**models, TRUTH: true}, *true)

@@ -11,40 +11,31 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from scaling_service.capabilities.cohort.scaling_items import Done, NothingPossible, possible_methods
-from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
-from scaling_service.capabilities.cohort.summaries import summarise
+from scaling_service.capabilities.cohort.job import RECORD as RECORD
+from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, possible_methods
+from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.run import Progress, compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.subject.reading import input_hashes, load_subject
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.results import ComparisonDocument
 from scaling_service.model.subject import Subject
 
-RECORD = "batch.json"
-"""What a batch keeps of a subject in its folder: SI, every digit, so that another run gives the same."""
-
 RECORD_VERSION = 1
 """Part of every specification: raised when a summary holds other things than before."""
 
-_COMPUTING = (
-    0.85  # chosen: about the share of computing in the time of a subject, before its files are written
-)
+_COMPUTING = 0.85  # chosen: about computing's share of a subject's time, before its files are written
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """That a subject is done.
+    """That a subject is done: in SI with every digit, so that another run gives the same.
 
-    Parameters
-    ----------
-    specification : str
-        SHA-256 of everything that the results depend on.
-    files : tuple of str
-        What was written, relative to the subject's folder.
-    summary : SubjectSummary
+    ``specification`` is the SHA-256 of everything that the results depend on; ``files`` are what was written,
+    relative to the subject's folder.
     """
 
     specification: str
@@ -56,35 +47,29 @@ _RECORDS = TypeAdapter(Record)
 
 
 @dataclass(frozen=True, slots=True)
-class SubjectItem:
+class SubjectMember:
     """How to scale the subject of a file, and where to write its results.
 
-    Parameters
-    ----------
-    file, folder : Path
-    name : str
-        The subject's id.
-    groups : mapping
-    force : bool
-        Do it again even if nothing changed.
+    ``force`` does it again even if nothing changed; a subject whose file cannot be used fails by its
+    ``error`` without any work.
     """
 
+    name: str
     file: Path
     folder: Path
-    name: str
+    shown: str = ""
     groups: Mapping[str, str] = field(default_factory=dict)
     force: bool = False
+    error: InputError | None = None
 
     def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Scale by the methods that are possible, and write what ``compare`` writes.
 
-        Raises
-        ------
-        NothingPossible
-            None of the methods can be done.
-        InputError
-            Whatever in the subject's files cannot be used, or a folder that cannot be written to.
+        NothingPossible: none of the methods can be done. InputError: whatever in the subject's files cannot
+        be used, or a folder that cannot be written to.
         """
+        if self.error is not None:
+            raise self.error
         subject = load_subject(self.file)
         possible, left_out = possible_methods(subject, methods)
         if not possible:
@@ -111,8 +96,6 @@ class SubjectItem:
 def specification(file: Path, subject: Subject, methods: Sequence[str] | None, settings: Settings) -> str:
     """SHA-256 of what a subject's results depend on.
 
-    Notes
-    -----
     The subject document counts as it is understood, not as it is written: comments and order change nothing.
     Every file that it names counts by its content.
     """
@@ -134,13 +117,15 @@ def specification(file: Path, subject: Subject, methods: Sequence[str] | None, s
 def read_record(folder: Path) -> Record | None:
     """What an earlier batch kept of a subject; None where it is absent, not whole, or its files are gone."""
     try:
-        record = _RECORDS.validate_python(json.loads((folder / RECORD).read_text(encoding="utf-8")))
-    except (
-        OSError,
-        ValueError,
-    ):  # absent, no text, no JSON, or not this record: ValidationError is a ValueError
+        record = _RECORDS.validate_json((folder / RECORD).read_bytes())
+    except (OSError, ValueError):  # absent, no JSON, or not this record: a ValidationError is a ValueError
         return None
     return record if all((folder / name).is_file() for name in record.files) else None
+
+
+def read_summary(folder: Path) -> SubjectSummary:
+    """What the statistics take of a subject that is done, whose other files need not be there."""
+    return _RECORDS.validate_json((folder / RECORD).read_bytes()).summary
 
 
 def _write_record(folder: Path, record: Record) -> None:

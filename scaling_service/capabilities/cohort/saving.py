@@ -1,0 +1,147 @@
+"""A cohort onto disk: its document, its numbers as CSV tables and its report, over nobody else's files."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from scaling_service.capabilities.cohort.document import CohortDocument
+from scaling_service.capabilities.cohort.job import RECORD
+from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.report import cohort_page
+from scaling_service.capabilities.cohort.statistics import CohortStatistics
+from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
+from scaling_service.capabilities.scaling.reporting import REPORT
+from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.numerics.statistics.cycles import NODES
+
+DOCUMENT = "cohort.json"
+
+Row = Mapping[str, str | float | int | None]
+
+
+def save_cohort(
+    document: CohortDocument, statistics: CohortStatistics, outcomes: Sequence[Outcome], folder: Path
+) -> tuple[str, ...]:
+    """Write the cohort's own files, all or none, and name them."""
+    with all_or_nothing(folder) as scratch:
+        write_json(scratch / DOCUMENT, document)
+        for name in TABLES:
+            (scratch / name).write_text(table(name, outcomes), encoding="utf-8")
+        (scratch / REPORT).write_text(cohort_page(document, statistics).html(), encoding="utf-8")
+        return tuple(sorted(path.name for path in scratch.iterdir()))
+
+
+def _lengths(summary: SubjectSummary) -> Iterator[Row]:
+    by_method = {name: method.lengths for name, method in summary.methods.items()}
+    for method, lengths in (
+        by_method | ({TRUTH: summary.true_lengths} if summary.true_lengths else {})
+    ).items():
+        for segment, length in lengths.items():
+            yield {"method": method, "segment": segment, "length_mm": round(1e3 * length, 4)}
+
+
+def _errors(summary: SubjectSummary) -> Iterator[Row]:
+    for name, method in summary.methods.items():
+        for trial, found in method.trials.items():
+            values = {"mean_mm": found.mean, "rms_mm": found.rms, "max_mm": found.max}
+            # A trial without any marker seen has no error: the cells stay empty.
+            shown = {k: round(1e3 * v, 4) if math.isfinite(v) else None for k, v in values.items()}
+            yield {"method": name, "trial": trial, "role": found.role, **shown}
+
+
+def _angles(summary: SubjectSummary) -> Iterator[Row]:
+    for name, method in summary.methods.items():
+        for coordinate, curve in method.curves.items():
+            strides = summary.strides[coordinate.rpartition("_")[2]]
+            angles = {f"deg_at_{k}_percent": round(math.degrees(value), 4) for k, value in enumerate(curve)}
+            yield {"method": name, "coordinate": coordinate, "strides": strides, **angles}
+
+
+TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[SubjectSummary], Iterable[Row]]]] = MappingProxyType(
+    {
+        "lengths.csv": (("method", "segment", "length_mm"), _lengths),
+        "errors.csv": (("method", "trial", "role", "mean_mm", "rms_mm", "max_mm"), _errors),
+        "angles.csv": (
+            ("method", "coordinate", "strides", *(f"deg_at_{k}_percent" for k in range(NODES))),
+            _angles,
+        ),
+    }
+)
+"""File to its columns after the subject's and its groups, and to where the rows come from."""
+
+
+def table(name: str, outcomes: Sequence[Outcome]) -> str:
+    """One of :data:`TABLES` as CSV over the members that are done; labels stand in columns ``group_…``."""
+    import pandas  # only here and after all work: it takes half a second
+
+    columns, read = TABLES[name]
+    groups = dict.fromkeys(f"group_{group}" for outcome in outcomes for group in outcome.groups)
+    rows = [
+        {"subject": o.summary.subject, **{f"group_{k}": v for k, v in o.groups.items()}, **row}
+        for o in outcomes
+        if o.summary is not None
+        for row in read(o.summary)
+    ]
+    frame = pandas.DataFrame(rows, columns=["subject", *groups, *columns])
+    return str(frame.to_csv(index=False, lineterminator="\n"))
+
+
+def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) -> None:
+    """Refuse ids (with how each is shown, and its file) that would name one folder or a file of results."""
+    seen: dict[str, str] = {}
+    for name, shown, file in members:
+        key = name.casefold()  # on some disks capitals do not count
+        if key in (DOCUMENT, REPORT, *TABLES):
+            raise SubjectInvalid(
+                f"'{name}' is the name of a file of results",
+                file=file,
+                field="subject.id",
+                remedy="Give the subject another id",
+            )
+        if key in seen:
+            raise SubjectInvalid(
+                f"'{seen[key]}' and '{shown}' are both subject '{name}'",
+                file=source,
+                field="subject.id",
+                remedy="Results are named by it: give each subject an id of its own",
+            )
+        seen[key] = shown
+
+
+def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
+    """Nothing of anybody else's is written over."""
+    if not folder.is_dir():
+        return
+    document = _content(folder / DOCUMENT)
+    ours = document.get("kind") == "cohort" and "schema_version" in document
+    for name in (DOCUMENT, REPORT, *TABLES):
+        if (folder / name).exists() and not ours:
+            raise _foreign(folder, f"'{name}' there was not written by a batch")
+    for name in names:
+        place = folder / name
+        if place.exists() and not (place.is_dir() and _holds_results(place, name)):
+            raise _foreign(folder, f"'{name}' there holds something else than that subject's results")
+
+
+def _foreign(folder: Path, problem: str) -> InputError:
+    return InputError(problem, file=folder, field="--out", remedy="Name another folder, or move it away")
+
+
+def _holds_results(folder: Path, subject: str) -> bool:
+    """Whether a subject's results, or nothing, are in a folder."""
+    known = (folder / RECORD).is_file() or _content(folder / "comparison.json").get("subject") == subject
+    return known or not any(folder.iterdir())
+
+
+def _content(file: Path) -> Mapping[str, object]:
+    """A JSON object; empty where there is none."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}

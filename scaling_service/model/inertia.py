@@ -1,0 +1,181 @@
+"""Published tables of body segment inertial parameters, as they are printed.
+
+What the numbers mean is told in ``reference_models/README.md``, section "Inertial tables".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+
+from scaling_service.core.errors import InputError, ModelRefused
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model
+from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias, Mechanism
+from scaling_service.numerics.multibody.tree import Tree
+
+Sex = Literal["F", "M"]
+
+TABLE_NAMES: tuple[str, ...] = ("dumas2007", "dumas_wojtusch2018", "deleva1996", "winter2009")
+"""Dumas et al. 2007; Dumas and Wojtusch 2018; de Leva 1996; Winter 2009 (Dempster)."""
+
+
+@dataclass(frozen=True, slots=True)
+class InertiaRow:
+    """One segment of one sex."""
+
+    segment: str  # thigh, thorax …
+    sex: Sex
+    mass_pct: float  # of the body's mass
+    span: tuple[str, str]
+    """Landmarks: where the centre of mass is counted from, and what the length L reaches to."""
+    length_m: float | None  # L of the table's mean subject
+    com_pct: tuple[float, ...] | None
+    """% of L: three along the segment's axes, or one along the span. None where the table is silent."""
+    radii_pct: tuple[float | None, float | None, float | None]
+    """Radii of gyration about the centre of mass, axes x, y, z, % of L."""
+    products_pct: tuple[float, float, float]
+    """xy, xz, yz, % of L: the product of inertia is ``sign * mass * (v L)^2``."""
+
+
+@dataclass(frozen=True, slots=True)
+class InertiaTable:
+    """One published table."""
+
+    name: str
+    source: str
+    stature_m: Mapping[str, float]  # sex to the stature of the mean subject
+    notes: tuple[str, ...]  # what a user of the table must know
+    fallback: str | None  # the table that is asked where this one is silent
+    rows: tuple[InertiaRow, ...]
+
+    def find(self, segment: str, sex: Sex) -> InertiaRow | None:
+        """The row of a segment and sex, None if the table has none."""
+        return next((r for r in self.rows if r.segment == segment and r.sex == sex), None)
+
+    def row(self, segment: str, sex: Sex) -> InertiaRow:
+        """The row of a segment and sex.
+
+        InputError: the table has none.
+        """
+        found = self.find(segment, sex)
+        if found is None:
+            known = ", ".join(dict.fromkeys(r.segment for r in self.rows))
+            raise InputError(
+                f"table '{self.name}' has no segment '{segment}' for sex '{sex}'",
+                field="inertia",
+                remedy=f"It has {known}, for F and M",
+            )
+        return found
+
+
+@cache
+def inertia_table(name: str) -> InertiaTable:
+    """A table by its name.
+
+    InputError: there is no such table; the names are listed.
+
+    Examples
+    --------
+    >>> inertia_table("dumas2007").row("thigh", "M").mass_pct
+    12.3
+    """
+    if name not in TABLE_NAMES:
+        raise InputError(
+            f"there is no inertial table '{name}'",
+            field="inertia",
+            remedy=f"Use one of {', '.join(TABLE_NAMES)}",
+        )
+    content = read_reference(reference_folder() / f"inertia_{name}.yaml")
+    return InertiaTable(
+        name,
+        content["source"],
+        content["stature_m"],
+        tuple(content["notes"]),
+        content.get("fallback"),
+        tuple(_row(entry) for entry in content["rows"]),
+    )
+
+
+def _row(entry: Mapping[str, Any]) -> InertiaRow:
+    com, length = entry["com_pct"], entry["length_mm"]
+    start, end = entry["span"]
+    x, y, z = entry["radii_pct"]
+    xy, xz, yz = entry["products_pct"]
+    return InertiaRow(
+        entry["segment"],
+        entry["sex"],
+        float(entry["mass_pct"]),
+        (start, end),
+        None if length is None else length / 1000.0,
+        None if com is None else tuple(float(c) for c in com),
+        (x, y, z),
+        (xy, xz, yz),
+    )
+
+
+Six = tuple[float, float, float, float, float, float]
+"""A symmetric tensor as the model holds it: xx, yy, zz, xy, xz, yz."""
+
+
+def mechanism_of(model: BodyModel) -> Mechanism:
+    """Compile a model with all its segments, in the model's order, and their inertias.
+
+    The tree carries one marker per segment, at its centre of mass.
+
+    ModelRefused: no segment has mass.
+    """
+    if not any(s.mass for s in model.segments):
+        raise ModelRefused(
+            f"no segment of model '{model.name}' has mass",
+            field="segments",
+            remedy="Give the segments mass, centre of mass and inertia, or apply an inertial table",
+        )
+    return Mechanism(whole_tree(model), inertias_of(model))
+
+
+def whole_tree(model: BodyModel) -> Tree:
+    """A tree with every segment of the model, in its order, and one marker on each: its centre of mass."""
+    return compile_model(model.with_markers(tuple(Marker.at(s.name, s.name, s.com) for s in model.segments)))
+
+
+def inertias_of(model: BodyModel) -> Inertias:
+    """Masses, centres of mass and tensors of all segments, in the model's order."""
+    mass = np.array([s.mass for s in model.segments], dtype=float)
+    com = np.array([s.com for s in model.segments], dtype=float).reshape(-1, 3)
+    tensors = np.array([tensor_of(s.inertia) for s in model.segments]).reshape(-1, 3, 3)
+    return Inertias(mass, com, tensors)
+
+
+def tensor_of(numbers: Six) -> Array:
+    """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
+    tensor = np.empty((3, 3))
+    for (i, j), value in zip(TENSOR, numbers, strict=True):
+        tensor[i, j] = tensor[j, i] = value
+    return tensor
+
+
+def with_inertias(model: BodyModel, inertias: Inertias) -> BodyModel:
+    """The model with other masses, centres of mass and tensors, in the order of its segments."""
+    segments = tuple(
+        replace(s, mass=float(m), com=(float(c[0]), float(c[1]), float(c[2])), inertia=six(t))
+        for s, m, c, t in zip(model.segments, inertias.mass, inertias.com, inertias.tensor, strict=True)
+    )
+    return replace(model, segments=segments)
+
+
+def six(tensor: Array) -> Six:
+    """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
+    xx, yy, zz, xy, xz, yz = (float(tensor[i, j]) for i, j in TENSOR)
+    return (xx, yy, zz, xy, xz, yz)
+
+
+def total_mass(model: BodyModel) -> float:
+    """The sum of all segments' masses, kg."""
+    return float(sum(s.mass for s in model.segments))

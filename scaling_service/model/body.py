@@ -9,14 +9,29 @@ Y up, Z to the subject's right (ISB).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 from scaling_service.core.errors import ModelRefused
 
 Vector = tuple[float, float, float]
+Tensor = tuple[float, float, float, float, float, float]
+"""A symmetric tensor: xx, yy, zz, xy, xz, yz."""
+
 GROUND = "ground"
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers of any kind as a vector of the model."""
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)
+
+
+def tensor(values: Iterable[float]) -> Tensor:
+    """Six numbers of any kind as a tensor of the model."""
+    xx, yy, zz, xy, xz, yz = (float(v) for v in values)
+    return (xx, yy, zz, xy, xz, yz)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +120,7 @@ class Segment:
     joints: tuple[Joint, ...]  # in order from the parent's frame to this segment's frame
     mass: float = 0.0  # kg
     com: Vector = (0.0, 0.0, 0.0)  # (3,) m, in the segment's frame
-    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    inertia: Tensor = (0.0,) * 6
     """(6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz."""
 
 
@@ -159,8 +174,7 @@ class Marker:
     @property
     def nominal(self) -> Vector:
         """The constant part of its local position (m)."""
-        x, y, z = (law.constant_part for law in self.laws)
-        return (x, y, z)
+        return vector(law.constant_part for law in self.laws)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,30 @@
-"""Where the data that come with the product are."""
+"""The body models that come with the product, by name, and the short form in which they are written down.
+
+Their numbers, each with its source, are in the data folder ``reference_models``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Literal
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Joint, Law, Marker, Segment, Vector
+from scaling_service.model.body import (
+    GROUND,
+    BodyModel,
+    Coordinate,
+    Joint,
+    Law,
+    Marker,
+    Segment,
+    Tensor,
+    Vector,
+    tensor,
+    vector,
+)
 from scaling_service.model.inertia import inertia_table
 from scaling_service.model.reference import read_reference, reference_folder
 
@@ -72,8 +87,6 @@ def _read(name: str) -> dict[str, Any]:
     return document
 
 
-Tensor = tuple[float, float, float, float, float, float]
-
 _AXES: dict[str, Vector] = {
     sign + name: (factor * x, factor * y, factor * z)
     for sign, factor in (("", 1.0), ("-", -1.0))
@@ -113,8 +126,7 @@ class _Reader:
         return _Reader(self.file, f"{self.field}.{key}", dict(self.need(key)))
 
     def vector(self, key: str) -> Vector:
-        x, y, z = self.need(key)
-        return (float(x), float(y), float(z))
+        return vector(self.need(key))
 
     def done(self) -> None:
         if self.content:
@@ -225,17 +237,17 @@ def _inertia(reader: _Reader, person: GenericPerson) -> tuple[float, Vector, Ten
     origin = reader.vector("from") if "from" in reader.content else (0.0, 0.0, 0.0)
     if "table" in reader.content:
         row = inertia_table(str(reader.need("table"))).row(str(reader.need("row")), person.sex)
-        mass_pct, com_pct = row.mass_pct, _vector(row.com_pct or ())
-        radii = (*_vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
+        mass_pct, com_pct = row.mass_pct, vector(row.com_pct or ())
+        radii = (*vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
     else:
         mass_pct, com_pct = float(reader.need("mass_pct")), reader.vector("com_pct")
         radii = (*reader.vector("radii_pct"), *reader.vector("products_pct"))
     mass = person.mass_kg * mass_pct / 100.0
     com = tuple(o + length * c / 100.0 for o, c in zip(origin, com_pct, strict=True))
-    tensor = tuple(math.copysign(mass * (r * length / 100.0) ** 2, r) if r else 0.0 for r in radii)
+    moments = [math.copysign(mass * (r * length / 100.0) ** 2, r) if r else 0.0 for r in radii]
     reader.need("source")
     reader.done()
-    return mass, _vector(com), _tensor(tensor)
+    return mass, vector(com), tensor(moments)
 
 
 def _markers(reader: _Reader, weight: float) -> list[Marker]:
@@ -286,13 +298,3 @@ def _mirror_joint(joint: Joint) -> Joint:
 
 def _left(name: str) -> str:
     return f"{name[:-2]}_l" if name.endswith("_r") else name
-
-
-def _vector(values: Sequence[float]) -> Vector:
-    x, y, z = values
-    return (x, y, z)
-
-
-def _tensor(values: Sequence[float]) -> Tensor:
-    xx, yy, zz, xy, xz, yz = values
-    return (xx, yy, zz, xy, xz, yz)

@@ -7,7 +7,7 @@ that few of them remain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -211,8 +211,3 @@ def coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
 def free_coordinates(model: BodyModel) -> NDArray[np.bool_]:
     """Which coordinates are estimated, shape (n_coordinates,)."""
     return np.array([not c.locked for c in model.coordinates])
-
-
-def signal_rows(signals: Mapping[str, Array], order: Sequence[str]) -> Array:
-    """Signals in the order compiled, shape (n_frames, n_signals)."""
-    return np.column_stack([signals[name] for name in order])

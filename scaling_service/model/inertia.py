@@ -1,6 +1,6 @@
-"""Published tables of body segment inertial parameters, as they are printed.
+"""Mass, centre of mass and inertia of segments: published tables as printed, and arrays for dynamics.
 
-What the numbers mean is told in ``reference_models/README.md``, section "Inertial tables".
+What the tables' numbers mean is told in ``reference_models/README.md``, section "Inertial tables".
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel, Marker, Tensor, vector
+from scaling_service.model.body import tensor as as_tensor
 from scaling_service.model.compile import compile_model
 from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.numerics.multibody.laws import Array
@@ -120,10 +121,6 @@ def _row(entry: Mapping[str, Any]) -> InertiaRow:
     )
 
 
-Six = tuple[float, float, float, float, float, float]
-"""A symmetric tensor as the model holds it: xx, yy, zz, xy, xz, yz."""
-
-
 def mechanism_of(model: BodyModel) -> Mechanism:
     """Compile a model with all its segments, in the model's order, and their inertias.
 
@@ -153,7 +150,7 @@ def inertias_of(model: BodyModel) -> Inertias:
     return Inertias(mass, com, tensors)
 
 
-def tensor_of(numbers: Six) -> Array:
+def tensor_of(numbers: Tensor) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
     tensor = np.empty((3, 3))
     for (i, j), value in zip(TENSOR, numbers, strict=True):
@@ -164,16 +161,15 @@ def tensor_of(numbers: Six) -> Array:
 def with_inertias(model: BodyModel, inertias: Inertias) -> BodyModel:
     """The model with other masses, centres of mass and tensors, in the order of its segments."""
     segments = tuple(
-        replace(s, mass=float(m), com=(float(c[0]), float(c[1]), float(c[2])), inertia=six(t))
+        replace(s, mass=float(m), com=vector(c), inertia=six(t))
         for s, m, c, t in zip(model.segments, inertias.mass, inertias.com, inertias.tensor, strict=True)
     )
     return replace(model, segments=segments)
 
 
-def six(tensor: Array) -> Six:
+def six(matrix: Array) -> Tensor:
     """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
-    xx, yy, zz, xy, xz, yz = (float(tensor[i, j]) for i, j in TENSOR)
-    return (xx, yy, zz, xy, xz, yz)
+    return as_tensor(matrix[i, j] for i, j in TENSOR)
 
 
 def total_mass(model: BodyModel) -> float:

@@ -1,7 +1,7 @@
-"""One pose of a body model, written out plainly: where its segments and markers are.
+"""Where a body's segments and markers are: one pose written out plainly, and all frames of a recording.
 
-For a single pose (the neutral one, a drawing, a segment's length) and as an independent oracle
-for the kernels that do the same for thousands of frames at once.
+The single pose (the neutral one, a drawing, a segment's length) is also an independent oracle for the kernels
+that do the same for thousands of frames at once.
 """
 
 from __future__ import annotations

@@ -8,10 +8,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.body import BodyModel, Coupler, Joint, Marker, Segment, Vector
+from scaling_service.model.body import (
+    BodyModel,
+    Coupler,
+    Joint,
+    Marker,
+    Segment,
+    Tensor,
+    Vector,
+    tensor,
+    vector,
+)
 
 Array = NDArray[np.float64]
-Inertia = tuple[float, float, float, float, float, float]
 
 _MASSLESS = 2.0**-52
 """kg; OpenSim's Body::scaleInertialProperties takes lighter bodies as massless (SimTK::Eps)."""
@@ -99,7 +108,7 @@ def _segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) ->
         segment,
         joints=joints,
         mass=mass,
-        com=_vector(np.array(segment.com) * f),
+        com=vector(np.array(segment.com) * f),
         inertia=_inertia(segment, mass, np.array(f)),
     )
 
@@ -113,7 +122,7 @@ def scaled_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     length = float(np.linalg.norm(direction))
     if np.count_nonzero(direction) == 1:  # keep a coordinate axis free of rounding
         return replace(joint, law=joint.law.scaled(length))
-    return replace(joint, axis=_vector(direction / length), law=joint.law.scaled(length))
+    return replace(joint, axis=vector(direction / length), law=joint.law.scaled(length))
 
 
 def _marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
@@ -134,16 +143,18 @@ def _coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vector]) 
 
 def _with_total_mass(segments: tuple[Segment, ...], mass_kg: float) -> tuple[Segment, ...]:
     ratio = mass_kg / sum(s.mass for s in segments)
-    return tuple(replace(s, mass=s.mass * ratio, inertia=_six(np.array(s.inertia) * ratio)) for s in segments)
+    return tuple(
+        replace(s, mass=s.mass * ratio, inertia=tensor(np.array(s.inertia) * ratio)) for s in segments
+    )
 
 
-def _inertia(segment: Segment, mass: float, f: Array) -> Inertia:
+def _inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     """Inertia after scaling, as OpenSim's Body::scaleInertialProperties."""
     inertia = np.array(segment.inertia)
     if mass <= _MASSLESS:
-        return _six(0.0 * inertia)
+        return tensor(0.0 * inertia)
     if np.allclose(f, f[0], rtol=1e-14, atol=0.0):
-        return _six(inertia * f[0] ** 2 * mass / segment.mass)
+        return tensor(inertia * f[0] ** 2 * mass / segment.mass)
     along = _cylinder_axis(inertia)
     across = 1 if along == 0 else 0
     radius2 = max(0.0, 2.0 * inertia[along] / segment.mass)
@@ -154,7 +165,7 @@ def _inertia(segment: Segment, mass: float, f: Array) -> Inertia:
     result[along] = 0.5 * mass * radius2
     pairs = np.array([f[0] * f[1], f[0] * f[2], f[1] * f[2]])
     result[3:] = inertia[3:] * pairs * mass / segment.mass
-    return _six(result)
+    return tensor(result)
 
 
 def _cylinder_axis(inertia: Array) -> int:
@@ -163,13 +174,3 @@ def _cylinder_axis(inertia: Array) -> int:
     if xx <= yy:
         return 0 if xx <= zz else 2
     return 1 if yy <= zz else 2
-
-
-def _six(values: Array) -> Inertia:
-    xx, yy, zz, xy, xz, yz = (float(v) for v in values)
-    return (xx, yy, zz, xy, xz, yz)
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)

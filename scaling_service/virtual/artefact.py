@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.model.body import BodyModel, Law, Marker, Term, Vector
+from scaling_service.model.body import BodyModel, Law, Marker, Term, Vector, vector
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.motion import wander
 
@@ -78,8 +78,7 @@ def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
         together = stream(seed, "artefact", marker.segment, coordinate).normal(size=3)
         alone = stream(seed, "artefact", marker.segment, coordinate, marker.name).normal(size=3)
         mixed = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
-        x, y, z = (float(v) for v in size * _PER_DEG * np.array(spread) * mixed)
-        found[coordinate] = (x, y, z)
+        found[coordinate] = vector(size * _PER_DEG * np.array(spread) * mixed)
     return found
 
 

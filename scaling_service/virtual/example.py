@@ -20,12 +20,12 @@ from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel, Law, Term, Vector
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.subject import Session, Subject
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.virtual.image import virtual_image
-from scaling_service.virtual.subject import GENERIC, VirtualSettings, VirtualSubject, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, session_of, virtual_subject
 
 RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
 """Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
@@ -72,17 +72,7 @@ def hidden_session(
         name: trial if name == "static" else _swapped(_slid(trial, person, sliding))
         for name, trial in person.trials.items()
     }
-    subject = Subject(
-        id=f"virtual_{seed}", model=GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg
-    )
-    session = Session(
-        subject=subject,
-        model=person.model,
-        static=trials["static"],
-        calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
-        evaluation=tuple(t for name, t in trials.items() if name.startswith("gait")),
-    )
-    return session, person, (SLIDING, SWAPPED)
+    return session_of(person, person.model, trials), person, (SLIDING, SWAPPED)
 
 
 def _with_sliding(model: BodyModel) -> BodyModel:

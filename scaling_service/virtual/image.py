@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.bones.whole import evidence_of, find_landmarks
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.lengths import joint_centres
-from scaling_service.model.body import Vector
+from scaling_service.model.body import Vector, vector
 from scaling_service.model.parameters import axis_of
 from scaling_service.model.poses import neutral_frames
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
@@ -77,11 +77,11 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
         bones,
         _markers(person, poses),
         {
-            name: _vector(_placed(poses[segment], np.array(at)))
+            name: vector(_placed(poses[segment], np.array(at)))
             for name, (segment, at) in joint_centres(person.model).items()
         },
-        {knee: _vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
-        {name: _vector(_placed(poses[segment], at)) for name, (segment, at) in found.landmarks.items()},
+        {knee: vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
+        {name: vector(_placed(poses[segment], at)) for name, (segment, at) in found.landmarks.items()},
         poses,
     )
 
@@ -123,7 +123,7 @@ def _markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> dict[str
         if marker.weight > 0.0:
             at = _placed(poses[marker.segment], np.array(marker.nominal))
             error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
-            found[marker.name] = (marker.segment, _vector(at + error))
+            found[marker.name] = (marker.segment, vector(at + error))
     return found
 
 
@@ -143,8 +143,3 @@ def _waves(rng: np.random.Generator, points: Array) -> Array:
     phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
     field = [np.cos(points @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
     return np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)

@@ -12,12 +12,11 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
 
@@ -73,19 +72,8 @@ class Curve:
 @cache
 def gait_curves() -> Mapping[str, Curve]:
     """The walking angles of Schwartz et al. 2008, from ``reference_models``."""
-    text = (reference_folder() / "gait_schwartz2008.yaml").read_text(encoding="utf-8")
-    curves: dict[str, dict[str, float | list[float]]] = yaml.safe_load(text)["curves"]
-    return {name: _curve(content) for name, content in curves.items()}
-
-
-def _curve(content: Mapping[str, float | list[float]]) -> Curve:
-    cos, sin = content["cos"], content["sin"]
-    mean, sd = content["mean"], content["sd"]
-    assert isinstance(cos, list)
-    assert isinstance(sin, list)
-    assert not isinstance(mean, list)
-    assert not isinstance(sd, list)
-    return Curve(mean, sd, tuple(cos), tuple(sin))
+    curves = read_reference(reference_folder() / "gait_schwartz2008.yaml")["curves"]
+    return {name: Curve(c["mean"], c["sd"], tuple(c["cos"]), tuple(c["sin"])) for name, c in curves.items()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import landmark_sd
-from scaling_service.model.body import BodyModel, Law, Marker, Vector
+from scaling_service.model.body import BodyModel, Law, Marker, Vector, vector
 from scaling_service.model.builtin import builtin, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_axis
@@ -200,18 +200,21 @@ def demo_session(
     """
     person = virtual_subject(seed, settings)
     trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}
-    subject = Subject(
-        id=f"virtual_{seed}", model=GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg
-    )
-    session = Session(
+    session = session_of(person, person.generic, trials)
+    return replace(session, images=_imaged(person, progress) if images else None), person
+
+
+def session_of(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
+    """A person's trials as a session: functional movements fit, walking is held out."""
+    name = f"virtual_{person.seed}"
+    subject = Subject(name, GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg)
+    return Session(
         subject=subject,
-        model=person.generic,
+        model=model,
         static=trials["static"],
         calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
         evaluation=tuple(t for name, t in trials.items() if name.startswith("gait")),
-        images=_imaged(person, progress) if images else None,
     )
-    return session, person
 
 
 def _imaged(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
@@ -241,8 +244,7 @@ def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
     for marker in generic.markers:
         if marker.weight > 0.0:
             spread = size * np.array(landmark_sd(marker.name))
-            x, y, z = (float(v) for v in spread * stream(seed, "placement", marker.name).normal(size=3))
-            offsets[marker.name] = (x, y, z)
+            offsets[marker.name] = vector(spread * stream(seed, "placement", marker.name).normal(size=3))
     return offsets
 
 

@@ -14,8 +14,11 @@ import yaml
 from scaling_service.capabilities.cohort import subject as subject_item
 from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.request import BatchRequest
 from scaling_service.capabilities.cohort.run import BatchResult, batch
+from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.cohort.subject import read_record
+from scaling_service.capabilities.cohort.work import work
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
@@ -274,3 +277,39 @@ def test_results_of_compare_may_be_taken_over(root: Path, tmp_path: Path) -> Non
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert _statuses(_batch(root / "cohort.csv", out, ("MB",))) == {"A": "done"}
     assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_the_services_job_says_what_the_command_says(root: Path, tmp_path: Path) -> None:
+    """Members were scaled elsewhere: their documents and records are all that the job reads."""
+    alone = _batch(root / "cohort.csv", tmp_path / "out").document
+    inputs, outputs = tmp_path / "inputs", tmp_path / "outputs"
+    outputs.mkdir()
+    for name in NAMES:
+        (inputs / name).mkdir(parents=True)
+        shutil.copy(tmp_path / "out" / name / "batch.json", inputs / name)
+    groups = {name: {"site": "north"} for name in NAMES}
+    asked = {"subjects": NAMES, "groups": groups, "methods": METHODS}
+    request = BatchRequest.model_validate(asked).model_copy(update={"settings": FAST})
+    ended = [
+        {
+            "request": {"subject": name},
+            "state": "done",
+            "result": {"status": "done", "reason": "", "wall_s": 1.0},
+        }
+        for name in NAMES
+    ]
+    (inputs / ".parts.json").write_text(json.dumps(ended), encoding="utf-8")
+    found = CohortDocument.model_validate(work(request, inputs, outputs, lambda *_: None))
+    assert found.statistics == alone.statistics
+    assert [s.id for s in found.subjects] == list(NAMES)
+    assert [s.groups for s in found.subjects] == [s.groups for s in alone.subjects]
+    assert {p.name for p in outputs.iterdir()} == {"cohort.json", "report.html", *TABLES}
+    for name in TABLES:
+        assert (outputs / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+    (inputs / ".parts.json").write_text(
+        json.dumps(
+            [e | {"result": {"status": "skipped", "reason": "EB: no bones", "wall_s": 0.0}} for e in ended]
+        )
+    )
+    with pytest.raises(InputError, match="no subject can be done by MB, MB_am \\(EB: no bones\\)"):
+        work(request, inputs, outputs, lambda *_: None)

@@ -18,7 +18,6 @@ from scaling_service.model.compile import (
     default_coordinates,
     free_coordinates,
     parameter_values,
-    signal_rows,
 )
 from scaling_service.model.parameters import free_scale
 from scaling_service.model.poses import neutral_frames
@@ -125,9 +124,7 @@ def test_bounds_bind_only_where_clamped_and_locked_is_not_free() -> None:
     assert default_coordinates(model, 2).tolist() == [[0.5, 0.0, 0.0]] * 2
 
 
-def test_parameters_and_signals_come_in_order() -> None:
+def test_parameters_come_in_order() -> None:
     model = free_scale(free_scale(leg(np.random.default_rng(0)), "tibia", 0.1), "pelvis", 0.1)
     assert [p.name for p in model.parameters] == ["scale.tibia", "scale.pelvis"]
     assert parameter_values(model).tolist() == [1.0, 1.0]
-    rows = signal_rows({"a": np.array([1.0, 2.0]), "b": np.array([3.0, 4.0])}, ("b", "a"))
-    assert rows.tolist() == [[3.0, 1.0], [4.0, 2.0]]

@@ -1,4 +1,10 @@
-"""Sizes of a person: a Gaussian distribution of their logarithms, and what measuring some tells of others."""
+"""What is known of a person's dimensions before anything is measured: sizes given stature, mass, sex and age.
+
+Body measures of ANSUR II, and lengths between joint centres that follow from them by stated offsets, are
+jointly Gaussian in their logarithms, so that measuring some tells of others. Children have the proportions of
+their stature. The numbers and their sources are in ``reference_models``: ``anthropometry_ansur2.yaml``,
+``anthropometry_lengths.yaml``.
+"""
 
 from __future__ import annotations
 

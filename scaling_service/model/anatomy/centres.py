@@ -1,4 +1,10 @@
-"""How far a marker lies from the landmark that it stands for, and how well sizes are measured by hand."""
+"""A person's joint centres from what there is: pelvis markers, medial markers, half widths.
+
+Hips come from a regression on the pelvis; a knee or an ankle is the middle of its two epicondyles or malleoli
+where both were marked, else by the chord construction of the conventional gait model from the lateral marker
+and half the joint's width (Kadaba et al. 1990, Davis et al. 1991). Every centre says how it was found and how
+far it may be off beside the markers' own errors, whose sizes stand here, too.
+"""
 
 from __future__ import annotations
 

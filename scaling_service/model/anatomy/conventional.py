@@ -80,40 +80,6 @@ def heel_level(points: Points, side: Side) -> Array:
     return np.column_stack([heel[:, 0], toe[:, 1], heel[:, 2]])
 
 
-def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:
-    """The foot's line in the frame of shank and toe marker, from a standing trial.
-
-    In movement Plug-in Gait follows the foot by its toe marker and the ankle centre; the heel marker shows in
-    standing how the sole lies in between.
-
-    ``standing``: ``KJC AJC LM HEE TOE`` of the side; see :data:`Points`. ``flat``: whether the foot is flat
-    on the floor: heel and toe marker then count as equally high. Returns (3,): unit vector; NaN where no
-    frame shows all.
-    """
-    letter = side.upper()
-    heel = heel_level(standing, side) if flat else standing[f"{letter}HEE"]
-    line = np.atleast_2d(standing[f"{letter}TOE"]) - heel
-    local = np.einsum("nji,nj->ni", _toe_frame(standing, side).rotation, line)
-    known = local[np.isfinite(local).all(axis=1)]
-    mean = (
-        (known / np.linalg.norm(known, axis=1, keepdims=True)).sum(axis=0)
-        if len(known)
-        else np.full(3, np.nan)
-    )
-    return np.asarray(mean / np.linalg.norm(mean))
-
-
-def heel_from_offset(moving: Points, side: Side, offset: ArrayLike) -> Array:
-    """A point on the foot's line behind the toe marker, (n_frames, 3), m: the ``HEE`` of :data:`Points`.
-
-    ``moving``: ``KJC AJC LM TOE`` of the side. ``offset`` (3,): from :func:`foot_offset`.
-    """
-    frame = _toe_frame(moving, side)
-    return np.asarray(
-        np.atleast_2d(moving[f"{side.upper()}TOE"]) - frame.rotation @ np.asarray(offset, dtype=float)
-    )
-
-
 def _pelvis(points: Points) -> Frames | None:
     back = ("RPSIS", "LPSIS") if "RPSIS" in points and "LPSIS" in points else ("SACR", "SACR")
     names = ("RASIS", "LASIS", *back)
@@ -142,20 +108,6 @@ def _foot(points: Points, letter: str) -> Array | None:
     if heel not in points or toe not in points:
         return None
     return np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
-
-
-def _toe_frame(points: Points, side: Side) -> Frames:
-    """Its x runs from ankle centre to toe marker, z as near to the shank's as can be."""
-    letter = side.upper()
-    shank = _shank(points, letter, side, "LM")
-    if shank is None:
-        raise KeyError(f"{letter}KJC, {letter}AJC and {letter}LM")
-    toe = np.atleast_2d(points[f"{letter}TOE"])
-    x = toe - np.atleast_2d(points[f"{letter}AJC"])
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    y = np.cross(shank.rotation[:, :, 2], x)
-    y = y / np.linalg.norm(y, axis=1, keepdims=True)
-    return Frames(np.stack([x, y, np.cross(x, y)], axis=2), toe)
 
 
 def _pelvis_of_side(pelvis: Frames, side: Side, heading: ArrayLike) -> Array:

@@ -77,24 +77,6 @@ def tibia_frame(
     return _long_axis_frame(_unit(centre - _points(ankle)), _rightward(lateral, medial, side), centre)
 
 
-def tibia_frame_isb(
-    lateral_condyle: ArrayLike, medial_condyle: ArrayLike, lateral: ArrayLike, medial: ArrayLike, side: Side
-) -> Frames:
-    """The shank's frame of the ISB, origin half-way between the malleoli (Wu 2002).
-
-    z runs through the malleoli, x is normal to the plane of the malleoli and the midpoint of the
-    tibial condyles.
-
-    ``lateral_condyle``, ``medial_condyle``, ``lateral``, ``medial`` ((n_frames, 3), m): tibial condyles and
-    malleoli.
-    """
-    middle = (_points(lateral) + _points(medial)) / 2.0
-    condyles = (_points(lateral_condyle) + _points(medial_condyle)) / 2.0
-    z = _unit(_rightward(lateral, medial, side))
-    x = _unit(np.cross(condyles - middle, z))
-    return _frames(x, np.cross(z, x), z, middle)
-
-
 def cardan(proximal: Frames, distal: Frames) -> Array:
     """Turns about z, x and y, in this order, that lead from the proximal to the distal frame.
 

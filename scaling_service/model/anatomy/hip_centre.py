@@ -1,9 +1,14 @@
-"""Hip joint centres predicted from the pelvis markers.
+"""Joint centres by construction: hips predicted from the pelvis markers, knees and ankles on a chord.
 
-All regressions are given in the ISB pelvis frame (``pelvis_frame``)
-with its origin half-way between the ASIS: x forward, y up, z to the right; the left hip mirrors z.
-No correction is made for the skin over the bone, nor for the marker's radius but by the regressions that ask
-for it.
+All regressions are given in the ISB pelvis frame (``pelvis_frame``) with its origin half-way between the
+ASIS: x forward, y up, z to the right; the left hip mirrors z. No correction is made for the skin over the
+bone, nor for the marker's radius but by the regressions that ask for it.
+
+The conventional marker set has only lateral markers at knee and ankle. A joint's centre is taken to lie in
+the plane of the proximal joint's centre, the lateral marker and a marker on the segment's side (often on a
+wand), where the lines to the proximal centre and to the lateral marker meet at a right angle (Kadaba et al.
+1990, J Orthop Res 8:383; Davis et al. 1991, Hum Mov Sci 10:575). The lateral marker is half of the joint's
+width and the marker's own radius away from it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.body import BodyModel, Segment
+from scaling_service.model.body import BodyModel, Segment, vector
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import (
     InertiaRow,
@@ -194,7 +194,7 @@ def _with_inertia(
     tensor, changed = possible_tensor(_tensor(mass, radii, products, side))
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
-    return replace(segment, mass=mass, com=(float(com[0]), float(com[1]), float(com[2])), inertia=six(tensor))
+    return replace(segment, mass=mass, com=vector(com), inertia=six(tensor))
 
 
 def _base(name: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector
+from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector, vector
 from scaling_service.model.poses import follow, marker_position, model_values
 from scaling_service.model.trial import Array
 
@@ -72,8 +72,7 @@ def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
             ends = _ends(model, joint, side)
             segment = _part(model, proximal, side)
             if segment is not None and segment in ends:
-                x, y, z = (float(v) for v in ends[segment])
-                centres[_sided(joint, side)] = (segment, (x, y, z))
+                centres[_sided(joint, side)] = (segment, vector(ends[segment]))
     return centres
 
 

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from scaling_service.model.anatomy.lengths import segment_of
-from scaling_service.model.anatomy.markers import canonical, likeness, looks_computed, meaning, plain_key
+from scaling_service.model.anatomy.markers import likeness, looks_computed, meaning, plain_key
 from scaling_service.model.body import BodyModel
 from scaling_service.model.marker_sets import MarkerSet, SetLabel, marker_sets
 
 MOSTLY = 0.6
 """Chosen: a set of which a smaller share of the labels is there is not named."""
-
-landmark_of = canonical
-"""The landmark that a label stands for, as the built-in models name it; None of tracking markers."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,13 +9,12 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-import yaml
 from pydantic import Field
 
 from scaling_service.capabilities.cohort.document import Part, Rounded, StatisticsDocument
 from scaling_service.capabilities.cohort.groups import ScalarComparison
 from scaling_service.capabilities.cohort.statistics import CohortStatistics
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.studies.claims import StudyDocument
 
 
@@ -28,9 +27,11 @@ class Beside(Part):
     paper_sd: Rounded | None
     mean: Rounded
     sd: Rounded
-    paper_stars: str = Field("", description="The paper's mark of a difference from EB.")
-    p_from_EB: float | None = Field(None, description="Ours, Tukey's HSD; null where it was not tested.")
-    significant: bool | None = Field(None, description="After Friedman's test, at 5 %.")
+    paper_stars: str = Field(default="", description="The paper's mark of a difference from EB.")
+    p_from_EB: float | None = Field(
+        default=None, description="Ours, Tukey's HSD; null where it was not tested."
+    )
+    significant: bool | None = Field(default=None, description="After Friedman's test, at 5 %.")
 
 
 class Puchaud2019Document(StudyDocument):
@@ -101,7 +102,7 @@ class Paper:
 @cache
 def paper() -> Paper:
     """The paper's numbers, read once."""
-    content = yaml.safe_load((reference_folder() / "puchaud2019.yaml").read_text(encoding="utf-8"))
+    content = read_reference(reference_folder() / "puchaud2019.yaml")
     lengths = content["segment_lengths_mm"]
     table = _table({m: lengths[SAME_LENGTHS.get(m, m)] for m in METHODS}, _MM)
     return Paper(

@@ -11,12 +11,11 @@ from scipy.spatial.transform import Rotation
 from scaling_service.model.anatomy.conventional import (
     ANGLES,
     conventional_angles,
-    foot_offset,
-    heel_from_offset,
     heel_level,
 )
 from scaling_service.model.anatomy.hip_centre import chord_centre, hip_centres
 from tests.model.anatomy.clinic_files import ClinicTrial, clinic_trials
+from tests.model.anatomy.plug_in_gait import foot_offset, heel_from_offset
 
 RAD = np.pi / 180.0
 

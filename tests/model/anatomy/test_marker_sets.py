@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from scaling_service.files.recording import read_recording
-from scaling_service.model.anatomy.marker_sets import landmark_of, plane_marker, recognise, tracking_segments
+from scaling_service.model.anatomy.marker_sets import plane_marker, recognise, tracking_segments
+from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.builtin import builtin
 from scaling_service.model.marker_sets import marker_sets
 
@@ -109,5 +110,5 @@ def test_the_wand_tells_the_plane_of_the_joint_below() -> None:
     assert plane_marker(labels, "ankle", "r") == "RTIB"
     assert plane_marker(labels, "ankle", "l") is None
     assert plane_marker(["R.Thigh.Upper", "R.TH1", "RTHI1"], "knee", "r") is None
-    assert landmark_of("RTHI") is None
-    assert landmark_of("LSACR") is None
+    assert canonical("RTHI") is None
+    assert canonical("LSACR") is None

@@ -13,8 +13,8 @@ import yaml
 
 from scaling_service.capabilities.cohort import subject as subject_item
 from scaling_service.capabilities.cohort.document import CohortDocument
+from scaling_service.capabilities.cohort.job import BatchRequest
 from scaling_service.capabilities.cohort.outcomes import Outcome
-from scaling_service.capabilities.cohort.request import BatchRequest
 from scaling_service.capabilities.cohort.run import BatchResult, batch
 from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.cohort.subject import read_record

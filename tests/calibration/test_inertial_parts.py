@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from scaling_service.capabilities.dynamics.inertia.box import bodies_of
-from scaling_service.capabilities.dynamics.inertia.cone import KEPT, Body, possible_minimum, pseudo_inertia
-from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording, evidence_of, repeated
-from scaling_service.capabilities.dynamics.inertia.noise import most_likely_noise
+from scaling_service.capabilities.dynamics.inertia.cone import (
+    KEPT,
+    Body,
+    bodies_of,
+    possible_minimum,
+    pseudo_inertia,
+)
+from scaling_service.capabilities.dynamics.inertia.evidence import (
+    ForceRecording,
+    evidence_of,
+    most_likely_noise,
+    repeated,
+)
 from scaling_service.capabilities.dynamics.inertia.prior import (
     COM_SD,
     LENGTH_SD,

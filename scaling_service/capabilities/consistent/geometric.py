@@ -28,57 +28,29 @@ shown)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownMotion:
-    """A recording whose motion is known.
-
-    Parameters
-    ----------
-    name : str
-    measured : ndarray, shape (n, n_markers, 3), m
-        NaN where not seen.
-    q : ndarray, shape (n, n_coordinates), rad or m
-        In the model's order.
-    """
+    """A recording whose motion is known."""
 
     name: str
-    measured: Array
-    q: Array
+    measured: Array  # (n, n_markers, 3), m: NaN where not seen
+    q: Array  # (n, n_coordinates), rad or m: in the model's order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GeometricIdentification:
-    """A model with other lengths and marker coordinates.
-
-    Parameters
-    ----------
-    model : BodyModel
-    factors : mapping
-        Segment to its length over that of the start.
-    shifts : mapping
-        Marker to how far its local coordinates moved, (3,), m.
-    at_bound : tuple of str
-        Parameters that ended on a bound.
-    """
+    """A model with other lengths and marker coordinates."""
 
     model: BodyModel
-    factors: Mapping[str, float]
-    shifts: Mapping[str, Array]
-    at_bound: tuple[str, ...]
+    factors: Mapping[str, float]  # segment to its length over that of the start
+    shifts: Mapping[str, Array]  # marker to how far its local coordinates moved, (3,), m
+    at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
 @dataclass(frozen=True, slots=True)
 class GeometryPrior:
-    """What is known before: the start, with these standard deviations.
+    """What is known before: the start, with these standard deviations."""
 
-    Parameters
-    ----------
-    length_sd : float
-        Relative.
-    marker_sd_m : float
-        Of each coordinate.
-    """
-
-    length_sd: float
-    marker_sd_m: float
+    length_sd: float  # relative
+    marker_sd_m: float  # of each coordinate
 
     def weights(self, freed: BodyModel) -> Array:
         """Inverse variances of all parameters, (k,)."""
@@ -103,28 +75,12 @@ def identify_geometry(
 ) -> GeometricIdentification:
     """Identify lengths and marker coordinates.
 
-    Parameters
-    ----------
-    model : BodyModel
-    markers : tuple of str
-        In the order of the recordings' columns.
-    fitted : sequence of KnownMotion
-    expected_m : mapping
-        Marker to the size of its error, m: its weight.
-    bound : float
-        Lengths, and marker coordinates by their distance from the segment's origin, stay within this share
-        of their start.
-    axes : str
-        Local axes along which markers may move: ``xy`` in a planar model.
-    prior : GeometryPrior, optional
-        None: as in the paper, bounds alone.
-    independent : float
-        How many frames' worth of independent errors the recordings hold: what they weigh against the prior.
-
-    Raises
-    ------
-    TrialUnusable
-        No marker is seen in any frame.
+    ``markers``: in the order of the recordings' columns. ``expected_m``: marker to the size of its error, m:
+    its weight. ``bound``: Lengths, and marker coordinates by their distance from the segment's origin, stay
+    within this share of their start. ``axes``: local axes along which markers may move: ``xy`` in a planar
+    model. ``prior``: None: as in the paper, bounds alone. ``independent``: how many frames' worth of
+    independent errors the recordings hold: what they weigh against the prior. Raises TrialUnusable: no marker
+    is seen in any frame.
     """
     freed = _freed(model, markers, bound, axes)
     start = parameter_values(freed)

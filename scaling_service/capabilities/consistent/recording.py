@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.consistent.artefact import artefact_m
-from scaling_service.capabilities.consistent.artefact_signals import artefact_shifts
+from scaling_service.capabilities.consistent.artefact import artefact_m, artefact_shifts
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, InertialFreedom, WrenchTargets
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
@@ -43,30 +42,14 @@ SAGITTAL = (True, True, False, False, False, True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentRecording:
-    """Markers and forces of one movement.
+    """Markers and forces of one movement."""
 
-    Parameters
-    ----------
-    trial : Trial
-        Labels are the model's marker names; not smoothed.
-    motion : Motion
-        What inverse kinematics made of the markers.
-    loads : SegmentLoads
-        On the feet, at the trial's times, filtered.
-    supported : ndarray of bool, shape (n,)
-        Frames whose forces are all known.
-    about : ndarray, shape (n, 3), m
-        The point that moments are taken about.
-    components : six bool
-        Of the wrench that count: ``SPATIAL`` or ``SAGITTAL``.
-    """
-
-    trial: Trial
-    motion: Motion
-    loads: SegmentLoads
-    supported: NDArray[np.bool_]
-    about: Array
-    components: tuple[bool, ...] = SPATIAL
+    trial: Trial  # labels are the model's marker names; not smoothed
+    motion: Motion  # what inverse kinematics made of the markers
+    loads: SegmentLoads  # on the feet, at the trial's times, filtered
+    supported: NDArray[np.bool_]  # (n,): frames whose forces are all known
+    about: Array  # (n, 3), m: the point that moments are taken about
+    components: tuple[bool, ...] = SPATIAL  # of the wrench that count: ``SPATIAL`` or ``SAGITTAL``
 
     @property
     def wrench(self) -> Array:
@@ -75,6 +58,19 @@ class ConsistentRecording:
         total[:, 3:] -= np.cross(self.about, total[:, :3])
         total[~self.supported] = np.nan
         return total
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Frames whose wrench is known, (n,); TrialUnusable where there is none."""
+        known = np.asarray(np.isfinite(self.wrench).all(axis=1))
+        if not known.any():
+            raise TrialUnusable(
+                "no frame has all its forces known",
+                file=self.name,
+                field="forces",
+                remedy="Check that every foot on the floor stands on a plate",
+            )
+        return known
 
     @property
     def name(self) -> str:
@@ -126,21 +122,9 @@ def problem_of(
 ) -> ConsistentProblem:
     """Pose the two objectives for a recording.
 
-    Parameters
-    ----------
-    model : BodyModel
-        With mass.
-    recording : ConsistentRecording
-    rated : RatedMotion
-        A motion of the model: coordinates that no marker shows stay as it has them, and it drives the skin.
-    settings : ConsistentSettings
-    freedom : InertialFreedom, optional
-        How the inertia may differ from the model's. None: not at all.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame has known forces, or the trial is too short.
+    ``model``: with mass. ``rated``: a motion of the model: coordinates that no marker shows stay as it has
+    them, and it drives the skin. ``freedom``: how the inertia may differ from the model's. None: not at all.
+    Raises TrialUnusable: no frame has known forces, or the trial is too short.
     """
     if len(rated.times) < ORDER * 2:
         raise TrialUnusable(
@@ -181,10 +165,7 @@ def inertial_freedom(
 ) -> InertialFreedom:
     """The combinations of inertial parameters that the forces say more about than the tables do.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Its inertia is the prior's mean.
+    ``model``: its inertia is the prior's mean.
     """
     prior = inertial_prior(
         model, identification.spread, mass_known=identification.mass_known, symmetric=identification.symmetric
@@ -259,15 +240,7 @@ def repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> flo
 def _wrench_targets(
     model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> WrenchTargets:
-    measured = recording.wrench
-    known = np.asarray(np.isfinite(measured).all(axis=1))
-    if not known.any():
-        raise TrialUnusable(
-            "no frame has all its forces known",
-            file=recording.name,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
+    measured, known = recording.wrench, recording.known
     force = settings.force_share * total_mass(model) * -GRAVITY[1]
     scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
     counted = known[:, None] * np.array(recording.components, dtype=float)

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from scaling_service.capabilities.dynamics.document import DynamicsDocument, TrialDynamicsDocument
 from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
-from scaling_service.capabilities.dynamics.report.data import told
+from scaling_service.capabilities.dynamics.report import told
 from scaling_service.capabilities.dynamics.run import dynamics as compute
 from scaling_service.capabilities.dynamics.saving import FILE_NAME, save_dynamics
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings

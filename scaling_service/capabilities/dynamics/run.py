@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scaling_service.capabilities.dynamics.identify import identified
+import numpy as np
+
+from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
+from scaling_service.capabilities.dynamics.inertia.identification import (
+    IdentificationSettings,
+    identify_inertia,
+)
 from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
-from scaling_service.capabilities.dynamics.trial import TrialDynamics, trial_dynamics
-from scaling_service.capabilities.dynamics.verdict import verdict_of
+from scaling_service.capabilities.dynamics.trial import TrialDynamics, trial_dynamics, verdict_of
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
@@ -24,32 +29,15 @@ _PREPARING = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DynamicsResults:
-    """Dynamics of all of a subject's recordings that have forces.
-
-    Parameters
-    ----------
-    prepared : Prepared
-    chosen : DynamicsSettings
-    settings : Settings
-    trials : mapping
-        By the stems of the trials' files.
-    verdict : str
-        In plain words: what the residuals say of the model.
-    inertial : InertialIdentification, optional
-        Where it was asked for and the verdict allows it.
-    warnings : tuple of str
-        What concerns all recordings.
-    wall_s : float
-    subject_file : Path, optional
-    """
+    """Dynamics of all of a subject's recordings that have forces."""
 
     prepared: Prepared
     chosen: DynamicsSettings
     settings: Settings
-    trials: Mapping[str, TrialDynamics]
-    verdict: str
-    inertial: InertialIdentification | None = None
-    warnings: tuple[str, ...] = ()
+    trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
+    verdict: str  # in plain words: what the residuals say of the model
+    inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
+    warnings: tuple[str, ...] = ()  # what concerns all recordings
     wall_s: float = 0.0
     subject_file: Path | None = None
 
@@ -76,7 +64,7 @@ def dynamics(
         Whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or _silent
+    report = progress or (lambda _what, _share: None)
     file = None if isinstance(subject, Subject) else Path(subject)
     prepared = prepare(
         subject, chosen, settings, progress=lambda what, share: report(what, _PREPARING * share)
@@ -84,10 +72,10 @@ def dynamics(
     trials = {}
     with blamed_on(file), blamed_on(None, recordings(prepared.subject)):
         for k, name in enumerate(prepared.motions):
-            part = _Part(report, f"uncertainty of {name}", k, len(prepared.motions))
+            part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
             trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
-        inertial, told = identified(prepared, trials, chosen) if chosen.identify else (None, ())
+        inertial, told = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
     return DynamicsResults(
         prepared,
@@ -102,19 +90,35 @@ def dynamics(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """One recording's share of the whole."""
-
-    report: Progress
-    what: str
-    number: int
-    count: int
-
-    def __call__(self, share: float) -> None:
-        done = (self.number + share) / self.count
-        self.report(self.what, _PREPARING + (1.0 - _PREPARING) * done)
+def _share_of(report: Progress, what: str, number: int, count: int) -> Callable[[float], None]:
+    """The progress of one recording as a share of the whole."""
+    return lambda share: report(what, _PREPARING + (1.0 - _PREPARING) * (number + share) / count)
 
 
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""
+def _identify(
+    prepared: Prepared, trials: Mapping[str, TrialDynamics], chosen: DynamicsSettings
+) -> tuple[InertialIdentification | None, tuple[str, ...]]:
+    """Identify inertia from the calibration trials, and hold the evaluation trials out; None and why if not.
+
+    A component of the wrench is used where the verdict supports it in one of the fitted trials. Where only
+    evaluation trials have forces, the first of them is fitted.
+    """
+    fitted = [trial.name for trial in prepared.loaded.session.calibration if trial.name in trials]
+    notes: tuple[str, ...] = ()
+    if not fitted:
+        fitted = [next(iter(trials))]
+        notes = (f"no calibration trial has forces: inertia is identified from {fitted[0]}",)
+    supported = np.any([trials[name].uncertainty.calibration_supported for name in fitted], axis=0)
+    if not supported.any() and not chosen.despite_verdict:
+        return None, (*notes, "inertia was not identified: the verdict is that it would fit noise")
+    recordings = {name: ForceRecording(found.dynamics, found.frames) for name, found in trials.items()}
+    result = identify_inertia(
+        prepared.model,
+        [recordings[name] for name in fitted],
+        held_out=[recording for name, recording in recordings.items() if name not in fitted],
+        supported=supported,
+        settings=IdentificationSettings(
+            mass_known=chosen.mass_known, symmetric=chosen.symmetric, despite_verdict=chosen.despite_verdict
+        ),
+    )
+    return result, notes

@@ -6,11 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scaling_service.capabilities.dynamics.feet import feet_of, foot_markers
-from scaling_service.capabilities.dynamics.forces import TrialForces, read_trial_forces, trial_forces
-from scaling_service.capabilities.dynamics.inertia_table import with_inertia
-from scaling_service.capabilities.dynamics.settings import AS_IT_IS as AS_IT_IS
-from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.forces import (
+    TrialForces,
+    feet_of,
+    foot_markers,
+    read_trial_forces,
+    trial_forces,
+)
+from scaling_service.capabilities.dynamics.settings import (
+    AS_IT_IS,
+    DEFAULT_TABLE,
+    OWN,
+    PLAIN,
+    UNSMOOTHED,
+    DynamicsSettings,
+    check_inertia,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
@@ -19,49 +30,29 @@ from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
+from scaling_service.model.anatomy.inertia import apply_inertia_table
+from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 
-Read = tuple[Path, GroundForces]
-"""A file and the forces in it."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """Everything that dynamics needs, in memory.
-
-    Parameters
-    ----------
-    subject : Subject
-    loaded : Loaded
-    start : str
-        The method that scaled the model, or ``AS_IT_IS``.
-    inertia : str
-        A table's name, or ``model``.
-    model : BodyModel
-        Of the person's size and mass.
-    motions : mapping
-        Of the trials with forces, by their stems.
-    forces : mapping
-        Of the same trials, at the times of their motions.
-    height_m : float
-    calibration : Calibration, optional
-        How the model was scaled; None for the given model.
-    warnings : tuple of str
-    """
+    """Everything that dynamics needs, in memory."""
 
     subject: Subject
     loaded: Loaded
-    start: str
-    inertia: str
-    model: BodyModel
-    motions: Mapping[str, Motion]
-    forces: Mapping[str, TrialForces]
+    start: str  # the method that scaled the model, or ``AS_IT_IS``
+    inertia: str  # a table's name, or ``model``
+    model: BodyModel  # of the person's size and mass
+    motions: Mapping[str, Motion]  # of the trials with forces, by their stems
+    forces: Mapping[str, TrialForces]  # of the same trials, at the times of their motions
     height_m: float
-    calibration: Calibration | None = None
+    calibration: Calibration | None = None  # how the model was scaled; None for the given model
     warnings: tuple[str, ...] = ()
 
 
@@ -83,32 +74,29 @@ def prepare(
 ) -> Prepared:
     """Read a subject's recordings with forces, scale its model, and follow the markers.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-    chosen : DynamicsSettings
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used.
+    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     file = None if isinstance(subject, Subject) else Path(subject)
     chosen.check()
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file):
-        read = _forces_read(known)
+        read = movement_forces(known)
         loaded = load(known, settings)
         known = loaded.session.subject  # with what the recordings state
-        height = _height(known)
+        if known.height_m is None:
+            raise SubjectInvalid(
+                "residuals are told in shares of body weight times height, and no height is given",
+                field="subject.height_m",
+                remedy="Give the person's stature in m",
+            )
         feet_of(loaded.session.model)
         with blamed_on(None, recordings(known)):
             forces = _forces(loaded, known, read, chosen.cutoff_hz)
             started = _started(loaded, settings, chosen.start, tuple(forces), progress)
             massive = with_inertia(started.model, known, chosen.inertia, scaled=started.method != AS_IT_IS)
+    without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
+    left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
         known,
         loaded,
@@ -117,24 +105,14 @@ def prepare(
         massive.model,
         started.motions,
         forces,
-        height,
+        known.height_m,
         started.calibration,
-        (*loaded.session.warnings, *started.warnings, *massive.notes, *_left_out(known, read)),
+        (*loaded.session.warnings, *started.warnings, *massive.notes, *left_out),
     )
 
 
-def _height(subject: Subject) -> float:
-    if subject.height_m is None:
-        raise SubjectInvalid(
-            "residuals are told in shares of body weight times height, and no height is given",
-            field="subject.height_m",
-            remedy="Give the person's stature in m",
-        )
-    return subject.height_m
-
-
-def _forces_read(subject: Subject) -> dict[Path, Read]:
-    """Every movement's forces, of those that have some."""
+def movement_forces(subject: Subject) -> dict[Path, tuple[Path, GroundForces]]:
+    """Every movement's forces, of those that have some, and the file that each came from."""
     moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
     found = {path: read_trial_forces(path, subject.forces.get(path.name)) for path in moving}
     read = {path: forces for path, forces in found.items() if forces is not None}
@@ -147,13 +125,8 @@ def _forces_read(subject: Subject) -> dict[Path, Read]:
     return read
 
 
-def _left_out(subject: Subject, read: Mapping[Path, Read]) -> tuple[str, ...]:
-    without = [path.stem for path in (*subject.calibration, *subject.evaluation) if path not in read]
-    return (f"{few(list(dict.fromkeys(without)))}: no forces, so no dynamics",) if without else ()
-
-
 def _forces(
-    loaded: Loaded, subject: Subject, read: Mapping[Path, Read], cutoff_hz: float
+    loaded: Loaded, subject: Subject, read: Mapping[Path, tuple[Path, GroundForces]], cutoff_hz: float
 ) -> dict[str, TrialForces]:
     session, axes = loaded.session, loaded.orientation
     assert axes is not None  # a session that was read has axes
@@ -188,3 +161,39 @@ def _started(
         {name: motion for name, motion in scaling.motions.items() if name in wanted},
         (*told, *scaling.calibration.warnings),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Massive:
+    """A model with the inertia that was chosen.
+
+    ``inertia`` is a table's name or ``OWN``; ``notes`` say what had to be decided.
+    """
+
+    model: BodyModel
+    inertia: str
+    notes: tuple[str, ...] = ()
+
+
+def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, scaled: bool) -> Massive:
+    """The model with the inertia that was asked for.
+
+    ``model``: of the person's size. ``inertia``: a table's name or ``OWN``. Unless given: ``DEFAULT_TABLE``
+    for a built-in model that was scaled, else the model's own. ``scaled``: whether the model was scaled to
+    the person. Raises SubjectInvalid: there is no such table, or the table needs what the subject file does
+    not say; InputError: the table cannot be applied to this model or person.
+    """
+    check_inertia(inertia)
+    chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else OWN)
+    if chosen == OWN:
+        return Massive(model, OWN)
+    if subject.sex is None or subject.height_m is None or subject.mass_kg is None:
+        lacking = next(n for n in ("sex", "height_m", "mass_kg") if getattr(subject, n) is None)
+        raise SubjectInvalid(
+            f"inertial tables need the person's {lacking.split('_')[0]}",
+            field=f"subject.{lacking}",
+            remedy=f"Give it, or keep the model's own inertia (inertia: {OWN})",
+        )
+    apply = apply_to_squat if subject.model == SQUAT else apply_inertia_table
+    result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
+    return Massive(result.model, chosen, result.notes)

@@ -2,22 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from scaling_service.capabilities.motion.motion_files import write_motion, write_motion_sd
-from scaling_service.capabilities.motion.poses import SegmentPoses
-from scaling_service.capabilities.motion.recordings import Tracked, processing_of
-from scaling_service.capabilities.motion.result import MotionDocument, TrackedTrial, trial_document
+from scaling_service.capabilities.motion.poses import poses_table
+from scaling_service.capabilities.motion.run import Tracked, TrackedTrial, processing_of
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.hashes import input_hashes
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.documents.results import Provenance
+from scaling_service.files.sto import write_sto
 from scaling_service.model.body import BodyModel
 
 FILE_NAME = "ik.json"
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class KinematicErrorDocument(_Part):
+    """Distances between measured and model markers over one trial, mm."""
+
+    mean: float = Field(description="Over frames and markers.")
+    rms: float
+    max: float
+    per_marker: dict[str, float] = Field(description="Marker to mean distance.")
+
+
+class TrackedTrialDocument(_Part):
+    """How a model follows one trial."""
+
+    kinematic_error_mm: KinematicErrorDocument
+    not_determined: list[str] = Field(
+        description="Coordinates that the markers determine in no frame: they stand at their default."
+    )
+    frames_not_determined: dict[str, int] = Field(
+        description="Further coordinates to the number of frames that do not determine them: NaN there."
+    )
+    frames_at_range_end: dict[str, int] = Field(
+        description="Coordinates to the number of frames in which they stand at the end of the model's "
+        "range. It decides there, so their standard deviation is NaN."
+    )
+    marker_noise_mm: dict[str, float] = Field(
+        description="Standard deviation of one coordinate of each marker about the model, from this trial's "
+        "residuals; the standard deviations of the coordinates come from it."
+    )
+    frames: int
+
+
+class MotionDocument(Provenance):
+    """``ik.json``."""
+
+    subject: str = Field(default="", description="Empty where recordings were given without a subject.")
+    model: str = Field(description="The model used: a built-in name or a file.")
+    locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
+    axes: str = Field(description="Which laboratory axes were taken for up and forward.")
+    trials: dict[str, TrackedTrialDocument]
+    warnings: list[str]
+    files: list[str] = Field(description="What was written beside this document.")
+    wall_s: float
 
 
 def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
@@ -41,34 +90,18 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, trial in tracked.result.trials.items():
-            _write_trial(scratch, name, trial, tracked.result.model)
-        document = motion_document(tracked, sorted(path.name for path in scratch.iterdir()))
+            write_motion(scratch / f"{name}_ik.mot", trial.motion, tracked.result.model)
+            write_motion_sd(
+                scratch / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, tracked.result.model
+            )
+            if trial.poses is not None:
+                write_sto(scratch / f"{name}_poses.sto", poses_table(name, trial.motion.times, trial.poses))
+        document = _document(tracked, sorted(path.name for path in scratch.iterdir()))
         write_json(scratch / FILE_NAME, document)
     return document
 
 
-def _write_trial(folder: Path, name: str, trial: TrackedTrial, model: BodyModel) -> None:
-    write_motion(folder / f"{name}_ik.mot", trial.motion, model)
-    write_motion_sd(folder / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, model)
-    if trial.poses is not None:
-        write_sto(folder / f"{name}_poses.sto", poses_table(name, trial.motion.times, trial.poses))
-
-
-def poses_table(name: str, times: np.ndarray, poses: SegmentPoses) -> Table:
-    """Columns as OpenSim's BodyKinematics has them: origin in ground (m), body-fixed X-Y-Z angles (deg)."""
-    values = np.concatenate([poses.origins, np.degrees(poses.angles)], axis=2)
-    columns = [
-        f"{segment}_{part}" for segment in poses.segments for part in ("X", "Y", "Z", "Ox", "Oy", "Oz")
-    ]
-    return Table(
-        name,
-        ("time", *columns),
-        np.concatenate([times[:, None], values.reshape(len(times), -1)], axis=1),
-        in_degrees=True,
-    )
-
-
-def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
+def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
     """``ik.json``."""
     session, model = tracked.loaded.session, tracked.result.model
     return MotionDocument(
@@ -87,3 +120,34 @@ def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
         files=files,
         wall_s=round(tracked.wall_s, 3),
     )
+
+
+def trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
+    """One trial's part of ``ik.json``."""
+    motion, spread = tracked.motion, tracked.uncertainty
+    locked = {c.name for c in model.coordinates if c.locked}
+    return TrackedTrialDocument(
+        kinematic_error_mm=KinematicErrorDocument(
+            mean=_mm(tracked.error.mean),
+            rms=_mm(tracked.error.rms),
+            max=_mm(tracked.error.max),
+            per_marker={name: _mm(value) for name, value in tracked.error.per_marker.items()},
+        ),
+        not_determined=[n for n in motion.coordinates if n not in locked and n not in motion.estimated],
+        frames_not_determined=_counts(motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()),
+        frames_at_range_end=_counts(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
+        marker_noise_mm={
+            name: _mm(sd)
+            for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
+            if np.isfinite(sd)
+        },
+        frames=len(motion.times),
+    )
+
+
+def _counts(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
+    return {name: count for name, count in zip(names, counts, strict=True) if count}
+
+
+def _mm(metres: float) -> float:
+    return round(1e3 * metres, 4)

@@ -23,12 +23,8 @@ def freed(
 
     A good pose spreads through a whole stretch of wrong ones, one frame from each side at a time.
 
-    Parameters
-    ----------
-    found : MotionSolution
-        Frames in the order of time.
-    solve : callable
-        Frames (rows) and starts (n_rows, n_coordinates) to their solution.
+    ``found``: frames in the order of time. ``solve``: frames (rows) and starts (n_rows, n_coordinates) to
+    their solution.
     """
     q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
     limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0

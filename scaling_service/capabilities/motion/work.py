@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.motion.recordings import ik
 from scaling_service.capabilities.motion.request import MotionRequest
+from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import read_model

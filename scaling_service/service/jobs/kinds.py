@@ -22,7 +22,7 @@ from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.intake.request import ProofRequest
 from scaling_service.capabilities.landmarks.document import LandmarksDocument
 from scaling_service.capabilities.motion.request import MotionRequest
-from scaling_service.capabilities.motion.result import MotionDocument
+from scaling_service.capabilities.motion.saving import MotionDocument
 from scaling_service.capabilities.scaling.comparison_request import (
     JointAnglesRequest,
     KinematicErrorRequest,

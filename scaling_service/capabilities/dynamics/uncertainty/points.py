@@ -41,29 +41,16 @@ _OWN = "com of "  # no marker of a file is called so
 
 @dataclass(frozen=True, eq=False)
 class PointBody:
-    """A body model as vectors that move.
+    """A body model as vectors that move."""
 
-    Parameters
-    ----------
-    tree : Tree
-        With all segments that have mass, and the markers that are compared with the measured ones.
-    links : ndarray of int, shape (n_massive,)
-        Its segments with mass.
-    p : ndarray, shape (n_parameters,)
-    masses : ndarray, shape (n_massive,), kg
-    vectors : ndarray, shape (n_massive, 4, 3), kg^0.5 m
-        Of each segment with mass, in its axes: the root of its mass times its centre of mass, and the three
-        vectors along the principal axes.
-    signs : ndarray, shape (n_massive, 4)
-        -1 for a vector of a negative second moment, as impossible tensors have.
-    """
-
-    tree: Tree
-    links: NDArray[np.intp]
-    p: Array
-    masses: Array
+    tree: Tree  # with all segments that have mass, and the markers that are compared with the measured ones
+    links: NDArray[np.intp]  # (n_massive,): its segments with mass
+    p: Array  # (n_parameters,)
+    masses: Array  # (n_massive,), kg
+    # (n_massive, 4, 3), kg^0.5 m: of each segment with mass, in its axes: the root of its mass times its
+    # centre of mass, and the three vectors along the principal axes
     vectors: Array
-    signs: Array
+    signs: Array  # (n_massive, 4): -1 for a vector of a negative second moment, as impossible tensors have
 
     @classmethod
     def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
@@ -109,18 +96,9 @@ class PointBody:
     def wrench(self, y: Array, root: Array, step_s: float) -> Array:
         """What moves the body, without the frames of the halo.
 
-        Parameters
-        ----------
-        y : ndarray, shape (4 n_massive, 3, n), kg^0.5 m
-            Of frames one step apart.
-        root : ndarray, shape (3, n), m
-            The root segment's origin.
-        step_s : float
-
-        Returns
-        -------
-        ndarray, shape (6, n - 2 HALO)
-            Force (N) and moment about the root segment's origin (N m), ground axes.
+        ``y`` (4 n_massive, 3, n), kg^0.5 m: of frames one step apart. ``root`` (3, n), m: the root segment's
+        origin. Returns (6, n - 2 HALO): force (N) and moment about the root segment's origin (N m), ground
+        axes.
         """
         n = y.shape[-1]
         first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)

@@ -97,10 +97,9 @@ def artefact_shifts(
 ) -> MarkerShifts:
     """Shared shifts of all markers: one that follows the joints at the segment's ends, and a constant one.
 
-    ``names``: markers in the order of the tree. ``q`` (n, n_coordinates), rad or m: the motion as far as it
-    is known: it drives the skin. ``basis``: over the same times. ``expected_m``: marker to its artefact.
-    ``axes``: local axes along which markers may shift. ``placed_m``: standard deviation of what is wrong with
-    a marker's place on its segment, m. Zero: no constant shifts.
+    The motion ``q`` (n, n_coordinates), as far as it is known, drives the skin along the local ``axes``.
+    ``placed_m`` is the standard deviation of what is wrong with a marker's place on its segment; where zero,
+    there are no constant shifts.
     """
     driven = {s.name: _driver(model, s, q) for s in model.segments}
     moving = {name: k for k, name in enumerate(n for n, way in driven.items() if way is not None)}

@@ -14,7 +14,7 @@ from scaling_service.capabilities.consistent.geometric import (
     identify_geometry,
 )
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, consistent_motion
-from scaling_service.capabilities.consistent.problem import InertialFreedom, Objectives, State
+from scaling_service.capabilities.consistent.problem import Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
     ConsistentRecording,
@@ -164,7 +164,7 @@ def _moved(
     recording: ConsistentRecording,
     rated: RatedMotion,
     settings: ConsistentSettings,
-    freedom: InertialFreedom | None,
+    freedom: Array | None,
     before: ConsistentMotion | None,
 ) -> ConsistentMotion:
     """The motion balanced anew; the artefact found before is where its search begins."""

@@ -41,7 +41,6 @@ class GeometricIdentification:
 
     model: BodyModel
     factors: Mapping[str, float]  # segment to its length over that of the start
-    shifts: Mapping[str, Array]  # marker to how far its local coordinates moved, (3,), m
     at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
@@ -75,12 +74,10 @@ def identify_geometry(
 ) -> GeometricIdentification:
     """Identify lengths and marker coordinates.
 
-    ``markers``: in the order of the recordings' columns. ``expected_m``: marker to the size of its error, m:
-    its weight. ``bound``: Lengths, and marker coordinates by their distance from the segment's origin, stay
-    within this share of their start. ``axes``: local axes along which markers may move: ``xy`` in a planar
-    model. ``prior``: None: as in the paper, bounds alone. ``independent``: how many frames' worth of
-    independent errors the recordings hold: what they weigh against the prior. Raises TrialUnusable: no marker
-    is seen in any frame.
+    Markers are in the order of the recordings' columns, weighted by their expected errors. Lengths, and
+    marker coordinates by their distance from the segment's origin, stay within a share ``bound`` of their start;
+    markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone hold, as in
+    the paper; ``independent`` is how many frames' worth of independent errors weigh against it.
     """
     freed = _freed(model, markers, bound, axes)
     start = parameter_values(freed)
@@ -163,15 +160,9 @@ def _result(
     folded = fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
-    shifts = {
-        m.name: np.subtract(m.nominal, model.marker(m.name).nominal)
-        for m in changed.markers
-        if m.nominal != model.marker(m.name).nominal
-    }
     on_bound = (values <= lower + 1e-9) | (values >= upper - 1e-9)
     return GeometricIdentification(
         changed,
         {p.target: found[p.name] for p in freed.parameters if p.group == "length"},
-        shifts,
         tuple(p.name for p, at in zip(freed.parameters, on_bound.tolist(), strict=True) if at),
     )

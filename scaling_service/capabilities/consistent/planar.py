@@ -186,11 +186,7 @@ def _placed(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tupl
 
 
 def prepare_squat(
-    subject: Subject,
-    chosen: DynamicsSettings,
-    settings: Settings,
-    *,
-    progress: Progress,
+    subject: Subject, chosen: DynamicsSettings, settings: Settings, *, progress: Progress
 ) -> tuple[Prepared, dict[str, ConsistentRecording]]:
     """Project a subject's squats, scale the planar model, and follow the markers."""
     if chosen.start not in (None, AS_IT_IS):

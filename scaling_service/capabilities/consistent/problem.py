@@ -49,13 +49,6 @@ class WrenchTargets:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class InertialFreedom:
-    """How the inertia may differ: directions (10 n_links, k), each of one standard deviation of the prior."""
-
-    directions: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Coefficients (n_coefficients, m), and shared numbers (k,) in standard deviations."""
 
@@ -87,20 +80,17 @@ class ConsistentProblem:
     markers: MarkerTargets  # weights such that the mean of errors as large as expected is one
     wrench: WrenchTargets  # likewise
     shifts: MarkerShifts
-    inertia: InertialFreedom
+    inertia: Array  # (10 n_links, k): how it may differ, by one standard deviation of the prior each
     # weight of the square of each shared number in the markers' objective: what was known before forces
     prior: float
 
     @property
     def n_shared(self) -> int:
         """Shifts first, then inertia."""
-        return self.shifts.count + int(self.inertia.directions.shape[1])
+        return self.shifts.count + int(self.inertia.shape[1])
 
     def motion(self, coefficients: Array) -> Rates:
-        """The motion of all coordinates.
-
-        ``coefficients`` (n_coefficients, m).
-        """
+        """The motion of all coordinates, of coefficients (n_coefficients, m)."""
         n = len(self.basis.times)
         parts = []
         for order, moved in enumerate(self.basis.evaluate(coefficients)):
@@ -111,7 +101,7 @@ class ConsistentProblem:
 
     def moved_mechanism(self, shared: Array) -> Mechanism:
         """The mechanism with the inertia that shared numbers say."""
-        change = self.inertia.directions @ shared[self.shifts.count :]
+        change = self.inertia @ shared[self.shifts.count :]
         parameters = self.mechanism.inertias.parameters() + change.reshape(-1, N_PARAMETERS)
         return replace(self.mechanism, inertias=Inertias.of_parameters(parameters))
 
@@ -193,10 +183,10 @@ class ConsistentProblem:
         curvature = (weighed @ by).reshape(-1, 3, m, 3, m).transpose(0, 1, 3, 2, 4)
         gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
         total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
-        if self.inertia.directions.shape[1]:
+        if self.inertia.shape[1]:
             (block,) = regressor_blocks(mechanism, motion, self.p, size=BLOCK)
             root = screws.state.poses.origins[0]
-            columns = self._moments_about(block.ground @ self.inertia.directions, rows, root)
+            columns = self._moments_about(block.ground @ self.inertia, rows, root)
             total.add_shared(
                 rows,
                 slice(self.shifts.count, self.n_shared),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.artefact import artefact_m, artefact_shifts
-from scaling_service.capabilities.consistent.problem import ConsistentProblem, InertialFreedom, WrenchTargets
+from scaling_service.capabilities.consistent.problem import ConsistentProblem, WrenchTargets
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.prior import inertial_prior
@@ -118,13 +118,12 @@ def problem_of(
     recording: ConsistentRecording,
     rated: RatedMotion,
     settings: ConsistentSettings,
-    freedom: InertialFreedom | None = None,
+    freedom: Array | None = None,
 ) -> ConsistentProblem:
     """Pose the two objectives for a recording.
 
-    ``model``: with mass. ``rated``: a motion of the model: coordinates that no marker shows stay as it has
-    them, and it drives the skin. ``freedom``: how the inertia may differ from the model's. None: not at all.
-    Raises TrialUnusable: no frame has known forces, or the trial is too short.
+    Coordinates that no marker shows stay as the ``rated`` motion has them, and it drives the skin.
+    ``freedom`` says how the inertia may differ from the model's; unless given, not at all.
     """
     if len(rated.times) < ORDER * 2:
         raise TrialUnusable(
@@ -151,7 +150,7 @@ def problem_of(
         artefact_shifts(
             model, names, rated.q, basis, artefact_m(model), axes=axes, placed_m=settings.placed_m
         ),
-        freedom or InertialFreedom(np.zeros((N_PARAMETERS * len(model.segments), 0))),
+        np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
         1.0 / count,
     )
 
@@ -162,10 +161,10 @@ def inertial_freedom(
     rated: Sequence[RatedMotion],
     settings: ConsistentSettings,
     identification: IdentificationSettings,
-) -> InertialFreedom:
-    """The combinations of inertial parameters that the forces say more about than the tables do.
+) -> Array:
+    """The combinations of inertial parameters that the forces say more about than the model's own, the prior.
 
-    ``model``: its inertia is the prior's mean.
+    Directions (10 n_links, k), each of one standard deviation of the prior.
     """
     prior = inertial_prior(
         model, identification.spread, mass_known=identification.mass_known, symmetric=identification.symmetric
@@ -180,7 +179,7 @@ def inertial_freedom(
             heavy = counted * targets.weights[block.rows]
             information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
     gains, vectors = np.linalg.eigh(information)
-    return InertialFreedom(free @ vectors[:, gains > DECIDES])
+    return np.asarray(free @ vectors[:, gains > DECIDES])
 
 
 def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:

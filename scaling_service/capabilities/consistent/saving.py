@@ -39,11 +39,7 @@ FILE_NAME = "consistent.json"
 def save_consistent(
     results: ConsistentResults, folder: str | Path, *, report: bool = True
 ) -> ConsistentDocument:
-    """Write motions, ``model.*``, ``consistent.json`` and ``report.html`` into a folder.
-
-    Returns What was written as ``consistent.json``. Raises InputError: the folder cannot be made or written
-    to.
-    """
+    """Write motions, ``model.*``, ``consistent.json`` (returned) and ``report.html`` into a folder."""
     result = results.result
     with all_or_nothing(Path(folder)) as scratch:
         for recording, tracked in zip(results.recordings, result.consistent, strict=True):

@@ -104,8 +104,10 @@ def _residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> Iterator[Ta
 
 def _gate_cell(trial: TrialDynamicsDocument, k: int) -> Cell:
     gate = trial.gates[k]
-    said, tone = ("kept", "good") if gate.passed else ("broken", "poor")
-    return Cell(f"{gate.value:.0f} ({gate.limit:.0f}) {said}", tone=tone)
+    return Cell(
+        f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
+        tone="good" if gate.passed else "poor",
+    )
 
 
 def uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:

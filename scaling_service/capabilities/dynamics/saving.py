@@ -17,9 +17,8 @@ from scaling_service.capabilities.dynamics.document import (
 from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
 from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
-from scaling_service.capabilities.dynamics.run import DynamicsResults
+from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
-from scaling_service.capabilities.dynamics.trial import TrialDynamics
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json

@@ -56,15 +56,6 @@ class Prepared:
     warnings: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Started:
-    method: str
-    calibration: Calibration | None
-    model: BodyModel
-    motions: Mapping[str, Motion]
-    warnings: tuple[str, ...]
-
-
 def prepare(
     subject: Subject | str | Path,
     chosen: DynamicsSettings = PLAIN,
@@ -72,10 +63,7 @@ def prepare(
     *,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Read a subject's recordings with forces, scale its model, and follow the markers.
-
-    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
-    """
+    """Read a subject's recordings with forces, scale its model, and track the markers."""
     file = None if isinstance(subject, Subject) else Path(subject)
     chosen.check()
     check_axes(settings.up, settings.forward)
@@ -83,31 +71,34 @@ def prepare(
     with blamed_on(file):
         read = movement_forces(known)
         loaded = load(known, settings)
-        known = loaded.session.subject  # with what the recordings state
+        session = loaded.session
+        known = session.subject  # with what the recordings state
         if known.height_m is None:
             raise SubjectInvalid(
                 "residuals are told in shares of body weight times height, and no height is given",
                 field="subject.height_m",
                 remedy="Give the person's stature in m",
             )
-        feet_of(loaded.session.model)
+        feet_of(session.model)
+        method = chosen.start or ("EB_am" if session.images is not None else "MB_am")
         with blamed_on(None, recordings(known)):
             forces = _forces(loaded, known, read, chosen.cutoff_hz)
-            started = _started(loaded, settings, chosen.start, tuple(forces), progress)
-            massive = with_inertia(started.model, known, chosen.inertia, scaled=started.method != AS_IT_IS)
+            calibration, motions, told = _tracked(loaded, method, settings, tuple(forces), progress)
+            model = session.model if calibration is None else calibration.model
+            massive = with_inertia(model, known, chosen.inertia, scaled=calibration is not None)
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
     left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
         known,
         loaded,
-        started.method,
+        method,
         massive.inertia,
         massive.model,
-        started.motions,
+        motions,
         forces,
         known.height_m,
-        started.calibration,
-        (*loaded.session.warnings, *started.warnings, *massive.notes, *left_out),
+        calibration,
+        (*session.warnings, *told, *massive.notes, *left_out),
     )
 
 
@@ -139,28 +130,19 @@ def _forces(
     return found
 
 
-def _started(
-    loaded: Loaded,
-    settings: Settings,
-    start: str | None,
-    wanted: tuple[str, ...],
-    progress: Progress | None,
-) -> _Started:
+def _tracked(
+    loaded: Loaded, method: str, settings: Settings, wanted: tuple[str, ...], progress: Progress | None
+) -> tuple[Calibration | None, Mapping[str, Motion], tuple[str, ...]]:
+    """How the model was scaled, if it was, the motions of the wanted trials, and what is to be told."""
     session = loaded.session
-    method = start or ("EB_am" if session.images is not None else "MB_am")
     if method == AS_IT_IS:
-        motions = {t.name: inverse_kinematics(session.model, t) for t in session.dynamic if t.name in wanted}
-        return _Started(method, None, session.model, motions, ())
+        trials = [trial for trial in session.dynamic if trial.name in wanted]
+        return None, {trial.name: inverse_kinematics(session.model, trial) for trial in trials}, ()
     results = tasks.run(loaded, (method,), settings, progress=progress)
     scaling = results.scalings[method]
     told = [w for w in results.warnings if w not in session.warnings]
-    return _Started(
-        method,
-        scaling.calibration,
-        scaling.calibration.model,
-        {name: motion for name, motion in scaling.motions.items() if name in wanted},
-        (*told, *scaling.calibration.warnings),
-    )
+    motions = {name: motion for name, motion in scaling.motions.items() if name in wanted}
+    return scaling.calibration, motions, (*told, *scaling.calibration.warnings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,12 +158,10 @@ class Massive:
 
 
 def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, scaled: bool) -> Massive:
-    """The model with the inertia that was asked for.
+    """The model of the person's size with the inertia that was asked for.
 
-    ``model``: of the person's size. ``inertia``: a table's name or ``OWN``. Unless given: ``DEFAULT_TABLE``
-    for a built-in model that was scaled, else the model's own. ``scaled``: whether the model was scaled to
-    the person. Raises SubjectInvalid: there is no such table, or the table needs what the subject file does
-    not say; InputError: the table cannot be applied to this model or person.
+    Unless a table's name or ``OWN`` is given: ``DEFAULT_TABLE`` for a built-in model that was scaled to the
+    person, else the model's own.
     """
     check_inertia(inertia)
     chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else OWN)

@@ -16,8 +16,7 @@ _TINY = 1e-12  # m2: noise-free frames differ by more than any factor
 
 
 def freed(
-    found: MotionSolution,
-    solve: Callable[[NDArray[np.intp], NDArray[np.float64]], MotionSolution],
+    found: MotionSolution, solve: Callable[[NDArray[np.intp], NDArray[np.float64]], MotionSolution]
 ) -> MotionSolution:
     """Solve outstanding frames again from neighbours that are not, until nothing improves.
 

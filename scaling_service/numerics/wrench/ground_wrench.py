@@ -60,7 +60,7 @@ def moment_about(wrench: Array, point: Array) -> Array:
 def link_wrenches(mechanism: Mechanism, state: Moving, gravity: Array = GRAVITY) -> Array:
     """The wrench beside gravity that moves each link as it moves.
 
-    Returns (n_links, 6, n): force and moment about the ground origin, ground axes.
+    Force and moment about the ground origin, ground axes, (n_links, 6, n).
 
     Newton: ``F = m (a - g)``; Euler about the centre of mass: ``I alpha + omega x I omega``, evaluated
     in the link's axes, where I is constant.
@@ -145,10 +145,7 @@ def inverse_dynamics(
 
 
 def joint_forces(mechanism: Mechanism, state: Moving, wrenches: Array) -> Array:
-    """Generalised forces that balance wrenches on the links, shape (n_coordinates, n).
-
-    ``wrenches`` (n_links, 6, n): about the ground origin.
-    """
+    """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
     power = np.einsum("ean,ean->en", state.screws, through) * state.slopes

@@ -32,12 +32,7 @@ class RegressorBlock:
 
 
 def regressor_blocks(
-    mechanism: Mechanism,
-    motion: Motion,
-    p: Array,
-    *,
-    gravity: Array = GRAVITY,
-    size: int = REGRESSOR_BLOCK,
+    mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = REGRESSOR_BLOCK
 ) -> Iterator[RegressorBlock]:
     """Regressors of the ground wrench.
 

@@ -107,10 +107,7 @@ def repeated(errors: Array) -> float:
 def gathered(
     evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Information matrix (p, p) and slope (p,) of several recordings together.
-
-    ``noise`` (6,), N and N m: standard deviation of each component. ``components`` (6,): those that count.
-    """
+    """Information (p, p) and slope (p,) of recordings together, over the components (6,) that count."""
     weights = [components / (noise**2 * e.repeats) for e in evidence]
     information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
     slope = sum(w @ e.slope for w, e in zip(weights, evidence, strict=True))

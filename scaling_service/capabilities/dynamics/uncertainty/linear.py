@@ -143,23 +143,13 @@ def _moved_by(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearUncertainty:
-    """What linear propagation says of one recording."""
+    """What linear propagation says of one recording; arrays (6,) as ``WrenchUncertainty`` has them."""
 
-    frames: NDArray[np.intp]  # (n,): the frames used
-    # (n, 6, 6), N and N m, per rad and m of noise: of each frame's residual wrench for white noise of unit
-    # size on every coordinate, after the filter
-    covariance: Array
     error_m: float  # the reference's reconstruction error
-    dr: Array  # (6,): its residual indicator
-    sizes: Array  # (k,), rad and m: standard deviations of the noise before the filter
-    errors_m: Array  # (k,): expected reconstruction error at each size
-    indicators: Array  # (k, 6): expected residual indicator at each size
-    levels: tuple[float, ...]
-    dispersion: Array  # (n_levels, 6)
-    # slopes_per_cm, kinematic (6,): as ``WrenchUncertainty`` has them
+    dr: Array
     slopes_per_cm: Array
     kinematic: Array
-    r2: Array  # (6,)
+    r2: Array
 
 
 def propagate_linearly(
@@ -171,9 +161,8 @@ def propagate_linearly(
     reference = Reference.of(recording, noise_on)
     error, dr = error_and_indicator(reference)
     spread = noise_factors(reference.low_pass.autocovariance(len(LAGS) - 1))
-    frames, covariances, apart, spreads = [], [], [], []
+    covariances, apart, spreads = [], [], []
     for block in wrench_jacobians(reference):
-        frames.append(block.rows)
         covariances.append(_wrench_covariance(block, spread))
         away, wide = _marker_spread(reference, block)
         apart.append(away)
@@ -189,20 +178,7 @@ def propagate_linearly(
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
     dispersion = np.array([_dispersion(error, level, errors, indicators) for level in levels])
     slopes, r2, _ = slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
-    return LinearUncertainty(
-        np.concatenate(frames),
-        covariance,
-        error,
-        dr,
-        sizes,
-        errors,
-        indicators,
-        levels,
-        dispersion,
-        slopes,
-        1e2 * error * slopes,
-        r2,
-    )
+    return LinearUncertainty(error, dr, slopes, 1e2 * error * slopes, r2)
 
 
 def noise_factors(autocovariance: Array) -> Array:

@@ -63,7 +63,6 @@ class MarkerUncertainty:
     # after the filter
     sd_m: Array
     leverage: Array  # (n_markers,): share of a marker's error that the model follows, mean over the frames
-    correlation: Array  # (len(LAGS),): of these errors between frames 0, 1, 2 … apart
     frames: NDArray[np.intp]  # (n,): the frames used
     covariance: Array  # (n, 6, 6), N and N m: of each frame's residual wrench
     # (n_markers, 6): of the mean variance of each component; a segment's common part is divided among its
@@ -89,8 +88,7 @@ def marker_uncertainty(
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filtered_residuals(reference)
-    correlation = _correlation(left, reference)
-    spread = noise_factors(correlation)
+    spread = noise_factors(_correlation(left, reference))
     leverage, size = _sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
     together = _together(reference, sizes, shared)
@@ -107,7 +105,6 @@ def marker_uncertainty(
         names,
         sizes,
         leverage,
-        correlation,
         np.concatenate(frames),
         np.concatenate(covariances),
         variance / variance.sum(axis=0),
@@ -175,8 +172,8 @@ def _followed(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.
 
-    Returns ``gain, moved`` (n, n_varied, n_markers, 3): coordinates by marker errors, and markers by
-    coordinates; ``seen`` (n, n_markers).
+    Coordinates by marker errors and markers by coordinates, both (n, n_varied, n_markers, 3), and which are
+    seen, (n, n_markers).
     """
     tree, poses = reference.body.tree, block.poses
     by_variable = jacobian(tree, poses, positions(tree, poses), reference.varied)[..., block.kept]
@@ -192,10 +189,7 @@ def _followed(
 
 
 def _effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
-    """What a unit error of each marker does to the wrench, factor by factor of the noise in time.
-
-    Returns (n, n_factors, 6, n_markers, 3).
-    """
+    """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
     factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
     n, count, _, varied = factors.shape
     effect = factors.reshape(n, -1, varied) @ gain.reshape(n, varied, -1)

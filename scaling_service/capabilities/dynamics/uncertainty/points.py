@@ -94,11 +94,9 @@ class PointBody:
         return y.reshape(-1, 3, n)
 
     def wrench(self, y: Array, root: Array, step_s: float) -> Array:
-        """What moves the body, without the frames of the halo.
+        """What moves the body, without the frames of the halo, (6, n - 2 HALO), ground axes.
 
-        ``y`` (4 n_massive, 3, n), kg^0.5 m: of frames one step apart. ``root`` (3, n), m: the root segment's
-        origin. Returns (6, n - 2 HALO): force (N) and moment about the root segment's origin (N m), ground
-        axes.
+        Force (N) and moment (N m) about the root segment's origin (3, n), m, of vectors y one step apart.
         """
         n = y.shape[-1]
         first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)

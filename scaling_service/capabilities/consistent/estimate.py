@@ -85,24 +85,9 @@ def consistent(
 ) -> ConsistentResult:
     """Find motion, geometry and inertia in turn, until errors change by less than instruments resolve.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Scaled, with a table's inertia.
-    fitted, held_out : sequences of ConsistentRecording
-        With the motions that inverse kinematics with this model finds.
-    settings : ConsistentSettings
-    identification : IdentificationSettings
-    progress : callable, optional
-        Called with what is being done.
+    The model is scaled and has a table's inertia; recordings hold the motions that inverse kinematics finds
+    with it. Progress is called with what is being done.
 
-    Raises
-    ------
-    InputError
-        Recordings that cannot be used; see :func:`problem_of` and :func:`identify_inertia`.
-
-    Notes
-    -----
     Beyond the paper, the motion is found together with what is uncertain about the inertia and with the
     artefact that follows the joints. Found for the table's inertia, as in the paper, the motion bends until
     it explains the forces, and hides what is wrong with that inertia.

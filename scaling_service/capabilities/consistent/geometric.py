@@ -75,9 +75,9 @@ def identify_geometry(
     """Identify lengths and marker coordinates.
 
     Markers are in the order of the recordings' columns, weighted by their expected errors. Lengths, and
-    marker coordinates by their distance from the segment's origin, stay within a share ``bound`` of their start;
-    markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone hold, as in
-    the paper; ``independent`` is how many frames' worth of independent errors weigh against it.
+    marker coordinates by their distance from the segment's origin, stay within a share ``bound`` of their
+    start; markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone
+    hold, as in the paper; ``independent`` is how many frames' worth of errors weigh against it.
     """
     freed = _freed(model, markers, bound, axes)
     start = parameter_values(freed)

@@ -53,7 +53,7 @@ class SagittalPlane:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def sides_joined(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
+def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
     """The planar model's markers as means of left and right, of a body in space or of the planar markers.
 
     NaN where a source is not seen. Markers without any source are left out.
@@ -203,7 +203,7 @@ def prepare_squat(
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in movement_forces(subject).items():
         with blamed_on(path, [path]):
-            trial = sides_joined(_named(trials[path.stem]))
+            trial = join_sides(_named(trials[path.stem]))
             plane = plane_of(trial)
         with blamed_on(source, [source]):
             forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)

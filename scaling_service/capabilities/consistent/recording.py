@@ -14,10 +14,10 @@ from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.prior import inertial_prior
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.capabilities.dynamics.uncertainty.points import trees_of
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
-    compile_model,
     coordinate_bounds,
     default_coordinates,
     free_coordinates,
@@ -30,7 +30,6 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerTargets
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
-from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from scaling_service.numerics.wrench.regressor import regressor_blocks
@@ -133,15 +132,15 @@ def problem_of(
         )
     basis = SplineBasis(rated.times, settings.spacing_s)
     names = recording.motion.markers
-    tree, p = _whole_with_markers(model, names), parameter_values(model)
+    whole, alone = trees_of(model, names, model.segments)
     shown = set(recording.motion.estimated)
     open_ = free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     targets, count = _marker_targets(recording, basis, settings)
     return ConsistentProblem(
-        Mechanism(tree, inertias_of(model)),
-        _only(tree, len(names)),
-        p,
+        Mechanism(whole, inertias_of(model)),
+        alone,
+        parameter_values(model),
         basis,
         np.flatnonzero(open_),
         rated.q[0],
@@ -190,22 +189,6 @@ def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
     """
     lower, upper = coordinate_bounds(model)
     return lower[problem.free], upper[problem.free]
-
-
-def _whole_with_markers(model: BodyModel, names: tuple[str, ...]) -> Tree:
-    """A tree of all segments whose first markers are those named."""
-    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in model.segments)
-    return compile_model(model.with_markers((*(model.marker(name) for name in names), *centres)))
-
-
-def _only(tree: Tree, count: int) -> Tree:
-    """The same links with the first markers alone."""
-    return replace(
-        tree,
-        marker_link=tree.marker_link[:count],
-        marker_local=tree.marker_local[:count],
-        marker_terms=tuple(t for t in tree.marker_terms if t.marker < count),
-    )
 
 
 def _marker_targets(

@@ -21,12 +21,10 @@ from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.consistent.report import TrialCurves, consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
-from scaling_service.capabilities.dynamics.saving import write_massive_model
+from scaling_service.capabilities.dynamics.saving import provenance, write_massive_model
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
-from scaling_service.capabilities.subject.hashes import input_hashes
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.massive import total_mass
@@ -104,16 +102,9 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     parameters = result.inertial.parameters if result.inertial is not None else ()
+    chosen = {"consistent": asdict(results.chosen)}
     return ConsistentDocument(
-        code_version=code_version(),
-        subject=prepared.subject.id,
-        settings=results.settings.resolved() | {"consistent": asdict(results.chosen)},
-        input_hashes=input_hashes(prepared.subject, results.subject_file),
-        seed=results.settings.seed,
-        markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        repairs={trial.name: repair_notes(trial.repairs) for trial in prepared.loaded.session.dynamic},
-        start=prepared.start,
-        inertia=prepared.inertia,
+        **provenance(prepared, results.settings, results.subject_file, chosen),
         mass_kg=round(total_mass(prepared.model), 3),
         trials={r.name: _trial(results, k) for k, r in enumerate(results.recordings)},
         inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in parameters],

@@ -155,25 +155,8 @@ def inverse_dynamics(
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion that inverse kinematics found.
 
-    Parameters
-    ----------
-    model : BodyModel
-        With mass; its parameters at their values.
-    motion : Motion
-        Coordinates of this model.
-    loads : SegmentLoads, optional
-        At the motion's times. None: nothing touches the body.
-    cutoff_hz, order : optional
-        See :func:`rated_motion`.
-
-    Raises
-    ------
-    ModelRefused
-        No segment has mass.
-    TrialUnusable
-        A coordinate of the model is not in the motion, or loads are on another clock.
-    InputError
-        A load is on a segment that the model does not have, or the cutoff does not suit.
+    The model has mass and its parameters are at their values. Loads are at the motion's times; without any,
+    nothing touches the body. Refuses loads on another clock or on a segment that the model does not have.
     """
     rated = rated_motion(model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order)
     return dynamics_of(model, rated, loads, trial=motion.trial)

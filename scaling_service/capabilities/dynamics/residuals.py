@@ -94,22 +94,9 @@ def indicator_scale(mass_kg: float, height_m: float) -> Array:
 def evaluate_residuals(
     dynamics: InverseDynamics, height_m: float, *, frames: NDArray[np.bool_] | None = None
 ) -> Residuals:
-    """The indicator and the gates of one recording.
+    """The indicator and the gates of one recording, over those of the frames whose residual is known.
 
-    Parameters
-    ----------
-    dynamics : InverseDynamics
-    height_m : float
-        The person's stature. Body weight is the model's.
-    frames : ndarray of bool, shape (n,), optional
-        Frames to use, such as those in which no foot stands beside the plates. All known ones by default.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame is left.
-    InputError
-        Mass or height cannot be a person's.
+    Body weight is the model's.
     """
     used = dynamics.used(frames)
     residual = dynamics.residual[used]

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from scaling_service.capabilities.scaling.documents import code_version, repair_
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.files.osim import write_osim
 from scaling_service.files.sto import Table, write_sto
@@ -121,23 +123,32 @@ def write_massive_model(
     return ()
 
 
+def provenance(
+    prepared: Prepared, settings: Settings, subject_file: Path | None, chosen: dict[str, Any]
+) -> dict[str, Any]:
+    """What is needed to get results again, and what they started from, as documents have it."""
+    return {
+        "code_version": code_version(),
+        "subject": prepared.subject.id,
+        "settings": settings.resolved() | chosen,
+        "input_hashes": input_hashes(prepared.subject, subject_file),
+        "seed": settings.seed,
+        "markers_used": {name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
+        "repairs": {trial.name: repair_notes(trial.repairs) for trial in prepared.loaded.session.dynamic},
+        "start": prepared.start,
+        "inertia": prepared.inertia,
+    }
+
+
 def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
-    prepared, session = results.prepared, results.prepared.loaded.session
-    of_forces = {name: found.forces.repairs for name, found in results.trials.items()}
+    prepared = results.prepared
+    chosen = {"dynamics": asdict(results.chosen)}
+    known = provenance(prepared, results.settings, results.subject_file, chosen)
+    for name, found in results.trials.items():
+        known["repairs"][name] += repair_notes(found.forces.repairs)
     return DynamicsDocument(
-        code_version=code_version(),
-        subject=prepared.subject.id,
-        settings=results.settings.resolved() | {"dynamics": asdict(results.chosen)},
-        input_hashes=input_hashes(prepared.subject, results.subject_file),
-        seed=results.settings.seed,
-        markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        repairs={
-            trial.name: repair_notes([*trial.repairs, *of_forces.get(trial.name, ())])
-            for trial in session.dynamic
-        },
-        start=prepared.start,
-        inertia=prepared.inertia,
+        **known,
         mass_kg=total_mass(prepared.model),
         height_m=prepared.height_m,
         trials={name: _trial(found, results) for name, found in results.trials.items()},

@@ -74,12 +74,12 @@ def evidence_of(model: BodyModel, recording: ForceRecording) -> Evidence:
         by_component = np.ascontiguousarray(rows.transpose(1, 0, 2))
         curvature += by_component.transpose(0, 2, 1) @ by_component
         slope += np.einsum("cnp,nc->cp", by_component, error)
-    repeats = np.array([repeated(errors[:, c]) for c in range(N_COMPONENTS)])
+    repeats = np.array([count_repeats(errors[:, c]) for c in range(N_COMPONENTS)])
     squares = np.nansum(errors**2, axis=0)
     return Evidence(dynamics.trial, int(used.sum()), curvature, slope, squares, repeats)
 
 
-def repeated(errors: Array) -> float:
+def count_repeats(errors: Array) -> float:
     """How many frames in a row say the same thing: the integrated autocorrelation time, in frames.
 
     ``errors`` (n,) are NaN where not known. ``1 + 2 sum rho_k`` with pairs of lags summed while they are
@@ -104,9 +104,7 @@ def repeated(errors: Array) -> float:
     return float(np.clip(2.0 * positive.sum() - 1.0, 1.0, n))
 
 
-def gathered(
-    evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def gather(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Information (p, p) and slope (p,) of recordings together, over the components (6,) that count."""
     weights = [components / (noise**2 * e.repeats) for e in evidence]
     information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
@@ -115,7 +113,7 @@ def gathered(
 
 
 def weighed(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[float, float]:
-    """Sum of squared errors over their noise, and how many independent errors there are; see ``gathered``."""
+    """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
     squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
     count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
     return squares, count

@@ -18,7 +18,7 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     Evidence,
     ForceRecording,
     evidence_of,
-    gathered,
+    gather,
     most_likely_noise,
     weighed,
 )
@@ -31,8 +31,8 @@ from scaling_service.capabilities.dynamics.inertia.result import (
     InertialIdentification,
     Solution,
     WrenchFit,
-    described_combinations,
-    described_parameters,
+    describe_combinations,
+    describe_parameters,
 )
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import few
@@ -133,8 +133,8 @@ def identify_inertia(
     )
     result = InertialIdentification(
         changed,
-        described_parameters(model, changed, prior, solution),
-        described_combinations(prior, solution),
+        describe_parameters(model, changed, prior, solution),
+        describe_combinations(prior, solution),
         tuple(
             WrenchFit(e.trial, out, e.frames, e.rms(np.zeros_like(solution.change)), e.rms(solution.change))
             for e, out in [*((e, False) for e in evidence), *((e, True) for e in checks)]
@@ -185,7 +185,7 @@ def _solve(
 ) -> Solution:
     """The parameters, with the noise that was told or is most likely."""
     assumed = told if told is not None else np.repeat([1.0, ARM_M], 3)
-    information, slope = gathered(evidence, assumed, components)
+    information, slope = gather(evidence, assumed, components)
     free = prior.scale @ prior.basis
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)

@@ -55,7 +55,7 @@ class InertialPrior:
     # (n, 10): standard deviations of ``PARTS``: kg, m, kg m2. Zero for a segment without mass: it keeps none.
     sd: Array
     scale: Array  # (10 n, 10 n): ``mean + scale @ z`` are parameters, to first order about the mean
-    basis: Array  # (10 n, k): Orthonormal: the directions of z that may move
+    basis: Array  # (10 n, k), orthonormal: the directions of z that may move
 
 
 def inertial_prior(

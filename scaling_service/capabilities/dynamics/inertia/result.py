@@ -121,7 +121,7 @@ class Solution:
     noise: Array  # (6,), N and N m
 
 
-def described_parameters(
+def describe_parameters(
     before: BodyModel, after: BodyModel, prior: InertialPrior, solution: Solution
 ) -> tuple[InertialParameter, ...]:
     """Every number of every segment with mass, before and after."""
@@ -159,7 +159,7 @@ def _numbers(model: BodyModel) -> Array:
     return np.concatenate([inertias.mass[:, None], inertias.com, tensors], axis=1)
 
 
-def described_combinations(prior: InertialPrior, solution: Solution) -> tuple[Combination, ...]:
+def describe_combinations(prior: InertialPrior, solution: Solution) -> tuple[Combination, ...]:
     """What moved, best determined first, each by its largest parts."""
     found = []
     for direction, gain, move in zip(solution.directions.T, solution.gains, solution.moves, strict=True):

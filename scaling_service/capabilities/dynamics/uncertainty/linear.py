@@ -47,7 +47,7 @@ _GRID = 400  # sizes of the noise, and errors of a level: dispersions change by 
 class WrenchJacobian:
     """Derivatives of the residual wrench about the root segment's origin for a block of frames."""
 
-    rows: NDArray[np.intp]  # (n,): Frames, all of them used
+    rows: NDArray[np.intp]  # (n,): frames, all of them used
     # (len(LAGS), n_varied, 6, n), N and N m per rad and m: with respect to the varied coordinates at frames
     # ``rows + lag``
     by_lag: Array

@@ -16,13 +16,14 @@ of single segments is needed. Frames come last, as in the kernels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.massive import tensor_of
 from scaling_service.numerics.multibody.laws import Array
@@ -36,7 +37,19 @@ Math Comput 51:699-706, table 1). At 5 Hz and 100 frames per second it errs by 3
 HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
 
-_OWN = "com of "  # no marker of a file is called so
+
+def trees_of(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
+    """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
+    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
+    whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
+    count = len(markers)
+    alone = replace(
+        whole,
+        marker_link=whole.marker_link[:count],
+        marker_local=whole.marker_local[:count],
+        marker_terms=tuple(t for t in whole.marker_terms if t.marker < count),
+    )
+    return whole, alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +69,7 @@ class PointBody:
     def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
         """A model with mass, and the markers to compare in this order."""
         heavy = [s for s in model.segments if s.mass]
-        own = tuple(Marker.at(_OWN + s.name, s.name, s.com) for s in heavy)
-        whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *own)))
-        count = len(markers)
-        tree = replace(
-            whole,
-            marker_link=whole.marker_link[:count],
-            marker_local=whole.marker_local[:count],
-            marker_terms=tuple(t for t in whole.marker_terms if t.marker < count),
-        )
+        whole, tree = trees_of(model, markers, heavy)
         vectors, signs = np.empty((len(heavy), 4, 3)), np.ones((len(heavy), 4))
         for row, segment in enumerate(heavy):
             tensor = tensor_of(segment.inertia)
@@ -73,7 +78,8 @@ class PointBody:
             vectors[row, 1:] = (axes * np.sqrt(np.abs(moments))).T
             signs[row, 1:][moments < 0] = -1.0
         masses = np.array([s.mass for s in heavy])
-        return cls(tree, whole.marker_link[count:], parameter_values(model), masses, vectors, signs)
+        links = whole.marker_link[len(markers) :]
+        return cls(tree, links, parameter_values(model), masses, vectors, signs)
 
     @cached_property
     def nodes(self) -> NDArray[np.intp]:

@@ -115,21 +115,9 @@ def propagate(
 ) -> WrenchUncertainty:
     """Muller's whole study for one recording, by Monte Carlo.
 
-    Parameters
-    ----------
-    recording : Recording
-    settings : UncertaintySettings
-    executor : Executor, optional
-        Where samples are drawn; this thread unless given. Every sample has a random stream of its own.
-    progress : callable, optional
-        Called with the share that is done.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame has a motion and all its forces, or loads are on another clock.
-    InputError
-        The markers are followed without any error, so that there is nothing to scale a perturbation by.
+    Samples are drawn by the executor, in this thread unless one is given; every sample has a random stream of
+    its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
+    error, so that there is nothing to scale a perturbation by.
     """
     reference = Reference.of(recording, settings.noise_on)
     run = executor or Serial()
@@ -175,6 +163,7 @@ def judge(dr: Array, total: Array) -> Verdict:
 
     Examples
     --------
+    >>> import numpy as np
     >>> verdict = judge(np.full(6, 0.02), np.array([0.1, 0.1, 0.1, 0.1, 0.01, 0.1]))
     >>> verdict.calibration
     'in part'

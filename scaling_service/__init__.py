@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.intake.saving import prove_folder
     from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
     from scaling_service.capabilities.motion.options import MotionOptions
-    from scaling_service.capabilities.motion.recordings import Tracked, ik
+    from scaling_service.capabilities.motion.run import Tracked, ik
     from scaling_service.capabilities.motion.saving import save_motions
     from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
     from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
@@ -76,13 +76,13 @@ _HOMES = {
     "Scaling": "capabilities.scaling.run",
     "Settings": "capabilities.subject.settings",
     "Subject": "model.subject",
-    "Tracked": "capabilities.motion.recordings",
+    "Tracked": "capabilities.motion.run",
     "batch": "capabilities.cohort.run",
     "compare": "capabilities.scaling.run",
     "discover": "capabilities.discovery.run",
     "dynamics": "capabilities.dynamics.run",
     "identify_inertia": "capabilities.dynamics.inertia.identification",
-    "ik": "capabilities.motion.recordings",
+    "ik": "capabilities.motion.run",
     "inverse_kinematics": "capabilities.motion.inverse_kinematics",
     "kinematic_error": "capabilities.scaling.comparison.kinematic_error",
     "load_subject": "capabilities.subject.reading",

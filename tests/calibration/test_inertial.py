@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inertia.box import bodies_of
-from scaling_service.capabilities.dynamics.inertia.cone import pseudo_inertia
+from scaling_service.capabilities.dynamics.inertia.cone import bodies_of, pseudo_inertia
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,

@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from scaling_service.capabilities.dynamics.inertia.box import bodies_of
-from scaling_service.capabilities.dynamics.inertia.cone import KEPT, Body, possible_minimum, pseudo_inertia
-from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording, evidence_of, repeated
-from scaling_service.capabilities.dynamics.inertia.noise import most_likely_noise
+from scaling_service.capabilities.dynamics.inertia.cone import (
+    KEPT,
+    Body,
+    bodies_of,
+    possible_minimum,
+    pseudo_inertia,
+)
+from scaling_service.capabilities.dynamics.inertia.evidence import (
+    ForceRecording,
+    count_repeats,
+    evidence_of,
+    most_likely_noise,
+)
 from scaling_service.capabilities.dynamics.inertia.prior import (
     COM_SD,
     LENGTH_SD,
@@ -159,10 +168,10 @@ def test_repetition_of_an_autoregressive_error(rho: float) -> None:
     for k in range(1, len(values)):
         values[k] = rho * values[k - 1] + rng.normal()
     values[::50] = np.nan
-    assert repeated(values) == pytest.approx((1 + rho) / (1 - rho), rel=0.12)
-    assert repeated(values + 7.0) == pytest.approx(repeated(values))
-    assert repeated(np.full(10, 3.0)) == 1.0
-    assert repeated(np.full(10, np.nan)) == 1.0
+    assert count_repeats(values) == pytest.approx((1 + rho) / (1 - rho), rel=0.12)
+    assert count_repeats(values + 7.0) == pytest.approx(count_repeats(values))
+    assert count_repeats(np.full(10, 3.0)) == 1.0
+    assert count_repeats(np.full(10, np.nan)) == 1.0
 
 
 def test_boxes_hold_joints_markers_and_the_centre_of_mass() -> None:

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.poses import segment_poses
-from scaling_service.capabilities.motion.result import trial_document
 from scaling_service.capabilities.motion.run import track
+from scaling_service.capabilities.motion.saving import trial_document
 from scaling_service.files.osim import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion

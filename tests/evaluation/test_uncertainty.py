@@ -9,23 +9,23 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.uncertainty.frames import choose_frames
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.markers import marker_uncertainty
+from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, marker_uncertainty
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     UNIFORM_RANGE,
     MotionDatabase,
+    PlateNoise,
     levels_of,
     slopes_through_zero,
 )
-from scaling_service.capabilities.dynamics.uncertainty.plates import PlateNoise
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     UncertaintySettings,
     WrenchUncertainty,
+    blames_inertia,
+    judge,
     propagate,
 )
-from scaling_service.capabilities.dynamics.uncertainty.verdict import blames_inertia, judge
 from scaling_service.core.errors import InputError
 from tests.evaluation.uncertain import recording
 

@@ -14,7 +14,7 @@ from scaling_service.capabilities.consistent.geometric import (
     identify_geometry,
 )
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, consistent_motion
-from scaling_service.capabilities.consistent.problem import InertialFreedom, Objectives, State
+from scaling_service.capabilities.consistent.problem import Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
     ConsistentRecording,
@@ -43,60 +43,34 @@ FREE_MASS = IdentificationSettings(mass_known=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """One recording followed by one model.
-
-    Parameters
-    ----------
-    rated : RatedMotion
-    marker_rms_m : float
-        Root mean square distance of measured and model markers.
-    wrench_rmse : ndarray, shape (6,), N and N m
-        Of measured minus model, over frames with known forces.
-    gaps : Objectives
-    weight : float
-        Of the wrench in the balance; NaN where markers alone were followed.
-    """
+class TrackedRecording:
+    """One recording tracked by one model."""
 
     rated: RatedMotion
-    marker_rms_m: float
-    wrench_rmse: Array
+    marker_rms_m: float  # root mean square distance of measured and model markers
+    wrench_rmse: Array  # (6,), N and N m: of measured minus model, over frames with known forces
     gaps: Objectives
-    weight: float = float("nan")
+    weight: float = float("nan")  # of the wrench in the balance; NaN where markers alone were tracked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentResult:
-    """What the loop found.
+    """What the loop found."""
 
-    Parameters
-    ----------
-    start, model : BodyModel
-        Before and after.
-    classical, consistent : tuple of Followed
-        Every recording, in the order given: fitted ones, then held-out ones. ``classical``: inverse
-        kinematics, filter and derivatives with the start's model.
-    predicted : tuple of Followed
-        The classical two steps with the model found: forces played no part in these motions.
-    inertial : InertialIdentification or None
-        The last one.
-    factors : mapping
-        Segment to its length over that of the start.
-    outer_iterations : int
-    converged : bool
-    history : tuple of (float, ndarray)
-        Marker RMS (m) and wrench RMSE (6,) over the fitted recordings after every loop.
-    """
-
+    # start, model: before and after
     start: BodyModel
     model: BodyModel
-    classical: tuple[Followed, ...]
-    consistent: tuple[Followed, ...]
-    predicted: tuple[Followed, ...]
-    inertial: InertialIdentification | None
-    factors: Mapping[str, float]
+    # classical, consistent: every recording, in the order given: fitted ones, then held-out ones.
+    # ``classical``: inverse kinematics, filter and derivatives with the start's model.
+    classical: tuple[TrackedRecording, ...]
+    consistent: tuple[TrackedRecording, ...]
+    # the classical two steps with the model found: forces played no part in these motions
+    predicted: tuple[TrackedRecording, ...]
+    inertial: InertialIdentification | None  # the last one
+    factors: Mapping[str, float]  # segment to its length over that of the start
     outer_iterations: int
     converged: bool
+    # marker RMS (m) and wrench RMSE (6,) over the fitted recordings after every loop
     history: tuple[tuple[float, Array], ...]
 
 
@@ -111,24 +85,9 @@ def consistent(
 ) -> ConsistentResult:
     """Find motion, geometry and inertia in turn, until errors change by less than instruments resolve.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Scaled, with a table's inertia.
-    fitted, held_out : sequences of ConsistentRecording
-        With the motions that inverse kinematics with this model finds.
-    settings : ConsistentSettings
-    identification : IdentificationSettings
-    progress : callable, optional
-        Called with what is being done.
+    The model is scaled and has a table's inertia; recordings hold the motions that inverse kinematics finds
+    with it. Progress is called with what is being done.
 
-    Raises
-    ------
-    InputError
-        Recordings that cannot be used; see :func:`problem_of` and :func:`identify_inertia`.
-
-    Notes
-    -----
     Beyond the paper, the motion is found together with what is uncertain about the inertia and with the
     artefact that follows the joints. Found for the table's inertia, as in the paper, the motion bends until
     it explains the forces, and hides what is wrong with that inertia.
@@ -136,8 +95,9 @@ def consistent(
     say = progress or (lambda _what: None)
     recordings = (*fitted, *held_out)
     rated = [classical_motion(model, r, settings) for r in recordings]
-    classical = tuple(_followed(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))
-    now, inertial, factors = model, None, dict[str, float]()
+    classical = tuple(_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))
+    now, factors = model, dict[str, float]()
+    inertial: InertialIdentification | None = None
     history: list[tuple[float, Array]] = []
     moved: list[ConsistentMotion] = []
     converged, loop = False, 0
@@ -159,14 +119,24 @@ def consistent(
             now, factors = found.model, dict(found.factors)
         if settings.inertia:
             say(f"loop {loop}: inertia")
-            now, inertial = _with_inertia(_inertia_of(model, now), fitted, rated, identification)
-        history.append(_errors(fitted, moved))
+            prior = _inertia_of(model, now)
+            forces = [
+                ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
+                for r, m in zip(fitted, rated, strict=False)
+            ]
+            inertial = identify_inertia(
+                prior, forces, supported=fitted[0].components, settings=identification
+            )
+            now = inertial.model
+        history.append(
+            _pooled([_tracked(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)])
+        )
         converged = len(history) > 1 and _settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_moved(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
     tracked = tuple(
-        _result(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)
+        _tracked(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)
     )
     predicted = tuple(_predicted(now, r, settings) for r in recordings)
     return ConsistentResult(
@@ -179,7 +149,7 @@ def _moved(
     recording: ConsistentRecording,
     rated: RatedMotion,
     settings: ConsistentSettings,
-    freedom: InertialFreedom | None,
+    freedom: Array | None,
     before: ConsistentMotion | None,
 ) -> ConsistentMotion:
     """The motion balanced anew; the artefact found before is where its search begins."""
@@ -201,24 +171,6 @@ def _inertia_of(table: BodyModel, model: BodyModel) -> BodyModel:
             for s in model.segments
         ),
     )
-
-
-def _with_inertia(
-    prior: BodyModel,
-    fitted: Sequence[ConsistentRecording],
-    rated: Sequence[RatedMotion],
-    identification: IdentificationSettings,
-) -> tuple[BodyModel, InertialIdentification]:
-    found = identify_inertia(
-        prior,
-        [
-            ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
-            for r, m in zip(fitted, rated, strict=False)
-        ],
-        supported=fitted[0].components,
-        settings=identification,
-    )
-    return found.model, found
 
 
 def _with_geometry(
@@ -245,41 +197,35 @@ def _with_geometry(
     )
 
 
-def _followed(
+def _unchanged(
     model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
-) -> Followed:
+) -> TrackedRecording:
     """How far a motion is from what was measured, without changing it."""
     problem = problem_of(model, recording, rated, settings)
-    return _result(recording, rated, problem.objectives_of(rated.rates))
+    return _tracked(recording, rated, problem.objectives_of(rated.rates))
 
 
-def _predicted(model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings) -> Followed:
-    motion = inverse_kinematics(model, recording.trial)
-    known = replace(recording, motion=motion)
-    return _followed(model, known, classical_motion(model, known, settings), settings)
+def _predicted(
+    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+) -> TrackedRecording:
+    """The classical two steps anew."""
+    again = replace(recording, motion=inverse_kinematics(model, recording.trial))
+    return _unchanged(model, again, classical_motion(model, again, settings), settings)
 
 
-def _result(
+def _tracked(
     recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
-) -> Followed:
-    marker, wrench = _rms(recording, gaps)
-    return Followed(rated, marker, wrench, gaps, weight)
-
-
-def _rms(recording: ConsistentRecording, gaps: Objectives) -> tuple[float, Array]:
+) -> TrackedRecording:
     seen = np.isfinite(recording.trial.selected(recording.motion.markers).markers).all(axis=2)
-    known = np.isfinite(recording.wrench).all(axis=1)
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
-    return marker, np.sqrt((gaps.wrench_gaps[known] ** 2).mean(axis=0))
+    wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
+    return TrackedRecording(rated, marker, wrench, gaps, weight)
 
 
-def _errors(
-    fitted: Sequence[ConsistentRecording], motions: Sequence[ConsistentMotion]
-) -> tuple[float, Array]:
-    """RMS over all fitted recordings, each counting alike."""
-    found = [_rms(r, m.objectives) for r, m in zip(fitted, motions, strict=True)]
-    markers, wrenches = zip(*found, strict=True)
-    return float(np.sqrt(np.mean(np.square(markers)))), np.sqrt(np.mean(np.square(wrenches), axis=0))
+def _pooled(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:
+    """RMS errors of markers and wrench over recordings, each counting alike."""
+    markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
+    return float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))
 
 
 def _settled(before: tuple[float, Array], after: tuple[float, Array], settings: ConsistentSettings) -> bool:

@@ -28,57 +28,28 @@ shown)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownMotion:
-    """A recording whose motion is known.
-
-    Parameters
-    ----------
-    name : str
-    measured : ndarray, shape (n, n_markers, 3), m
-        NaN where not seen.
-    q : ndarray, shape (n, n_coordinates), rad or m
-        In the model's order.
-    """
+    """A recording whose motion is known."""
 
     name: str
-    measured: Array
-    q: Array
+    measured: Array  # (n, n_markers, 3), m: NaN where not seen
+    q: Array  # (n, n_coordinates), rad or m: in the model's order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GeometricIdentification:
-    """A model with other lengths and marker coordinates.
-
-    Parameters
-    ----------
-    model : BodyModel
-    factors : mapping
-        Segment to its length over that of the start.
-    shifts : mapping
-        Marker to how far its local coordinates moved, (3,), m.
-    at_bound : tuple of str
-        Parameters that ended on a bound.
-    """
+    """A model with other lengths and marker coordinates."""
 
     model: BodyModel
-    factors: Mapping[str, float]
-    shifts: Mapping[str, Array]
-    at_bound: tuple[str, ...]
+    factors: Mapping[str, float]  # segment to its length over that of the start
+    at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
 @dataclass(frozen=True, slots=True)
 class GeometryPrior:
-    """What is known before: the start, with these standard deviations.
+    """What is known before: the start, with these standard deviations."""
 
-    Parameters
-    ----------
-    length_sd : float
-        Relative.
-    marker_sd_m : float
-        Of each coordinate.
-    """
-
-    length_sd: float
-    marker_sd_m: float
+    length_sd: float  # relative
+    marker_sd_m: float  # of each coordinate
 
     def weights(self, freed: BodyModel) -> Array:
         """Inverse variances of all parameters, (k,)."""
@@ -103,28 +74,10 @@ def identify_geometry(
 ) -> GeometricIdentification:
     """Identify lengths and marker coordinates.
 
-    Parameters
-    ----------
-    model : BodyModel
-    markers : tuple of str
-        In the order of the recordings' columns.
-    fitted : sequence of KnownMotion
-    expected_m : mapping
-        Marker to the size of its error, m: its weight.
-    bound : float
-        Lengths, and marker coordinates by their distance from the segment's origin, stay within this share
-        of their start.
-    axes : str
-        Local axes along which markers may move: ``xy`` in a planar model.
-    prior : GeometryPrior, optional
-        None: as in the paper, bounds alone.
-    independent : float
-        How many frames' worth of independent errors the recordings hold: what they weigh against the prior.
-
-    Raises
-    ------
-    TrialUnusable
-        No marker is seen in any frame.
+    Markers are in the order of the recordings' columns, weighted by their expected errors. Lengths, and
+    marker coordinates by their distance from the segment's origin, stay within a share ``bound`` of their
+    start; markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone
+    hold, as in the paper; ``independent`` is how many frames' worth of errors weigh against it.
     """
     freed = _freed(model, markers, bound, axes)
     start = parameter_values(freed)
@@ -207,15 +160,9 @@ def _result(
     folded = fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
-    shifts = {
-        m.name: np.subtract(m.nominal, model.marker(m.name).nominal)
-        for m in changed.markers
-        if m.nominal != model.marker(m.name).nominal
-    }
     on_bound = (values <= lower + 1e-9) | (values >= upper - 1e-9)
     return GeometricIdentification(
         changed,
         {p.target: found[p.name] for p in freed.parameters if p.group == "length"},
-        shifts,
         tuple(p.name for p, at in zip(freed.parameters, on_bound.tolist(), strict=True) if at),
     )

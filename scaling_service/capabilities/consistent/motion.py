@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scaling_service.capabilities.consistent.balance import Balanced, Front, balanced
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.splines_band import Quadratic, Step, banded, solve_band
 
 STEPS = 15
 """Most Gauss-Newton steps (chosen: three are usual)."""
@@ -20,31 +21,35 @@ SETTLED = 1e-2
 HALVINGS = 8
 """Most times that a step is halved (chosen)."""
 
+RIDGE = 1e-9
+"""Share of the mean diagonal that holds coefficients which nothing is said about (chosen: far above rounding,
+far below what one frame says)."""
+
+SMALLEST, LARGEST = 1e-3, 1e3
+"""Weights of the wrench between which the balance is sought (chosen: at the ends one objective hardly
+counts)."""
+
+NEAR = 0.02
+"""Relative difference of both objectives that no longer matters (chosen)."""
+
+TRIES = 20
+"""Most weights tried (chosen: five are usual)."""
+
+ROUNDS = 8
+"""Most times that coefficients are put on their bounds (chosen: three are usual)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentMotion:
-    """A motion and how it was balanced.
+    """A motion and how it was balanced."""
 
-    Parameters
-    ----------
-    rated : RatedMotion
-        Velocities and accelerations are exact derivatives of the angles.
-    state : State
-        Coefficients of the splines of the free coordinates, and the shared numbers.
-    objectives : Objectives
-    glide : ndarray, shape (n, n_markers, 3), m
-        How far markers glide on their segments, in ground axes: the artefact that follows the joints.
-    weight : float
-        Of the wrench against the markers, where both goals are attained alike.
-    steps : int
-    converged : bool
-    """
-
-    rated: RatedMotion
-    state: State
+    rated: RatedMotion  # velocities and accelerations are exact derivatives of the angles
+    state: State  # coefficients of the splines of the free coordinates, and the shared numbers
     objectives: Objectives
+    # (n, n_markers, 3), m: how far markers glide on their segments, in ground axes: the artefact that follows
+    # the joints
     glide: Array
-    weight: float
+    weight: float  # of the wrench against the markers, where both goals are attained alike
     steps: int
     converged: bool
 
@@ -54,17 +59,7 @@ def consistent_motion(
 ) -> ConsistentMotion:
     """Balance markers against ground wrench (Futamure et al., eq. 6).
 
-    Parameters
-    ----------
-    problem : ConsistentProblem
-    start : State
-    bounds : two ndarrays, shape (m,)
-        Of the free coordinates.
-    weight : float
-        Where the search for the balance begins.
-
-    Notes
-    -----
+    ``bounds`` (m,) are those of the free coordinates; the search for the balance begins at ``weight``.
     Gauss-Newton on both objectives. At every step the weight is sought at which both, in units of what is
     expected of them, are equal: goal attainment with the goal zero, as in the paper.
     """
@@ -73,26 +68,23 @@ def consistent_motion(
     while not converged and steps < STEPS:
         steps += 1
         front = Front.of(*problem.normal(at), at.coefficients, bounds)
-        found = balanced(front, weight)
-        weight = found.weight
-        after, at = _descended(problem, at, now, found)
+        step, weight = balance(front, weight)
+        after, at = _descended(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
         converged, now = max(changes) < SETTLED, after
     return ConsistentMotion(_rated(problem, at), at, now, problem.glide(at), weight, steps, converged)
 
 
 def _descended(
-    problem: ConsistentProblem, at: State, now: Objectives, found: Balanced
+    problem: ConsistentProblem, at: State, now: Objectives, step: Step, weight: float
 ) -> tuple[Objectives, State]:
     """The step, halved until the weighted sum falls; where it never does, no step."""
-    before = now.markers + found.weight * now.wrench
+    before = now.markers + weight * now.wrench
     for halving in range(HALVINGS):
         share = 0.5**halving
-        moved = State(
-            at.coefficients + share * found.step.coefficients, at.shared + share * found.step.shared
-        )
+        moved = State(at.coefficients + share * step.coefficients, at.shared + share * step.shared)
         after = problem.objectives(moved)
-        if after.markers + found.weight * after.wrench < before:
+        if after.markers + weight * after.wrench < before:
             return after, moved
     return now, at
 
@@ -101,3 +93,79 @@ def _rated(problem: ConsistentProblem, at: State) -> RatedMotion:
     motion = problem.motion(at.coefficients)
     parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
     return RatedMotion(problem.basis.times, *parts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Front:
+    """Minimises weighted sums of two quadratics between bounds."""
+
+    markers: Quadratic
+    wrench: Quadratic
+    at: Array  # (n_coefficients, m): the coefficients that steps start from
+    bounds: tuple[Array, Array]  # (m,)
+    bands: tuple[Array, Array]  # lower bands of both matrices
+
+    @classmethod
+    def of(cls, markers: Quadratic, wrench: Quadratic, at: Array, bounds: tuple[Array, Array]) -> Front:
+        """Pose it."""
+        return cls(markers, wrench, at, bounds, (banded(markers.blocks), banded(wrench.blocks)))
+
+    def step(self, weight: float) -> Step:
+        """The step that minimises markers + weight * wrench between the bounds.
+
+        Coefficients that would pass a bound are put on it, and the others solved again.
+        """
+        gradient = self.markers.gradient + weight * self.wrench.gradient
+        low, high = (bound - self.at for bound in self.bounds)
+        held: NDArray[np.bool_] = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))
+        fixed = np.zeros_like(gradient)
+        for _ in range(ROUNDS):
+            found = self._solved(weight, gradient, fixed, held)
+            beyond = ((found.coefficients < low) | (found.coefficients > high)) & ~held
+            if not beyond.any():
+                break
+            held |= beyond
+            fixed = np.where(held, np.clip(found.coefficients, low, high), 0.0)
+        return Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
+
+    def _solved(self, weight: float, gradient: Array, fixed: Array, held: NDArray[np.bool_]) -> Step:
+        """Everything but the held coefficients, which change by ``fixed``; shared numbers by elimination."""
+        markers, wrench = self.markers, self.wrench
+        band = self.bands[0] + weight * self.bands[1]
+        band[0] += RIDGE * band[0].mean()
+        border = markers.border + weight * wrench.border
+        k = border.shape[2]
+        slope = gradient + markers.times(fixed) + weight * wrench.times(fixed)
+        right = np.concatenate([slope[..., None], border], axis=2).reshape(-1, k + 1)
+        solved = solve_band(band, right, held.ravel())
+        flat = np.where(held.ravel()[:, None], 0.0, border.reshape(-1, k))
+        corner = markers.corner + weight * wrench.corner - flat.T @ solved[:, 1:]
+        pull = markers.shared_gradient + weight * wrench.shared_gradient
+        pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
+        shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
+        return Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
+
+
+def balance(front: Front, guess: float = 1.0) -> tuple[Step, float]:
+    """The step at which both objectives are equal, and the weight of the wrench there.
+
+    Both are counted in units of what is expected of them, and both goals are zero (Futamure et al., section
+    II.C.1). The point of the Pareto front that comes nearest to the goals in the largest of both is where
+    both are equal. Points of the front minimise weighted sums, so one weight is sought, from a guess. At
+    ``SMALLEST`` the markers alone attain the wrench's goal as well as their own.
+
+    Along the front the ratio of both falls about as a power of the weight, so a step in logarithms is tried,
+    and the interval halved where it leaves it.
+    """
+    low, high = np.log(SMALLEST), np.log(LARGEST)
+    weight = float(np.clip(np.log(guess), low, high))
+    for _ in range(TRIES):
+        step = front.step(float(np.exp(weight)))
+        tiny = float(np.finfo(float).tiny)
+        markers, wrench = max(front.markers.at(step), tiny), max(front.wrench.at(step), tiny)
+        if abs(markers - wrench) <= NEAR * max(markers, wrench) or high - low <= NEAR:
+            break
+        low, high = (weight, high) if wrench > markers else (low, weight)
+        tried = weight + float(np.log(wrench / markers))
+        weight = tried if low < tried < high else 0.5 * (low + high)
+    return step, float(np.exp(weight))

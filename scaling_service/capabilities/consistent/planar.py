@@ -7,18 +7,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.anatomy.markers import PLANAR_SOURCES
+from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
+from scaling_service.capabilities.dynamics.settings import ForceSettings
+from scaling_service.capabilities.dynamics.start import Prepared, movement_forces, with_inertia
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.shared.names import AS_IT_IS
+from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.reading import blamed_on
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.recording.plates import orient_forces
+from scaling_service.recording.synchronise import synchronise
+
+STANDING = "standing"
+"""How the planar model is scaled: by the standing at the beginning (Futamure et al., section II.C.2)."""
+
+TABLE = "winter2009"
+"""The table that has the squat's own lumped segments."""
 
 STANDING_S = 0.5
 """Of the standing at the beginning whose mean sizes the model (Futamure et al. take the first instant;
-chosen: half
-a second averages noise and sway)."""
+chosen: half a second averages noise and sway)."""
 
 NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
 """Markers without which lengths cannot be told."""
@@ -26,18 +43,10 @@ NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
 
 @dataclass(frozen=True, slots=True)
 class SagittalPlane:
-    """Where the plane lies in the session's axes.
+    """Where the plane lies in the session's axes."""
 
-    Parameters
-    ----------
-    origin : (3,) m
-        The middle of the ankle markers.
-    heading : float, rad
-        Turn about the vertical from X to where the person faces.
-    """
-
-    origin: Vector
-    heading: float
+    origin: Vector  # (3,) m: the middle of the ankle markers
+    heading: float  # rad: turn about the vertical from X to where the person faces
 
     @property
     def rotation(self) -> Array:
@@ -46,20 +55,10 @@ class SagittalPlane:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def sides_joined(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
-    """The planar model's markers as means of left and right.
+def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
+    """The planar model's markers as means of left and right, of a body in space or of the planar markers.
 
-    Parameters
-    ----------
-    trial : Trial
-        Of a body in space, or of the planar markers themselves.
-    names : mapping
-        Planar marker to the labels that it is the mean of.
-
-    Returns
-    -------
-    Trial
-        NaN where a source is not seen. Markers without any source are left out.
+    NaN where a source is not seen. Markers without any source are left out.
     """
     found: dict[str, Array] = {}
     for name, sources in names.items():
@@ -78,13 +77,7 @@ def sides_joined(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOU
 
 
 def plane_of(trial: Trial) -> SagittalPlane:
-    """The plane of a squat from its standing at the beginning.
-
-    Parameters
-    ----------
-    trial : Trial
-        With the planar markers.
-    """
+    """The plane of a squat from its standing at the beginning, seen by the planar markers."""
     ankle = _standing(trial, "ANK")
     facing = _standing(trial, "ASI") - _standing(trial, "PSI")
     return SagittalPlane(
@@ -110,26 +103,11 @@ def loads_in_plane(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot"
 
 
 def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
-    """The planar squat at a person's size, from the standing at the beginning of a squat.
+    """The planar squat at a person's size, from the standing at the beginning of a squat in its plane.
 
-    Parameters
-    ----------
-    generic : BodyModel
-        ``squat_4dof``.
-    trial : Trial
-        In the plane.
-
-    Returns
-    -------
-    BodyModel
-        Shank, trunk and arm by the ratio of marker distances, thigh between the knee and where the trunk's
-        markers show the hip. Markers are where the standing person shows them, those not seen at their
-        scaled places.
-
-    Raises
-    ------
-    TrialUnusable
-        A marker that is needed is not seen standing.
+    Shank, trunk and arm by the ratio of marker distances, thigh between the knee and where the trunk's
+    markers show the hip. Markers are where the standing person shows them, those not seen at their scaled
+    places.
     """
     seen = {name: _standing(trial, name)[:2] for name in trial.labels if name in generic.marker_names}
     own = {m.name: np.array(m.nominal)[:2] for m in generic.markers}
@@ -207,3 +185,71 @@ def _placed(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tupl
     x, y = turn.T @ (seen[marker.name] - origin)
     placed = Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
     return replace(placed, anatomical=marker.anatomical)
+
+
+def prepare_squat(
+    subject: Subject, chosen: ForceSettings, settings: Settings, *, progress: Progress
+) -> tuple[Prepared, dict[str, ConsistentRecording]]:
+    """Project a subject's squats, scale the planar model, and follow the markers."""
+    if chosen.start not in (None, AS_IT_IS):
+        raise SubjectInvalid(
+            f"the planar squat is scaled by the standing at its beginning, not by {chosen.start}",
+            field="--start",
+            remedy="Leave it out",
+        )
+    progress("reading the recordings", 0.0)
+    loaded = load(subject, settings)
+    axes = loaded.orientation
+    assert axes is not None  # a session that was read has axes
+    trials = {t.name: t for t in loaded.session.dynamic}
+    planar: dict[str, tuple[Trial, SegmentLoads]] = {}
+    for path, (source, raw) in movement_forces(subject, loaded.plates).items():
+        with blamed_on(path, [path]):
+            trial = join_sides(_named(trials[path.stem]))
+            plane = plane_of(trial)
+        with blamed_on(source, [source]):
+            forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
+        # all plates together; unknown where one of them is not known
+        loads = SegmentLoads(forces.times, forces.plates, forces.force, forces.moment)
+        planar[path.stem] = (in_plane(trial, plane), loads_in_plane(loads, plane))
+    standing, _ = next(iter(planar.values()))
+    model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
+    massive = with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
+    motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
+    recordings = {
+        name: ConsistentRecording(
+            trial,
+            motions[name],
+            loads,
+            np.asarray(np.isfinite(loads.total).all(axis=1)),
+            np.zeros((len(trial.times), 3)),
+            SAGITTAL,
+        )
+        for name, (trial, loads) in planar.items()
+    }
+    prepared = Prepared(
+        subject,
+        loaded,
+        chosen.start or STANDING,
+        massive.inertia,
+        massive.model,
+        motions,
+        {},
+        subject.height_m or 0.0,
+        None,
+        (*loaded.session.warnings, *massive.notes),
+    )
+    return prepared, recordings
+
+
+def _named(trial: Trial) -> Trial:
+    """Labels of a body in space under the built-in models' names; those of the planar model stay."""
+    wanted = {source for sources in PLANAR_SOURCES.values() for source in sources}
+    taken = set(trial.labels)
+    names: dict[str, str] = {}
+    for label in trial.labels:
+        known = canonical(label)
+        if known in wanted and known not in taken and label not in PLANAR_SOURCES:
+            names[label] = known
+            taken.add(known)
+    return trial.relabelled(names)

@@ -41,28 +41,11 @@ BLOCK = 128
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchTargets:
-    """The measured ground wrench.
+    """The measured ground wrench."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (n, 6)
-        Force on the body (N), moment about the point (N m); zero where not known.
-    weights : ndarray, shape (n, 6)
-        Of the squares; zero where not known.
-    about : ndarray, shape (n, 3), m
-        The point that moments are taken about.
-    """
-
-    values: Array
-    weights: Array
-    about: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class InertialFreedom:
-    """How the inertia may differ: directions (10 n_links, k), each of one standard deviation of the prior."""
-
-    directions: Array
+    values: Array  # (n, 6): force on the body (N), moment about the point (N m); zero where not known
+    weights: Array  # (n, 6): of the squares; zero where not known
+    about: Array  # (n, 3), m: the point that moments are taken about
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,73 +58,39 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Objectives:
-    """What a motion leaves unexplained.
+    """What a motion leaves unexplained."""
 
-    Parameters
-    ----------
-    markers, wrench : float
-        The two objectives; see :class:`ConsistentProblem`.
-    marker_gaps : ndarray, shape (n, n_markers, 3), m
-        Measured minus model without gliding, zero where not seen.
-    wrench_gaps : ndarray, shape (n, 6), N and N m
-        Measured minus model, also where nothing is weighed.
-    """
-
+    # markers, wrench: the two objectives; see :class:`ConsistentProblem`
     markers: float
     wrench: float
-    marker_gaps: Array
-    wrench_gaps: Array
+    marker_gaps: Array  # (n, n_markers, 3), m: measured minus model without gliding, zero where not seen
+    wrench_gaps: Array  # (n, 6), N and N m: measured minus model, also where nothing is weighed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentProblem:
-    """Markers and ground wrench of one recording, as functions of spline coefficients and shared numbers.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    tree : Tree
-        The mechanism's links, with the markers to follow.
-    p : ndarray, shape (n_parameters,)
-    basis : SplineBasis
-    free : ndarray of int, shape (m,)
-        Coordinates that are estimated.
-    constant : ndarray, shape (n_coordinates,)
-        Values of the others.
-    markers : MarkerTargets
-        Weights such that the mean of errors as large as expected is one.
-    wrench : WrenchTargets
-        Likewise.
-    shifts : MarkerShifts
-    inertia : InertialFreedom
-    prior : float
-        Weight of the square of each shared number in the markers' objective: what was known before forces.
-    """
+    """Markers and ground wrench of one recording, as functions of spline coefficients and shared numbers."""
 
     mechanism: Mechanism
-    tree: Tree
-    p: Array
+    tree: Tree  # the mechanism's links, with the markers to follow
+    p: Array  # (n_parameters,)
     basis: SplineBasis
-    free: NDArray[np.intp]
-    constant: Array
-    markers: MarkerTargets
-    wrench: WrenchTargets
+    free: NDArray[np.intp]  # (m,): coordinates that are estimated
+    constant: Array  # (n_coordinates,): values of the others
+    markers: MarkerTargets  # weights such that the mean of errors as large as expected is one
+    wrench: WrenchTargets  # likewise
     shifts: MarkerShifts
-    inertia: InertialFreedom
+    inertia: Array  # (10 n_links, k): how it may differ, by one standard deviation of the prior each
+    # weight of the square of each shared number in the markers' objective: what was known before forces
     prior: float
 
     @property
     def n_shared(self) -> int:
         """Shifts first, then inertia."""
-        return self.shifts.count + int(self.inertia.directions.shape[1])
+        return self.shifts.count + int(self.inertia.shape[1])
 
     def motion(self, coefficients: Array) -> Rates:
-        """The motion of all coordinates.
-
-        Parameters
-        ----------
-        coefficients : ndarray, shape (n_coefficients, m)
-        """
+        """The motion of all coordinates, of coefficients (n_coefficients, m)."""
         n = len(self.basis.times)
         parts = []
         for order, moved in enumerate(self.basis.evaluate(coefficients)):
@@ -152,7 +101,7 @@ class ConsistentProblem:
 
     def moved_mechanism(self, shared: Array) -> Mechanism:
         """The mechanism with the inertia that shared numbers say."""
-        change = self.inertia.directions @ shared[self.shifts.count :]
+        change = self.inertia @ shared[self.shifts.count :]
         parameters = self.mechanism.inertias.parameters() + change.reshape(-1, N_PARAMETERS)
         return replace(self.mechanism, inertias=Inertias.of_parameters(parameters))
 
@@ -234,10 +183,10 @@ class ConsistentProblem:
         curvature = (weighed @ by).reshape(-1, 3, m, 3, m).transpose(0, 1, 3, 2, 4)
         gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
         total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
-        if self.inertia.directions.shape[1]:
+        if self.inertia.shape[1]:
             (block,) = regressor_blocks(mechanism, motion, self.p, size=BLOCK)
             root = screws.state.poses.origins[0]
-            columns = self._moments_about(block.ground @ self.inertia.directions, rows, root)
+            columns = self._moments_about(block.ground @ self.inertia, rows, root)
             total.add_shared(
                 rows,
                 slice(self.shifts.count, self.n_shared),

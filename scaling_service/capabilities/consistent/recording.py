@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.consistent.artefact import artefact_m
-from scaling_service.capabilities.consistent.artefact_signals import artefact_shifts
-from scaling_service.capabilities.consistent.problem import ConsistentProblem, InertialFreedom, WrenchTargets
+from scaling_service.capabilities.consistent.artefact import artefact_m, artefact_shifts
+from scaling_service.capabilities.consistent.problem import ConsistentProblem, WrenchTargets
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.prior import inertial_prior
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.capabilities.dynamics.uncertainty.points import trees_of
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
-    compile_model,
     coordinate_bounds,
     default_coordinates,
     free_coordinates,
@@ -31,7 +30,6 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerTargets
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
-from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from scaling_service.numerics.wrench.regressor import regressor_blocks
@@ -43,30 +41,14 @@ SAGITTAL = (True, True, False, False, False, True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentRecording:
-    """Markers and forces of one movement.
+    """Markers and forces of one movement."""
 
-    Parameters
-    ----------
-    trial : Trial
-        Labels are the model's marker names; not smoothed.
-    motion : Motion
-        What inverse kinematics made of the markers.
-    loads : SegmentLoads
-        On the feet, at the trial's times, filtered.
-    supported : ndarray of bool, shape (n,)
-        Frames whose forces are all known.
-    about : ndarray, shape (n, 3), m
-        The point that moments are taken about.
-    components : six bool
-        Of the wrench that count: ``SPATIAL`` or ``SAGITTAL``.
-    """
-
-    trial: Trial
-    motion: Motion
-    loads: SegmentLoads
-    supported: NDArray[np.bool_]
-    about: Array
-    components: tuple[bool, ...] = SPATIAL
+    trial: Trial  # labels are the model's marker names; not smoothed
+    motion: Motion  # what inverse kinematics made of the markers
+    loads: SegmentLoads  # on the feet, at the trial's times, filtered
+    supported: NDArray[np.bool_]  # (n,): frames whose forces are all known
+    about: Array  # (n, 3), m: the point that moments are taken about
+    components: tuple[bool, ...] = SPATIAL  # of the wrench that count: ``SPATIAL`` or ``SAGITTAL``
 
     @property
     def wrench(self) -> Array:
@@ -75,6 +57,19 @@ class ConsistentRecording:
         total[:, 3:] -= np.cross(self.about, total[:, :3])
         total[~self.supported] = np.nan
         return total
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Frames whose wrench is known, (n,); TrialUnusable where there is none."""
+        known = np.asarray(np.isfinite(self.wrench).all(axis=1))
+        if not known.any():
+            raise TrialUnusable(
+                "no frame has all its forces known",
+                file=self.name,
+                field="forces",
+                remedy="Check that every foot on the floor stands on a plate",
+            )
+        return known
 
     @property
     def name(self) -> str:
@@ -122,25 +117,12 @@ def problem_of(
     recording: ConsistentRecording,
     rated: RatedMotion,
     settings: ConsistentSettings,
-    freedom: InertialFreedom | None = None,
+    freedom: Array | None = None,
 ) -> ConsistentProblem:
     """Pose the two objectives for a recording.
 
-    Parameters
-    ----------
-    model : BodyModel
-        With mass.
-    recording : ConsistentRecording
-    rated : RatedMotion
-        A motion of the model: coordinates that no marker shows stay as it has them, and it drives the skin.
-    settings : ConsistentSettings
-    freedom : InertialFreedom, optional
-        How the inertia may differ from the model's. None: not at all.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame has known forces, or the trial is too short.
+    Coordinates that no marker shows stay as the ``rated`` motion has them, and it drives the skin.
+    ``freedom`` says how the inertia may differ from the model's; unless given, not at all.
     """
     if len(rated.times) < ORDER * 2:
         raise TrialUnusable(
@@ -150,15 +132,15 @@ def problem_of(
         )
     basis = SplineBasis(rated.times, settings.spacing_s)
     names = recording.motion.markers
-    tree, p = _whole_with_markers(model, names), parameter_values(model)
+    whole, alone = trees_of(model, names, model.segments)
     shown = set(recording.motion.estimated)
     open_ = free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     targets, count = _marker_targets(recording, basis, settings)
     return ConsistentProblem(
-        Mechanism(tree, inertias_of(model)),
-        _only(tree, len(names)),
-        p,
+        Mechanism(whole, inertias_of(model)),
+        alone,
+        parameter_values(model),
         basis,
         np.flatnonzero(open_),
         rated.q[0],
@@ -167,7 +149,7 @@ def problem_of(
         artefact_shifts(
             model, names, rated.q, basis, artefact_m(model), axes=axes, placed_m=settings.placed_m
         ),
-        freedom or InertialFreedom(np.zeros((N_PARAMETERS * len(model.segments), 0))),
+        np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
         1.0 / count,
     )
 
@@ -178,13 +160,10 @@ def inertial_freedom(
     rated: Sequence[RatedMotion],
     settings: ConsistentSettings,
     identification: IdentificationSettings,
-) -> InertialFreedom:
-    """The combinations of inertial parameters that the forces say more about than the tables do.
+) -> Array:
+    """The combinations of inertial parameters that the forces say more about than the model's own, the prior.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Its inertia is the prior's mean.
+    Directions (10 n_links, k), each of one standard deviation of the prior.
     """
     prior = inertial_prior(
         model, identification.spread, mass_known=identification.mass_known, symmetric=identification.symmetric
@@ -199,7 +178,7 @@ def inertial_freedom(
             heavy = counted * targets.weights[block.rows]
             information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
     gains, vectors = np.linalg.eigh(information)
-    return InertialFreedom(free @ vectors[:, gains > DECIDES])
+    return np.asarray(free @ vectors[:, gains > DECIDES])
 
 
 def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
@@ -210,22 +189,6 @@ def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
     """
     lower, upper = coordinate_bounds(model)
     return lower[problem.free], upper[problem.free]
-
-
-def _whole_with_markers(model: BodyModel, names: tuple[str, ...]) -> Tree:
-    """A tree of all segments whose first markers are those named."""
-    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in model.segments)
-    return compile_model(model.with_markers((*(model.marker(name) for name in names), *centres)))
-
-
-def _only(tree: Tree, count: int) -> Tree:
-    """The same links with the first markers alone."""
-    return replace(
-        tree,
-        marker_link=tree.marker_link[:count],
-        marker_local=tree.marker_local[:count],
-        marker_terms=tuple(t for t in tree.marker_terms if t.marker < count),
-    )
 
 
 def _marker_targets(
@@ -259,15 +222,7 @@ def repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> flo
 def _wrench_targets(
     model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> WrenchTargets:
-    measured = recording.wrench
-    known = np.asarray(np.isfinite(measured).all(axis=1))
-    if not known.any():
-        raise TrialUnusable(
-            "no frame has all its forces known",
-            file=recording.name,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
+    measured, known = recording.wrench, recording.known
     force = settings.force_share * total_mass(model) * -GRAVITY[1]
     scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
     counted = known[:, None] * np.array(recording.components, dtype=float)

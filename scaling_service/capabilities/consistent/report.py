@@ -16,7 +16,7 @@ from scaling_service.report.page import Page, Section
 from scaling_service.report.palette import INK
 from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
 
-CLASSICAL, CONSISTENT, PREDICTED = (
+WAYS = (
     ("classical", "#0072B2", "dash"),
     ("consistent", "#D55E00", "solid"),
     ("predicted", "#009E73", "dot"),
@@ -38,47 +38,24 @@ MOVED = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrialCurves:
-    """One recording over time.
+    """One recording over time, measured and in the three ways."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-    measured, classical, consistent, predicted : ndarray, shape (n, 6), N and N m
-        The ground wrench about the feet; NaN where forces are not known.
-    markers : tuple of str
-    classical_markers, consistent_markers : ndarray, shape (n_markers,), m
-        RMS distance of each.
-    components : six bool
-    """
-
-    times: Array
-    measured: Array
-    classical: Array
-    consistent: Array
-    predicted: Array
+    times: Array  # (n,), s
+    # by name, (n, 6), N and N m: the ground wrench about the feet; NaN where forces are not known
+    wrenches: Mapping[str, Array]
     markers: tuple[str, ...]
-    classical_markers: Array
-    consistent_markers: Array
-    components: tuple[bool, ...]
+    distances: Mapping[str, Array]  # by name of the way, (n_markers,), m: RMS distance of each marker
+    components: tuple[bool, ...]  # of the wrench that count
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ConsistentData:
-    """``consistent.json``, and curves by trial."""
-
-    document: ConsistentDocument
-    curves: Mapping[str, TrialCurves]
-
-
-def consistent_page(data: ConsistentData) -> Page:
+def consistent_page(document: ConsistentDocument, curves: Mapping[str, TrialCurves]) -> Page:
     """The page of one person's dynamically consistent motion."""
-    document = data.document
     return Page(
         f"Dynamically consistent motion of {document.subject}",
         [
             Section("What it gained", list(_gain(document))),
-            Section("Ground wrench", list(_wrenches(data)), new_page=True),
-            Section("Markers", list(_markers(data)), new_page=True),
+            Section("Ground wrench", list(_wrenches(curves)), new_page=True),
+            Section("Markers", list(_markers(curves)), new_page=True),
             Section("Lengths and inertia", list(_body(document)), new_page=True),
             Section("Where this comes from", list(_provenance(document)), new_page=True),
         ],
@@ -110,7 +87,7 @@ def _gain(document: ConsistentDocument) -> Iterator[Block]:
     rows = []
     for name, trial in document.trials.items():
         role = "held out" if trial.held_out else "used to fit"
-        for way, _, _ in (CLASSICAL, CONSISTENT, PREDICTED):
+        for way, _, _ in WAYS:
             wrench: GroundWrench = getattr(trial.ground_wrench_rmse, way)
             numbers = [f"{getattr(wrench, n):.1f}" for n in SHOWN]
             rows.append(
@@ -120,36 +97,30 @@ def _gain(document: ConsistentDocument) -> Iterator[Block]:
         "RMS error",
         ["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
         rows,
-        "Classical: inverse kinematics, filter and derivatives with the model it started from. "
-        "Consistent: markers "
-        "and forces followed together by the model found. Predicted: the classical two steps with the "
-        "model found, "
-        "so that forces of this recording played no part in its motion. Moments are about the middle of "
-        "the feet.",
+        "Classical: inverse kinematics, filter and derivatives with the model it started from. Consistent: "
+        "markers and forces followed together by the model found. Predicted: the classical two steps with "
+        "the model found, so that forces of this recording played no part in its motion. Moments are about "
+        "the middle of the feet.",
     )
 
 
-def _wrenches(data: ConsistentData) -> Iterator[Block]:
-    yield Legend([("measured", INK, "solid"), CLASSICAL, CONSISTENT, PREDICTED])
-    for name, curves in data.curves.items():
+def _wrenches(trials: Mapping[str, TrialCurves]) -> Iterator[Block]:
+    yield Legend([("measured", INK, "solid"), *WAYS])
+    for name, curves in trials.items():
         yield Heading(name)
         yield Grid([_wrench(name, curves, k) for k in range(6) if curves.components[k]])
 
 
 def _wrench(name: str, curves: TrialCurves, k: int) -> Figure:
-    ways = [("measured", INK, "solid", curves.measured)]
-    ways += [
-        (way, colour, dash, getattr(curves, way)) for way, colour, dash in (CLASSICAL, CONSISTENT, PREDICTED)
-    ]
     traces = [
         go.Scatter(
             x=np.round(curves.times, 4),
-            y=np.round(values[:, k], 2).astype(np.float32),
+            y=np.round(curves.wrenches[way][:, k], 2).astype(np.float32),
             name=way,
             mode="lines",
             line={"color": colour, "dash": dash, "width": 2.5 if way == "measured" else 1.5},
         )
-        for way, colour, dash, values in ways
+        for way, colour, dash in (("measured", INK, "solid"), *WAYS)
     ]
     drawn = chart(traces, x_title="time, s", y_title=NAMES[k])
     return Figure(
@@ -157,23 +128,20 @@ def _wrench(name: str, curves: TrialCurves, k: int) -> Figure:
     )
 
 
-def _markers(data: ConsistentData) -> Iterator[Block]:
+def _markers(trials: Mapping[str, TrialCurves]) -> Iterator[Block]:
     yield Text(
         "RMS distance of each marker from the model's. What follows forces follows markers less closely."
     )
-    yield Legend([(n, c, "solid") for n, c, _ in (CLASSICAL, CONSISTENT)])
-    for name, curves in data.curves.items():
+    yield Legend([(n, c, "solid") for n, c, _ in WAYS[:2]])
+    for name, curves in trials.items():
         traces = [
             go.Bar(
                 x=[plain(m) for m in curves.markers],
-                y=np.round(1e3 * values, 2),
+                y=np.round(1e3 * curves.distances[way], 2),
                 name=way,
                 marker={"color": colour},
             )
-            for (way, colour, _), values in (
-                (CLASSICAL, curves.classical_markers),
-                (CONSISTENT, curves.consistent_markers),
-            )
+            for way, colour, _ in WAYS[:2]
         ]
         drawn = chart(traces, y_title="mm", barmode="group")
         yield Figure(drawn, f"{name}: markers", f"RMS distance of every marker of {name}, mm.", 280)

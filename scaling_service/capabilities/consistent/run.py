@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,11 +10,14 @@ import numpy as np
 
 from scaling_service.capabilities.consistent.estimate import ConsistentResult
 from scaling_service.capabilities.consistent.estimate import consistent as identify
-from scaling_service.capabilities.consistent.planar_run import prepare_squat
+from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
-from scaling_service.capabilities.dynamics.frames import judged_frames
-from scaling_service.capabilities.dynamics.inverse_dynamics import check_weight, inverse_dynamics
+from scaling_service.capabilities.dynamics.inverse_dynamics import (
+    check_weight,
+    inverse_dynamics,
+    judged_frames,
+)
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.scaling.run import Progress
@@ -35,32 +37,20 @@ from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 _PREPARING, _FINDING = 0.3, 0.6
 """Chosen: about the shares of reading and scaling, and of the loop."""
 
+PLACED_M = 0.007
+"""SD of what is wrong with a landmark's marker, each axis, m, where markers were not fitted to movements
+(Della Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConsistentResults:
-    """What the loop made of a subject.
+    """What the loop made of a subject."""
 
-    Parameters
-    ----------
-    prepared : Prepared
-        Its model has the mass that the plates bear.
-    chosen : ForceSettings
-    settings : Settings
-    recordings : tuple of ConsistentRecording
-        Fitted ones, then held-out ones, in the order of ``result``.
-    fitted : int
-        How many were fitted.
-    result : ConsistentResult
-    warnings : tuple of str
-    wall_s : float
-    subject_file : Path, optional
-    """
-
-    prepared: Prepared
+    prepared: Prepared  # its model has the mass that the plates bear
     chosen: ForceSettings
     settings: Settings
-    recordings: tuple[ConsistentRecording, ...]
-    fitted: int
+    recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
+    fitted: int  # how many were fitted
     result: ConsistentResult
     warnings: tuple[str, ...]
     wall_s: float = 0.0
@@ -91,7 +81,7 @@ def consistent(
         Whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or _silent
+    report = progress or (lambda _what, _share: None)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file), blamed_on(None, recordings(known)):
@@ -141,19 +131,10 @@ def read(subject: Subject, chosen: ForceSettings, settings: Settings, *, progres
     fitted = tuple(found[name] for name in names)
     held_out = tuple(recording for name, recording in found.items() if name not in names)
     prepared, notes = _weighed(prepared, fitted)
-    own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=_placed(prepared))
+    # fitted markers, and those of a given model, are where they are said to be
+    placed_m = PLACED_M if prepared.start in ("MB", "EB", STANDING) else 0.0
+    own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
     return Ready(prepared, fitted, held_out, own, notes)
-
-
-PLACED_M = 0.007
-"""SD of what is wrong with a landmark's marker, each axis, m, where markers were not fitted to movements
-(Della
-Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
-
-
-def _placed(prepared: Prepared) -> float:
-    """Zero where markers were fitted to movements, or where a given model says where they are."""
-    return PLACED_M if prepared.start in ("MB", "EB", "standing") else 0.0
 
 
 def _recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
@@ -190,29 +171,8 @@ def _weighed(prepared: Prepared, fitted: tuple[ConsistentRecording, ...]) -> tup
             field="trials.calibration",
             remedy="Name a movement with both feet on force plates under `calibration:`",
         )
-    borne = np.concatenate([r.wrench[np.isfinite(r.wrench).all(axis=1), 1] for r in fitted])
-    if not len(borne):
-        raise TrialUnusable(
-            "no frame has all its forces known",
-            file=fitted[0].name,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
+    borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
     mass, before = float(borne.mean() / -GRAVITY[1]), total_mass(prepared.model)
     notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
     changed = replace(prepared, model=scaled(prepared.model, {}, mass_kg=mass))
     return changed, notes if abs(mass / before - 1.0) > 0.01 else ()
-
-
-def factors_of(results: ConsistentResults) -> Mapping[str, tuple[float, float, float]]:
-    """Each segment's factors against the generic model: of the scaling, times those of the loop."""
-    calibration = results.prepared.calibration
-    start = {} if calibration is None else dict(calibration.scale_factors)
-    for name, factor in results.result.factors.items():
-        x, y, z = start.get(name, (1.0, 1.0, 1.0))
-        start[name] = (factor * x, factor * y, factor * z)
-    return start
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.weighed import Footing, band_hz
-from scaling_service.capabilities.dynamics.feet import feet_of, foot_markers
-from scaling_service.capabilities.dynamics.forces import TrialForces, read_trial_forces, trial_forces
+from scaling_service.capabilities.dynamics.forces import (
+    TrialForces,
+    feet_of,
+    foot_markers,
+    read_trial_forces,
+    trial_forces,
+)
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import few

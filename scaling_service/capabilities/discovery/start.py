@@ -13,7 +13,7 @@ from scaling_service.capabilities.discovery.free import free_of
 from scaling_service.capabilities.discovery.laws.additions import Sized
 from scaling_service.capabilities.discovery.limits import check_lengths, limits
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.dynamics.inertia_table import Massive, with_inertia
+from scaling_service.capabilities.dynamics.start import Massive, with_inertia
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN

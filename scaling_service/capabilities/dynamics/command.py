@@ -68,7 +68,7 @@ def show(document: DynamicsDocument, out: Path) -> None:
 
 
 def _warnings(document: DynamicsDocument) -> list[str]:
-    from scaling_service.capabilities.dynamics.report.data import told
+    from scaling_service.capabilities.dynamics.report import told
 
     inertial = document.inertial.warnings if document.inertial is not None else []
     return list(dict.fromkeys((*document.warnings, *told(document), *inertial)))

@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from scaling_service.documents.results import Provenance, _Result
 
-Six = tuple[float, float, float, float, float, float]
+
+def _rounded(value: float) -> float:
+    """Six significant figures; forces are not known to more than three."""
+    return float(f"{value:.6g}")
+
+
+Number = Annotated[float, AfterValidator(_rounded)]
+Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(tuple)]
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
 
 class Wrench(_Result):
     """Six components in ground axes: X forward, Y up, Z right; moments about the root segment's origin."""
 
-    fx_N: float
-    fy_N: float
-    fz_N: float
-    mx_Nm: float
-    my_Nm: float
-    mz_Nm: float
+    fx_N: Number
+    fy_N: Number
+    fz_N: Number
+    mx_Nm: Number
+    my_Nm: Number
+    mz_Nm: Number
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, values: Any) -> Any:
+        """Six numbers of an array by their names."""
+        return dict(zip(cls.model_fields, values, strict=True)) if isinstance(values, np.ndarray) else values
 
 
 class ResidualGate(_Result):
@@ -28,8 +42,8 @@ class ResidualGate(_Result):
 
     name: str
     source: str
-    value: float
-    limit: float
+    value: Number
+    limit: Number
     unit: Literal["N", "N m"]
     passed: bool
 
@@ -46,8 +60,8 @@ class JointLoad(_Result):
     """Generalised force of one coordinate over the judged frames."""
 
     unit: Literal["N", "N m"]
-    peak: float = Field(description="The largest size.")
-    rms: float
+    peak: Number = Field(description="The largest size.")
+    rms: Number
 
 
 class TrialDynamicsDocument(_Result):
@@ -64,7 +78,7 @@ class TrialDynamicsDocument(_Result):
     )
     gates: list[ResidualGate]
     joint_loads: dict[str, JointLoad]
-    reconstruction_error_mm: float = Field(description="Mean distance of markers from the motion.")
+    reconstruction_error_mm: Number = Field(description="Mean distance of markers from the motion.")
     uncertainty: UncertaintyDocument
     slopes_per_cm: Six = Field(description="Kinematic uncertainty of dr per cm of reconstruction error.")
     r2: Six = Field(description="Of the lines through zero with these slopes.")
@@ -80,11 +94,11 @@ class InertialChange(_Result):
     segment: str
     quantity: str
     unit: Literal["kg", "m", "kg m2"]
-    before: float
-    after: float
-    prior_sd: float
-    sd: float
-    moved: float = Field(description="Change over prior_sd.")
+    before: Number
+    after: Number
+    prior_sd: Number
+    sd: Number
+    moved: Number = Field(description="Change over prior_sd.")
     identifiable: bool
 
 
@@ -93,16 +107,16 @@ class CombinationPart(_Result):
 
     segment: str
     quantity: str
-    weight: float
+    weight: Number
 
 
 class CombinationChange(_Result):
     """A combination of inertial parameters that the recordings determine."""
 
     parts: list[CombinationPart] = Field(description="The largest ones.")
-    gain: float = Field(description="Information of the recordings over that of the prior.")
-    moved: float
-    sd: float
+    gain: Number = Field(description="Information of the recordings over that of the prior.")
+    moved: Number
+    sd: Number
 
 
 class WrenchFitDocument(_Result):
@@ -118,9 +132,9 @@ class IdentificationDocument(_Result):
     """Inertial parameters from the forces (Futamure et al., eq. 8)."""
 
     components: Yes = Field(description="Components of the wrench that were used: fx, fy, fz, mx, my, mz.")
-    total_mass_kg: tuple[float, float] = Field(description="Before and after.")
+    total_mass_kg: tuple[Number, Number] = Field(description="Before and after.")
     trials: dict[str, WrenchFitDocument]
-    held_out_ratio: float | None = Field(
+    held_out_ratio: Number | None = Field(
         description="Error of the used components after over before, held-out recordings; null without any."
     )
     combinations: list[CombinationChange]
@@ -133,7 +147,7 @@ class DynamicsDocument(Provenance):
 
     start: str = Field(description="The method that scaled the model, or 'none'.")
     inertia: str = Field(description="An inertial table, or 'model': what the model holds.")
-    mass_kg: float = Field(description="The model's.")
+    mass_kg: Number = Field(description="The model's.")
     height_m: float
     trials: dict[str, TrialDynamicsDocument]
     verdict: str = Field(description="Whether these recordings can calibrate this person's inertia.")

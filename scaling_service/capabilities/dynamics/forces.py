@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,10 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
+from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import ground_forces, orient_forces
 from scaling_service.recording.plates_feet import FootContacts, assign_plates, foot_loads
@@ -22,23 +25,20 @@ LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
 number in N mm is a thousand times larger)."""
 
+_FOOT = re.compile("calcn|foot", re.IGNORECASE)
+_COMPANY = ("toes", "talus", "hallux")
+"""Segments of OpenSim's models that belong to the foot of the same side."""
+
+FEWEST = 2
+"""Markers that show where a foot is and how it points."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrialForces:
-    """What the ground does to the feet in one recording.
+    """What the ground does to the feet in one recording."""
 
-    Parameters
-    ----------
-    source : Path
-        The file that the forces came from.
-    ground : GroundForces
-        At the markers' times, filtered.
-    contacts : FootContacts
-    loads : SegmentLoads
-    """
-
-    source: Path
-    ground: GroundForces
+    source: Path  # the file that the forces came from
+    ground: GroundForces  # at the markers' times, filtered
     contacts: FootContacts
     loads: SegmentLoads
 
@@ -53,23 +53,8 @@ def read_trial_forces(
 ) -> tuple[Path, GroundForces] | None:
     """The forces of one recording as they stand: of the file named under ``forces:``, else of its own plates.
 
-    Parameters
-    ----------
-    recording : Path
-    plates : PlateRecording or TrialUnusable, optional
-        What was read of its plates.
-    named : Path, optional
-        The file of forces that is named for it.
-
-    Returns
-    -------
-    (path, GroundForces) or None
-        None where the recording has no plates and no file is named.
-
-    Raises
-    ------
-    InputError
-        What is there cannot be used; with file, field and remedy.
+    ``plates``: what was read of the recording's own; ``named``: the file of forces that is named for it.
+    None where the recording has no plates and no file is named.
     """
     if named is not None:
         with _blamed_on(named):
@@ -91,31 +76,22 @@ def trial_forces(
 ) -> TrialForces:
     """Turn, filter and resample forces, and give each contact to a foot.
 
-    Parameters
-    ----------
-    source : Path
-    forces : GroundForces
-        As read.
-    trial : Trial
-        Of the session, in its axes.
-    feet : mapping
-        Foot to the markers on it, (n_frames, n_markers, 3).
-    axes : Orientation
-        The session's.
-    cutoff_hz : float
-        That of the motion.
-
-    Raises
-    ------
-    InputError
-        Forces and markers do not belong together; with file, field and remedy.
+    ``forces`` as read; ``trial`` in the session's axes; ``feet`` with the markers on each, (n_frames,
+    n_markers, 3). Refuses forces and markers that do not belong together.
     """
     with _blamed_on(source):
         _check_axes(source, forces, axes)
         _check_units(source, trial)
         turned = orient_forces(axes, forces)
         ground = synchronise(turned, trial.times, cutoff_hz=cutoff_hz)
-        _check_loaded(ground)
+        if not ground.in_contact().any():
+            raise TrialUnusable(
+                f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while "
+                "markers are recorded",
+                file=ground.name,
+                field="forces",
+                remedy="Give forces in N, of a person who stands on the plates",
+            )
         contacts = assign_plates(ground, feet)
         loads = foot_loads(ground, contacts, {foot: foot for foot in feet})
     return TrialForces(source, ground, contacts, loads)
@@ -130,17 +106,6 @@ def _blamed_on(file: Path) -> Iterator[None]:
         if error.file in (None, file.name, file.stem):
             error.file = str(file)
         raise
-
-
-def _check_loaded(ground: GroundForces) -> None:
-    if not ground.in_contact().any():
-        raise TrialUnusable(
-            f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while markers "
-            "are recorded",
-            file=ground.name,
-            field="forces",
-            remedy="Give forces in N, of a person who stands on the plates",
-        )
 
 
 def _plausible(forces: GroundForces) -> GroundForces:
@@ -182,3 +147,50 @@ def _check_axes(source: Path, forces: GroundForces, axes: Orientation) -> None:
         field="forces",
         remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
     )
+
+
+def feet_of(model: BodyModel) -> dict[str, tuple[str, ...]]:
+    """The segments that bear loads, each with those that stand on the floor with it; two feet at least."""
+    feet = {
+        name: tuple(
+            s for s in model.segment_names if s == name or s in {_FOOT.sub(other, name) for other in _COMPANY}
+        )
+        for name in model.segment_names
+        if _FOOT.search(name)
+    }
+    if not feet:
+        raise ModelRefused(
+            f"model '{model.name}' has no feet, so the ground's forces act on nothing",
+            field="model",
+            remedy="Use a model of the whole body, such as full_body_35dof, or one whose feet are called "
+            "calcn_r and calcn_l",
+        )
+    if len(feet) == 1:
+        raise ModelRefused(
+            f"model '{model.name}' has one foot, but the ground bears a person by both",
+            field="model",
+            remedy="Use a model of the whole body; the planar squat is for `consistent`",
+        )
+    return feet
+
+
+def foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) -> dict[str, Array]:
+    """Markers on each foot, (n_frames, n_markers, 3), m; enough to tell which plate it stands on.
+
+    ``extra`` are further labels of the recordings, and the segment that each sits on.
+    """
+    shown = {name for name, once in zip(trial.labels, ever(seen(trial.markers)), strict=True) if once}
+    sits = {m.name: m.segment for m in model.markers} | dict(extra)
+    found = {}
+    for foot, segments in feet_of(model).items():
+        labels = [label for label in trial.labels if label in shown and sits.get(label) in segments]
+        if len(labels) < FEWEST:
+            raise TrialUnusable(
+                f"foot '{foot}' shows {' and '.join(labels) or 'no marker'}; heel and toe at least are "
+                "needed to tell which plate it stands on",
+                file=trial.name,
+                field=foot,
+                remedy=f"Name further labels on '{foot}' under `extra_markers:` in the subject file",
+            )
+        found[foot] = np.stack([trial.position(label) for label in labels], axis=1)
+    return found

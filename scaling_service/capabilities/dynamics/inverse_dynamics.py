@@ -25,6 +25,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.filters import butterworth, runs
 from scaling_service.numerics.wrench import ground_wrench as wrench
+from scaling_service.recording.plates_feet import FootContacts
 
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""
@@ -36,19 +37,22 @@ mean forces over part of a stride stay within 1.2)."""
 NOTICED = 1.05
 """Ratio that is told (chosen: shoes and clothes are 1 to 3 %)."""
 
+EDGE_PERIODS = 0.5
+"""Periods of the cutoff left out at both ends of what is known (chosen). There the filter leans on
+mirrored data: in public walking trials the residual peaks at 90 to 240 N there, at 30 to 120 N elsewhere."""
+
+FASTEST = 200.0
+"""Angular acceleration of a filtered joint that is told, rad/s2 (chosen: 0.2 rad to and fro at 5 Hz; knees in
+walking reach about 100). Markers that hardly determine a joint make it tremble so."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RatedMotion:
-    """A filtered motion with its exact rates.
+    """A filtered motion with its exact rates."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-    q, qdot, qddot : ndarray, shape (n, n_coordinates), rad or m, per s, per s2
-        In the model's order. NaN where not known, or known too briefly to differentiate.
-    """
-
-    times: Array
+    times: Array  # (n,), s
+    # q, qdot, qddot (n, n_coordinates), rad or m, per s, per s2: in the model's order. NaN where not known,
+    # or known too briefly to differentiate.
     q: Array
     qdot: Array
     qddot: Array
@@ -61,41 +65,54 @@ class RatedMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InverseDynamics:
-    """What a motion needs beside the external loads.
-
-    Parameters
-    ----------
-    trial : str
-    coordinates : tuple of str
-    motion : RatedMotion
-    forces : ndarray, shape (n, n_coordinates), N m or N
-        Generalised force of every coordinate; those of the root's are the residual in its own axes.
-    residual : ndarray, shape (n, 6)
-        Force (N) and moment about the root segment's origin (N m), ground axes: what the motion needs
-        and nothing provides (lambda_1 of Muller et al. 2017, eq. 6).
-    root : ndarray, shape (n, 3), m
-        The root segment's origin.
-    centre_of_mass : ndarray, shape (n, 3), m
-    external : ndarray, shape (n, 6)
-        All external loads together: force (N), moment about the ground origin (N m).
-    mass : float, kg
-        The model's.
-    """
+    """What a motion needs beside the external loads."""
 
     trial: str
     coordinates: tuple[str, ...]
     motion: RatedMotion
+    # (n, n_coordinates), N m or N: generalised force of every coordinate; those of the root's are the
+    # residual in its own axes
     forces: Array
+    # (n, 6): force (N) and moment about the root segment's origin (N m), ground axes: what the motion needs
+    # and nothing provides (lambda_1 of Muller et al. 2017, eq. 6).
     residual: Array
-    root: Array
-    centre_of_mass: Array
-    external: Array
-    mass: float
+    root: Array  # (n, 3), m: the root segment's origin
+    centre_of_mass: Array  # (n, 3), m
+    external: Array  # (n, 6): all external loads together: force (N), moment about the ground origin (N m)
+    mass: float  # kg: the model's
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """Frames whose residual is known, shape (n,)."""
         return np.asarray(np.isfinite(self.residual).all(axis=1))
+
+    def used(self, frames: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+        """Frames whose residual is known, of those given, (n,); TrialUnusable where there is none."""
+        used = self.known if frames is None else self.known & frames
+        if not used.any():
+            raise no_frame(self.trial)
+        return used
+
+
+def no_frame(trial: str) -> TrialUnusable:
+    """Tells that nothing of a recording can be judged."""
+    return TrialUnusable(
+        "no frame has both a motion and all its forces",
+        file=trial,
+        field="forces",
+        remedy="Check that every foot on the floor stands on a plate",
+    )
+
+
+def check_clock(loads: SegmentLoads, times: Array, trial: str) -> None:
+    """Refuse loads that are not at the times of the motion."""
+    if len(loads.times) != len(times) or np.abs(loads.times - times).max() > 1e-6:
+        raise TrialUnusable(
+            "loads and motion are not on one clock",
+            file=trial,
+            field="time",
+            remedy="Bring the forces to the times of the markers first",
+        )
 
 
 def rated_motion(
@@ -108,22 +125,9 @@ def rated_motion(
 ) -> RatedMotion:
     """Filter coordinates and differentiate them.
 
-    Parameters
-    ----------
-    model : BodyModel
-    times : (n,), s
-        Strictly increasing, of constant rate where a cutoff is given.
-    q : (n, n_coordinates), rad or m
-        In the model's order; NaN where not known.
-    cutoff_hz : float, optional
-        None: not filtered.
-    order : int
-        Effective order of both passes.
-
-    Raises
-    ------
-    InputError
-        The cutoff is not below half the frame rate.
+    ``times`` (n,), s, strictly increasing, of constant rate where a cutoff is given. ``q`` (n,
+    n_coordinates), rad or m, in the model's order; NaN where not known. ``order`` is that of both passes
+    together. Refuses a cutoff that is not below half the frame rate.
     """
     clock, values = np.asarray(times, dtype=float), _unwrapped(model, np.array(q, dtype=float))
     if cutoff_hz is not None:
@@ -149,27 +153,10 @@ def inverse_dynamics(
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion that inverse kinematics found.
 
-    Parameters
-    ----------
-    model : BodyModel
-        With mass; its parameters at their values.
-    motion : Motion
-        Coordinates of this model.
-    loads : SegmentLoads, optional
-        At the motion's times. None: nothing touches the body.
-    cutoff_hz, order : optional
-        See :func:`rated_motion`.
-
-    Raises
-    ------
-    ModelRefused
-        No segment has mass.
-    TrialUnusable
-        A coordinate of the model is not in the motion, or loads are on another clock.
-    InputError
-        A load is on a segment that the model does not have, or the cutoff does not suit.
+    The model has mass and its parameters are at their values. Loads are at the motion's times; without any,
+    nothing touches the body. Refuses loads on another clock or on a segment that the model does not have.
     """
-    rated = rated_motion(model, motion.times, _in_order(model, motion), cutoff_hz=cutoff_hz, order=order)
+    rated = rated_motion(model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order)
     return dynamics_of(model, rated, loads, trial=motion.trial)
 
 
@@ -198,34 +185,12 @@ def dynamics_of(
 
 
 def check_weight(dynamics: InverseDynamics, *, frames: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Compare what the plates bear with what the model weighs.
+    """Compare what the plates bear with what the model weighs, in the known ones of the frames given.
 
-    Parameters
-    ----------
-    dynamics : InverseDynamics
-    frames : ndarray of bool, shape (n,), optional
-        Frames in which every foot on the floor stands on a plate. All known ones by default.
-
-    Returns
-    -------
-    tuple of str
-        A note where they differ by more than ``NOTICED``.
-
-    Raises
-    ------
-    TrialUnusable
-        They differ by more than ``FAR_OFF``: the residual would mean nothing.
+    A note where they differ by more than ``NOTICED``, an error by more than ``FAR_OFF``: the residual would
+    mean nothing.
     """
-    used = dynamics.known if frames is None else dynamics.known & frames
-    pressing = dynamics.external[used, 1]
-    if not len(pressing):
-        raise TrialUnusable(
-            "no frame has both a motion and all its forces",
-            file=dynamics.trial,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
-    borne = float(pressing.mean() / -wrench.GRAVITY[1])
+    borne = float(dynamics.external[dynamics.used(frames), 1].mean() / -wrench.GRAVITY[1])
     ratio = borne / dynamics.mass
     said = f"the plates bear {borne:.1f} kg on average, the model weighs {dynamics.mass:.1f} kg"
     if not 1 / FAR_OFF <= ratio <= FAR_OFF:
@@ -238,7 +203,8 @@ def check_weight(dynamics: InverseDynamics, *, frames: NDArray[np.bool_] | None 
     return (said,) if not 1 / NOTICED <= ratio <= NOTICED else ()
 
 
-def _in_order(model: BodyModel, motion: Motion) -> Array:
+def in_model_order(model: BodyModel, motion: Motion) -> Array:
+    """The motion's coordinates as the model orders them, (n, n_coordinates)."""
     missing = [name for name in model.coordinate_names if name not in motion.coordinates]
     if missing:
         raise TrialUnusable(
@@ -264,13 +230,7 @@ def _kernel_loads(
 ) -> wrench.Loads | None:
     if loads is None:
         return None
-    if len(loads.times) != len(rated.times) or np.abs(loads.times - rated.times).max() > 1e-6:
-        raise TrialUnusable(
-            "loads and motion are not on one clock",
-            file=trial,
-            field="time",
-            remedy="Bring the forces to the times of the markers first",
-        )
+    check_clock(loads, rated.times, trial)
     unknown = [name for name in loads.segments if name not in model.segment_names]
     if unknown:
         raise InputError(
@@ -282,3 +242,25 @@ def _kernel_loads(
     rows = np.array([model.segment_names.index(name) for name in loads.segments], dtype=np.intp)
     both = np.concatenate([loads.force, loads.moment], axis=2)
     return wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
+
+
+def judged_frames(dynamics: InverseDynamics, contacts: FootContacts, cutoff_hz: float) -> NDArray[np.bool_]:
+    """Frames with motion and all forces, away from the ends of what is known, shape (n,)."""
+    known = dynamics.known
+    edge = EDGE_PERIODS / cutoff_hz - 1e-9
+    times = dynamics.motion.times
+    inner = np.zeros_like(known)
+    for start, stop in runs(known).tolist():
+        span = times[start:stop]
+        inner[start:stop] = (span - span[0] >= edge) & (span[-1] - span >= edge)
+    return inner & contacts.supported
+
+
+def trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[np.bool_]) -> list[str]:
+    """Coordinates that turn faster than joints do, largest first."""
+    fastest = {
+        coordinate.name: float(np.abs(dynamics.motion.qddot[frames, k]).max())
+        for k, coordinate in enumerate(model.coordinates)
+        if coordinate.kind == "rotation"
+    }
+    return sorted((n for n, value in fastest.items() if value > FASTEST), key=lambda n: -fastest[n])

@@ -8,15 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.errors import InputError
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 """Ground axes X forward, Y up, Z right. Muller et al. 2017 have Z up: their Fz, Mz are our fy, my."""
 
+HICKS = "Hicks 2015"
+"""Name of the limits of Hicks et al. 2015, J Biomech Eng 137:020905, table 2."""
+
 FORCE_SHARE = 0.05
-"""Residual force over net external force (Hicks et al. 2015, J Biomech Eng 137:020905, table 2)."""
+"""Residual force over net external force (Hicks et al. 2015)."""
 
 MOMENT_SHARE = 0.01
 """Residual moment over net external force times height of the centre of mass (Hicks et al. 2015)."""
@@ -49,26 +52,13 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """The residual of one recording.
-
-    Parameters
-    ----------
-    trial : str
-    frames : int
-        Over how many it is computed.
-    left_out : int
-        Frames whose motion or forces are not known.
-    rms : ndarray, shape (6,), N and N m
-        In the order of ``COMPONENTS``.
-    dr : ndarray, shape (6,)
-        ``rms`` over body weight, and over body weight times stature (Muller et al. 2017, eq. 7).
-    gates : tuple of Gate
-    """
+    """The residual of one recording."""
 
     trial: str
-    frames: int
-    left_out: int
-    rms: Array
+    frames: int  # over how many it is computed
+    left_out: int  # frames whose motion or forces are not known
+    rms: Array  # (6,), N and N m: in the order of ``COMPONENTS``
+    # (6,): ``rms`` over body weight, and over body weight times stature (Muller et al. 2017, eq. 7).
     dr: Array
     gates: tuple[Gate, ...]
 
@@ -76,22 +66,8 @@ class Residuals:
 def residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Array:
     """Muller's indicator dr of residual wrenches.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (..., n, 6), N and N m
-        Several samples may lead. Frames with a NaN are left out.
-    mass_kg, height_m : float
-        The person's.
-
-    Returns
-    -------
-    ndarray, shape (..., 6)
-        NaN where no frame is known.
-
-    Raises
-    ------
-    InputError
-        Mass or height cannot be a person's.
+    ``residual`` (..., n, 6), N and N m: several samples may lead, frames with a NaN are left out. Returns
+    (..., 6), NaN where no frame is known. Refuses a mass or height that cannot be a person's.
 
     Examples
     --------
@@ -99,6 +75,12 @@ def residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Arra
     >>> residual_indicator(np.full((3, 6), 9.80665), 50.0, 2.0).round(12).tolist()
     [0.02, 0.02, 0.02, 0.01, 0.01, 0.01]
     """
+    indicator: Array = _rms(residual) / indicator_scale(mass_kg, height_m)
+    return indicator
+
+
+def indicator_scale(mass_kg: float, height_m: float) -> Array:
+    """Body weight, and body weight times stature, (6,), N and N m; refuses what cannot be a person's."""
     if not mass_kg > 0:
         raise InputError(f"a mass of {mass_kg:g} kg is none", field="subject.mass_kg", remedy="Give it in kg")
     if not PLAUSIBLE_M[0] <= height_m <= PLAUSIBLE_M[1]:
@@ -106,39 +88,17 @@ def residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Arra
             f"a height of {height_m:g} m is none", field="subject.height_m", remedy="Give the stature in m"
         )
     weight = mass_kg * -GRAVITY[1]
-    scale = np.array([weight] * 3 + [weight * height_m] * 3)
-    indicator: Array = _rms(residual) / scale
-    return indicator
+    return np.array([weight] * 3 + [weight * height_m] * 3)
 
 
 def evaluate_residuals(
     dynamics: InverseDynamics, height_m: float, *, frames: NDArray[np.bool_] | None = None
 ) -> Residuals:
-    """The indicator and the gates of one recording.
+    """The indicator and the gates of one recording, over those of the frames whose residual is known.
 
-    Parameters
-    ----------
-    dynamics : InverseDynamics
-    height_m : float
-        The person's stature. Body weight is the model's.
-    frames : ndarray of bool, shape (n,), optional
-        Frames to use, such as those in which no foot stands beside the plates. All known ones by default.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame is left.
-    InputError
-        Mass or height cannot be a person's.
+    Body weight is the model's.
     """
-    used = dynamics.known if frames is None else dynamics.known & frames
-    if not used.any():
-        raise TrialUnusable(
-            "no frame has both a motion and all its forces",
-            file=dynamics.trial,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
+    used = dynamics.used(frames)
     residual = dynamics.residual[used]
     return Residuals(
         dynamics.trial,
@@ -167,18 +127,14 @@ def _gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gate, ..
     )
     height = float(dynamics.centre_of_mass[used, 1].mean())
     gates = []
-    for name, of in (("peak", np.max), ("RMS", _root_mean_square)):
+    for name, of in (("peak", np.max), ("RMS", lambda x: np.sqrt(np.mean(x**2)))):
         net = float(of(external))
-        gates.append(Gate(f"{name} force", "Hicks 2015", float(of(force)), FORCE_SHARE * net, "N"))
-        gates.append(
-            Gate(f"{name} moment", "Hicks 2015", float(of(moment)), MOMENT_SHARE * net * height, "N m")
-        )
+        gates += [
+            Gate(f"{name} force", HICKS, float(of(force)), FORCE_SHARE * net, "N"),
+            Gate(f"{name} moment", HICKS, float(of(moment)), MOMENT_SHARE * net * height, "N m"),
+        ]
     values = {g.name: g for g in gates}
     plain = [
         Gate(n, "OpenSim checklist", values[n].value, limit, values[n].unit) for n, limit in OPENSIM_LIMITS
     ]
     return (*gates, *plain)
-
-
-def _root_mean_square(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.document import DynamicsDocument
-from scaling_service.capabilities.dynamics.documents import dynamics_document
-from scaling_service.capabilities.dynamics.model_files import write_massive_model
-from scaling_service.capabilities.dynamics.report.data import DynamicsData, ResidualCurves
-from scaling_service.capabilities.dynamics.report.page import dynamics_page
+from scaling_service.capabilities.dynamics.document import (
+    DynamicsDocument,
+    IdentificationDocument,
+    TrialDynamicsDocument,
+)
+from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
+from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
-from scaling_service.capabilities.dynamics.run import DynamicsResults
-from scaling_service.capabilities.dynamics.trial import TrialDynamics
+from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
+from scaling_service.capabilities.dynamics.start import Prepared
+from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.capabilities.subject.reading import input_hashes
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import DependencyMissing
+from scaling_service.files.osim import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
+from scaling_service.model.document import to_document
+from scaling_service.model.inertia import total_mass
 
 FILE_NAME = "dynamics.json"
 
@@ -47,35 +60,27 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
-            write_sto(scratch / f"{name}_id.sto", forces_table(name, found, results.prepared.model))
+            write_sto(scratch / f"{name}_id.sto", _forces_table(name, found, results.prepared.model))
         notes: tuple[str, ...] = ()
         if results.inertial is not None:
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        files = sorted(path.name for path in scratch.iterdir())
-        document = dynamics_document(results, files, notes)
+        document = _document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(
-                dynamics_page(report_data(results, document)).html(), encoding="utf-8"
-            )
+            curves = {
+                name: (
+                    found.dynamics.motion.times,
+                    np.where(found.frames[:, None], found.dynamics.residual, np.nan),
+                )
+                for name, found in results.trials.items()
+            }
+            (scratch / REPORT).write_text(dynamics_page(document, curves).html(), encoding="utf-8")
     return document
 
 
-def report_data(results: DynamicsResults, document: DynamicsDocument) -> DynamicsData:
-    """What the report shows; frames that do not count are gaps."""
-    curves = {
-        name: ResidualCurves(
-            found.dynamics.motion.times,
-            np.where(found.frames[:, None], found.dynamics.residual, np.nan),
-        )
-        for name, found in results.trials.items()
-    }
-    return DynamicsData(document, curves)
-
-
-def forces_table(name: str, found: TrialDynamics, model: BodyModel) -> Table:
+def _forces_table(name: str, found: TrialDynamics, model: BodyModel) -> Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -89,4 +94,116 @@ def forces_table(name: str, found: TrialDynamics, model: BodyModel) -> Table:
         ("time", *columns, *(f"residual_{component}" for component in COMPONENTS)),
         np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
         in_degrees=False,
+    )
+
+
+def write_massive_model(
+    folder: Path, model: BodyModel, prepared: Prepared, factors: Mapping[str, tuple[float, float, float]]
+) -> tuple[str, ...]:
+    """Write a model whose inertia was found as model.json and model.osim; tells why the latter was not.
+
+    ``factors`` are each segment's scale factors along X, Y, Z, for OpenSim's own scaling.
+    """
+    content = json.dumps(to_document(model), indent=1, allow_nan=False)
+    (folder / "model.json").write_text(content + "\n", encoding="utf-8")
+    subject, scaling = prepared.subject, prepared.calibration
+    is_file = subject.model.lower().endswith(".osim")
+    try:
+        write_osim(
+            folder / "model.osim",
+            model,
+            source=Path(subject.model) if is_file else None,
+            factors=factors,
+            axis_tilts={} if scaling is None else scaling.axis_tilts,
+            marker_set=subject.marker_set,
+            inertia_from_model=True,
+        )
+    except DependencyMissing as error:
+        return (f"model.osim was not written: {error}",)
+    return ()
+
+
+def provenance(
+    prepared: Prepared, settings: Settings, subject_file: Path | None, chosen: dict[str, Any]
+) -> dict[str, Any]:
+    """What is needed to get results again, and what they started from, as documents have it."""
+    return {
+        "code_version": code_version(),
+        "subject": prepared.subject.id,
+        "settings": settings.resolved() | chosen,
+        "input_hashes": input_hashes(prepared.subject, subject_file),
+        "seed": settings.seed,
+        "markers_used": {name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
+        "repairs": {trial.name: repair_notes(trial.repairs) for trial in prepared.loaded.session.dynamic},
+        "start": prepared.start,
+        "inertia": prepared.inertia,
+    }
+
+
+def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
+    """``dynamics.json``, with the files and notes that writing them added."""
+    prepared = results.prepared
+    chosen = {"dynamics": asdict(results.chosen)}
+    known = provenance(prepared, results.settings, results.subject_file, chosen)
+    for name, found in results.trials.items():
+        known["repairs"][name] += repair_notes(found.forces.repairs)
+    return DynamicsDocument(
+        **known,
+        mass_kg=total_mass(prepared.model),
+        height_m=prepared.height_m,
+        trials={name: _trial(found, results) for name, found in results.trials.items()},
+        verdict=results.verdict,
+        inertial=None if results.inertial is None else _identification(results.inertial, prepared.model),
+        warnings=[*results.warnings, *notes],
+        files=list(files),
+        wall_s=round(results.wall_s, 3),
+    )
+
+
+def _trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocument:
+    residuals, uncertainty = found.residuals, found.uncertainty
+    fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
+    kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
+    forces = found.dynamics.forces[found.frames]
+    return TrialDynamicsDocument.model_validate(
+        {
+            "role": "calibration" if residuals.trial in fitted else "evaluation",
+            "forces_from": found.forces.source.name,
+            "frames": residuals.frames,
+            "left_out": residuals.left_out,
+            "residual_rms": residuals.rms,
+            "dr": residuals.dr,
+            "gates": residuals.gates,
+            "joint_loads": {
+                name: {
+                    "unit": "N m" if kinds[name] == "rotation" else "N",
+                    "peak": np.abs(forces[:, k]).max(),
+                    "rms": np.sqrt((forces[:, k] ** 2).mean()),
+                }
+                for k, name in enumerate(found.dynamics.coordinates)
+            },
+            "reconstruction_error_mm": 1e3 * uncertainty.reconstruction_error_m,
+            "uncertainty": uncertainty,
+            "slopes_per_cm": uncertainty.slopes_per_cm,
+            "r2": uncertainty.r2,
+            "calibration_supported": uncertainty.calibration_supported.tolist(),
+            "warnings": found.warnings,
+        },
+        from_attributes=True,
+    )
+
+
+def _identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
+    ratio = found.relative_error(held_out=True)
+    return IdentificationDocument.model_validate(
+        {
+            "components": found.components,
+            "total_mass_kg": (total_mass(before), total_mass(found.model)),
+            "trials": {fit.trial: fit for fit in found.fits},
+            "held_out_ratio": None if np.isnan(ratio) else ratio,
+            "combinations": found.combinations,
+            "parameters": found.parameters,
+            "warnings": found.warnings,
+        },
+        from_attributes=True,
     )

@@ -6,73 +6,52 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from scaling_service.capabilities.dynamics.feet import feet_of, foot_markers
-from scaling_service.capabilities.dynamics.forces import TrialForces, read_trial_forces, trial_forces
-from scaling_service.capabilities.dynamics.inertia_table import with_inertia
-from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
+from scaling_service.capabilities.dynamics.forces import (
+    TrialForces,
+    feet_of,
+    foot_markers,
+    read_trial_forces,
+    trial_forces,
+)
+from scaling_service.capabilities.dynamics.settings import (
+    DEFAULT_TABLE,
+    PLAIN_FORCES,
+    UNSMOOTHED,
+    ForceSettings,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.shared.names import AS_IT_IS as AS_IT_IS
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
 from scaling_service.capabilities.subject.loading import Loaded, load, read_recordings
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
-from scaling_service.files.recording import Recording
+from scaling_service.model.anatomy.inertia import apply_inertia_table
+from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
-from scaling_service.model.forces import GroundForces
+from scaling_service.model.builtin import BUILTIN_NAMES
+from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 
-Read = tuple[Path, GroundForces]
-"""A file and the forces in it."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """Everything that dynamics needs, in memory.
-
-    Parameters
-    ----------
-    subject : Subject
-    loaded : Loaded
-    start : str
-        The method that scaled the model, or ``AS_IT_IS``.
-    inertia : str
-        A table's name, or ``model``.
-    model : BodyModel
-        Of the person's size and mass.
-    motions : mapping
-        Of the trials with forces, by their stems.
-    forces : mapping
-        Of the same trials, at the times of their motions.
-    height_m : float
-    calibration : Calibration, optional
-        How the model was scaled; None for the given model.
-    warnings : tuple of str
-    """
+    """Everything that dynamics needs, in memory."""
 
     subject: Subject
     loaded: Loaded
-    start: str
-    inertia: str
-    model: BodyModel
-    motions: Mapping[str, Motion]
-    forces: Mapping[str, TrialForces]
+    start: str  # the method that scaled the model, or ``AS_IT_IS``
+    inertia: str  # a table's name, or ``model``
+    model: BodyModel  # of the person's size and mass
+    motions: Mapping[str, Motion]  # of the trials with forces, by their stems
+    forces: Mapping[str, TrialForces]  # of the same trials, at the times of their motions
     height_m: float
-    calibration: Calibration | None = None
+    calibration: Calibration | None = None  # how the model was scaled; None for the given model
     warnings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Started:
-    method: str
-    calibration: Calibration | None
-    model: BodyModel
-    motions: Mapping[str, Motion]
-    warnings: tuple[str, ...]
 
 
 def prepare(
@@ -82,63 +61,55 @@ def prepare(
     *,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Read a subject's recordings with forces, scale its model, and follow the markers.
-
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-    chosen : ForceSettings
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used.
-    """
+    """Read a subject's recordings with forces, scale its model, and track the markers."""
     file = None if isinstance(subject, Subject) else Path(subject)
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file):
         raw = read_recordings(known)
-        read = _forces_read(known, raw)
+        read = movement_forces(known, {path: found.plates for path, found in raw.items()})
         loaded = load(known, settings, raw)
-        known = loaded.session.subject  # with what the recordings state
-        height = _height(known)
-        feet_of(loaded.session.model)
+        session = loaded.session
+        known = session.subject  # with what the recordings state
+        if known.height_m is None:
+            raise SubjectInvalid(
+                "residuals are told in shares of body weight times height, and no height is given",
+                field="subject.height_m",
+                remedy="Give the person's stature in m",
+            )
+        feet_of(session.model)
+        method = chosen.start or ("EB_am" if session.images is not None else "MB_am")
         with blamed_on(None, recordings(known)):
             forces = _forces(loaded, known, read, chosen.cutoff_hz)
-            started = _started(loaded, settings, chosen.start, tuple(forces), progress)
-            massive = with_inertia(started.model, known, chosen.inertia, scaled=started.method != AS_IT_IS)
+            calibration, motions, told = _tracked(loaded, method, settings, tuple(forces), progress)
+            model = session.model if calibration is None else calibration.model
+            massive = with_inertia(model, known, chosen.inertia, scaled=calibration is not None)
+    without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
+    left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
         known,
         loaded,
-        started.method,
+        method,
         massive.inertia,
         massive.model,
-        started.motions,
+        motions,
         forces,
-        height,
-        started.calibration,
-        (*loaded.session.warnings, *started.warnings, *massive.notes, *_left_out(known, read)),
+        known.height_m,
+        calibration,
+        (*session.warnings, *told, *massive.notes, *left_out),
     )
 
 
-def _height(subject: Subject) -> float:
-    if subject.height_m is None:
-        raise SubjectInvalid(
-            "residuals are told in shares of body weight times height, and no height is given",
-            field="subject.height_m",
-            remedy="Give the person's stature in m",
-        )
-    return subject.height_m
+def movement_forces(
+    subject: Subject, plates: Mapping[Path, PlateRecording | TrialUnusable | None]
+) -> dict[Path, tuple[Path, GroundForces]]:
+    """Every movement's forces, of those that have some, and the file that each came from.
 
-
-def _forces_read(subject: Subject, raw: Mapping[Path, Recording]) -> dict[Path, Read]:
-    """Every movement's forces, of those that have some."""
+    ``plates``: recording to what was read of its plates.
+    """
     moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
     found = {
-        path: read_trial_forces(path, raw[path].plates, subject.forces.get(path.name)) for path in moving
+        path: read_trial_forces(path, plates.get(path), subject.forces.get(path.name)) for path in moving
     }
     read = {path: forces for path, forces in found.items() if forces is not None}
     if not read:
@@ -150,13 +121,8 @@ def _forces_read(subject: Subject, raw: Mapping[Path, Recording]) -> dict[Path, 
     return read
 
 
-def _left_out(subject: Subject, read: Mapping[Path, Read]) -> tuple[str, ...]:
-    without = [path.stem for path in (*subject.calibration, *subject.evaluation) if path not in read]
-    return (f"{few(list(dict.fromkeys(without)))}: no forces, so no dynamics",) if without else ()
-
-
 def _forces(
-    loaded: Loaded, subject: Subject, read: Mapping[Path, Read], cutoff_hz: float
+    loaded: Loaded, subject: Subject, read: Mapping[Path, tuple[Path, GroundForces]], cutoff_hz: float
 ) -> dict[str, TrialForces]:
     session, axes = loaded.session, loaded.orientation
     assert axes is not None  # a session that was read has axes
@@ -169,25 +135,50 @@ def _forces(
     return found
 
 
-def _started(
-    loaded: Loaded,
-    settings: Settings,
-    start: str | None,
-    wanted: tuple[str, ...],
-    progress: Progress | None,
-) -> _Started:
+def _tracked(
+    loaded: Loaded, method: str, settings: Settings, wanted: tuple[str, ...], progress: Progress | None
+) -> tuple[Calibration | None, Mapping[str, Motion], tuple[str, ...]]:
+    """How the model was scaled, if it was, the motions of the wanted trials, and what is to be told."""
     session = loaded.session
-    method = start or ("EB_am" if session.images is not None else "MB_am")
     if method == AS_IT_IS:
-        motions = {t.name: inverse_kinematics(session.model, t) for t in session.dynamic if t.name in wanted}
-        return _Started(method, None, session.model, motions, ())
+        trials = [trial for trial in session.dynamic if trial.name in wanted]
+        return None, {trial.name: inverse_kinematics(session.model, trial) for trial in trials}, ()
     results = tasks.run(loaded, (method,), settings, progress=progress)
     scaling = results.scalings[method]
     told = [w for w in results.warnings if w not in session.warnings]
-    return _Started(
-        method,
-        scaling.calibration,
-        scaling.calibration.model,
-        {name: motion for name, motion in scaling.motions.items() if name in wanted},
-        (*told, *scaling.calibration.warnings),
-    )
+    motions = {name: motion for name, motion in scaling.motions.items() if name in wanted}
+    return scaling.calibration, motions, (*told, *scaling.calibration.warnings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Massive:
+    """A model with the inertia that was chosen.
+
+    ``inertia`` is a table's name or ``OWN``; ``notes`` say what had to be decided.
+    """
+
+    model: BodyModel
+    inertia: str
+    notes: tuple[str, ...] = ()
+
+
+def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, scaled: bool) -> Massive:
+    """The model of the person's size with the inertia that was asked for.
+
+    Unless a table's name or ``OWN`` is given: ``DEFAULT_TABLE`` for a built-in model that was scaled to the
+    person, else the model's own.
+    """
+    check_inertia(inertia)
+    chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else OWN)
+    if chosen == OWN:
+        return Massive(model, OWN)
+    if subject.sex is None or subject.height_m is None or subject.mass_kg is None:
+        lacking = next(n for n in ("sex", "height_m", "mass_kg") if getattr(subject, n) is None)
+        raise SubjectInvalid(
+            f"inertial tables need the person's {lacking.split('_')[0]}",
+            field=f"subject.{lacking}",
+            remedy=f"Give it, or keep the model's own inertia (inertia: {OWN})",
+        )
+    apply = apply_to_squat if subject.model == SQUAT else apply_inertia_table
+    result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
+    return Massive(result.model, chosen, result.notes)

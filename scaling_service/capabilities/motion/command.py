@@ -54,7 +54,7 @@ def ik(
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """
     with running(out) as progress:
-        from scaling_service.capabilities.motion.recordings import ik as compute
+        from scaling_service.capabilities.motion.run import ik as compute
         from scaling_service.capabilities.motion.saving import save_motions
 
         tracked = compute(model, recordings, options, marker_set=marker_set, progress=progress)

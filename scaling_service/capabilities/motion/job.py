@@ -85,7 +85,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     InputError
         Whatever in the model or the recordings cannot be used.
     """
-    from scaling_service.capabilities.motion.recordings import ik
+    from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions
     from scaling_service.capabilities.subject.loading import read_model
 

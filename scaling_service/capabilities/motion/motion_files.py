@@ -18,31 +18,17 @@ _STEP = 1e-5  # rad or m; chosen: the laws are cubic pieces, so rounding and cur
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
-    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file
-    is in degrees.
-
-    Parameters
-    ----------
-    path : Path
-    motion : Motion
-        Coordinates that a frame does not determine are NaN, and are written so.
-    model : BodyModel
-        Says which coordinates turn, and which follow others.
+    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file is in
+    degrees. Coordinates that a frame does not determine are NaN, and are written so.
     """
     followed = [law_values(coupler.law, _leading(coupler, motion)) for coupler in model.couplers]
     _write(path, motion, motion.q, followed, model)
 
 
 def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
-    """Write standard deviations under the columns that :func:`write_motion` writes, in the same units.
+    """Write standard deviations (n_frames, n_coordinates) in the columns and units of :func:`write_motion`.
 
-    Parameters
-    ----------
-    path : Path
-    motion : Motion
-    sd : ndarray, shape (n_frames, n_coordinates), rad or m
-        A dependent coordinate's is that of the leading one times the slope of its law.
-    model : BodyModel
+    A dependent coordinate's is that of the leading one times the slope of its law.
     """
     followed = []
     for coupler in model.couplers:
@@ -70,10 +56,7 @@ def _leading(coupler: Coupler, motion: Motion) -> Array:
 def law_values(law: Law, x: Array) -> Array:
     """A law of one coordinate at all its values, (n_frames,).
 
-    Raises
-    ------
-    ValueError
-        The law holds a parameter or a signal.
+    ValueError where it holds a parameter or a signal.
     """
     total = np.zeros_like(x)
     for term in law.terms:

@@ -21,13 +21,8 @@ def determined(
     Frames in which the same markers are seen are judged together, at one of them: it is what is
     seen, hardly the pose, that decides.
 
-    Parameters
-    ----------
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-    weights : ndarray, shape (n_markers,)
-    q : ndarray, shape (n_frames, n_coordinates)
-    free : ndarray of bool, shape (n_coordinates,)
-        The others are known and count as determined.
+    ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
+    ``free`` (n_coordinates,): the others are known and count as determined.
     """
     shown = seen(measured)
     first, which = _distinct(shown)

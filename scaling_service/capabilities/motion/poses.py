@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.files.sto import Table
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
 from scaling_service.model.results import Motion
@@ -17,31 +18,16 @@ _BLOCK = 4096  # frames: 30 MB of frames of a whole body
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentPoses:
-    """Every segment over a trial.
-
-    Parameters
-    ----------
-    segments : tuple of str
-    origins : ndarray, shape (n_frames, n_segments, 3), m
-        In ground. NaN where a coordinate that carries the segment is not determined.
-    angles : ndarray, shape (n_frames, n_segments, 3), rad
-        Turns about the segment's own X, then Y, then Z that bring ground's axes to the segment's.
-    """
+    """Every segment over a trial."""
 
     segments: tuple[str, ...]
-    origins: Array
-    angles: Array
+    # Both (n_frames, n_segments, 3); NaN where a coordinate that carries the segment is not determined.
+    origins: Array  # m, in ground
+    angles: Array  # rad, turns about the segment's own X, then Y, then Z, from ground's axes to its own
 
 
 def segment_poses(model: BodyModel, motion: Motion) -> SegmentPoses:
-    """Poses of all segments of a model, those without markers too.
-
-    Parameters
-    ----------
-    model : BodyModel
-        The one that was followed.
-    motion : Motion
-    """
+    """Poses of all segments of the model that was tracked, those without markers too."""
     names = model.segment_names
     marked = model.with_markers(tuple(Marker.at(name, name, (0.0, 0.0, 0.0)) for name in names))
     tree, p = compile_model(marked), parameter_values(model)
@@ -74,3 +60,17 @@ def _carrying(tree: Tree) -> Array:
             carrying[k] = carrying[link.parent]
         carrying[k, [v for v in tree.variables[k] if v < tree.n_coordinates]] = 1.0
     return carrying
+
+
+def poses_table(name: str, times: Array, poses: SegmentPoses) -> Table:
+    """Columns as OpenSim's BodyKinematics has them: origin in ground (m), body-fixed X-Y-Z angles (deg)."""
+    values = np.concatenate([poses.origins, np.degrees(poses.angles)], axis=2)
+    columns = [
+        f"{segment}_{part}" for segment in poses.segments for part in ("X", "Y", "Z", "Ox", "Oy", "Oz")
+    ]
+    return Table(
+        name,
+        ("time", *columns),
+        np.concatenate([times[:, None], values.reshape(len(times), -1)], axis=1),
+        in_degrees=True,
+    )

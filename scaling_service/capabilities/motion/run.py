@@ -1,42 +1,140 @@
-"""Follow trials with a model that exists."""
+"""The motion of recordings with a model that exists, from files to a result in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
-from scaling_service.capabilities.motion.poses import segment_poses
-from scaling_service.capabilities.motion.result import MotionResult, TrackedTrial
-from scaling_service.capabilities.motion.uncertainty import coordinate_sd
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.poses import SegmentPoses, segment_poses
+from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
+from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError, kinematic_error
+from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.subject.loading import Loaded, load
+from scaling_service.capabilities.subject.reading import blamed_on
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.errors import InputError
+from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.recording import READERS
 from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import BUILTIN_NAMES
+from scaling_service.model.results import Motion
+from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
+from scaling_service.recording.orientation import check_axes
+from scaling_service.recording.settings import ProcessingSettings
 
-Progress = Callable[[str, float], None]
+_READING = 0.2  # chosen: about the share of reading and processing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedTrial:
+    """One trial as a model tracks it."""
+
+    motion: Motion
+    uncertainty: CoordinateSd
+    error: KinematicError
+    poses: SegmentPoses | None = None  # where they were asked for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionResult:
+    """A model, and trial by trial how it tracks them."""
+
+    model: BodyModel
+    trials: Mapping[str, TrackedTrial]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """How a model tracks recordings, and where both came from."""
+
+    loaded: Loaded  # the session, and how its labels and axes were understood
+    result: MotionResult
+    options: MotionOptions = field(default_factory=MotionOptions)
+    wall_s: float = 0.0
+    subject_file: Path | None = None  # beside which the recordings lie, where there is one
+
+    @property
+    def subject(self) -> Subject:
+        """The model's and the recordings' places."""
+        return self.loaded.session.subject
+
+
+def ik(
+    model: str | Path,
+    recordings: Sequence[str | Path],
+    options: MotionOptions = MotionOptions(),
+    *,
+    marker_set: str | Path | None = None,
+    subject: str = "",
+    subject_file: Path | None = None,
+    progress: Progress | None = None,
+) -> Tracked:
+    """Follow recordings with a model that exists.
+
+    Parameters
+    ----------
+    model : str or path
+        A built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics, consistent or
+        discovery wrote.
+    recordings : sequence of path
+        C3D or TRC files; one decision on the laboratory's axes is taken for all.
+    options : MotionOptions
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+    subject : str
+        Whose recordings they are, for the document.
+    subject_file : Path, optional
+        Files beside it are named relative to it in the document.
+    progress : callable, optional
+
+    Returns
+    -------
+    Tracked
+
+    Raises
+    ------
+    InputError
+        Whatever in the model or the recordings cannot be used.
+    """
+    clock = time.perf_counter()
+    report = progress or (lambda _what, _share: None)
+    check_axes(options.up, options.forward)
+    files = _recordings(recordings)
+    places = Subject(
+        subject,
+        _model(model, marker_set),
+        marker_set=None if marker_set is None else Path(marker_set),
+        marker_map=dict(options.markers),
+        evaluation=files,
+    )
+    report("reading the recordings", 0.0)
+    processing = ProcessingSettings.smoothed(options.smooth_hz)
+    settings = Settings(processing=processing, up=options.up, forward=options.forward)
+    with _without_subject_file(), blamed_on(None, files):
+        loaded = load(places, settings)
+        session = loaded.session
+        result = track_all(
+            session.model,
+            session.evaluation,
+            poses=options.poses,
+            progress=lambda what, share: report(what, _READING + (1.0 - _READING) * share),
+        )
+    report("done", 1.0)
+    return Tracked(loaded, result, options, time.perf_counter() - clock, subject_file)
 
 
 def track_all(
     model: BodyModel, trials: Sequence[Trial], *, poses: bool = False, progress: Progress | None = None
 ) -> MotionResult:
-    """Follow every trial with the model.
-
-    Parameters
-    ----------
-    model : BodyModel
-    trials : sequence of Trial
-        Labels are the model's marker names, axes X forward, Y up, Z right.
-    poses : bool
-        Whether to tell where every segment is, too.
-    progress : callable, optional
-        Called with what is being done and the share that is done.
-
-    Raises
-    ------
-    TrialUnusable
-        A trial shows no marker of the model.
-    """
+    """Track every trial, in the session's axes and with the model's marker names."""
     found = {}
     for k, trial in enumerate(trials):
         if progress is not None:
@@ -46,7 +144,7 @@ def track_all(
 
 
 def track(model: BodyModel, trial: Trial, *, poses: bool = False) -> TrackedTrial:
-    """Follow one trial: coordinates, their standard deviations, kinematic error; see :func:`track_all`."""
+    """Track one trial: coordinates, their standard deviations, kinematic error and, if asked, poses."""
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
     motion = motion_of(task, trial, solution)
@@ -59,3 +157,52 @@ def track(model: BodyModel, trial: Trial, *, poses: bool = False) -> TrackedTria
         kinematic_error(motion, model),
         segment_poses(model, motion) if poses else None,
     )
+
+
+@contextmanager
+def _without_subject_file() -> Iterator[None]:
+    """Let remedies that speak of a subject file say where labels are mapped here."""
+    try:
+        yield
+    except InputError as error:
+        if error.remedy is not None:
+            error.remedy = error.remedy.replace(
+                "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
+            )
+        raise
+
+
+def _model(model: str | Path, marker_set: str | Path | None) -> str:
+    name = str(model)
+    if marker_set is not None and not name.lower().endswith(".osim"):
+        raise InputError(
+            f"a marker set belongs to .osim models only, and the model is '{name}'",
+            field="marker_set",
+            remedy="Leave it out, or give the path of an .osim file",
+        )
+    if name.lower().endswith(MODEL_SUFFIXES):
+        return str(Path(name).absolute())
+    if Path(name).suffix.lower() in READERS or name not in BUILTIN_NAMES:
+        raise InputError(
+            f"'{name}' is no model",
+            field="model",
+            remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or a model.json",
+        )
+    return name
+
+
+def _recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
+    files = tuple(Path(path).absolute() for path in recordings)
+    if not files:
+        raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D or TRC")
+    by_stem: dict[str, Path] = {}
+    for file in files:
+        if file.stem in by_stem:
+            raise InputError(
+                f"it and '{by_stem[file.stem]}' have the same name without suffix",
+                file=file,
+                field="recordings",
+                remedy="Results are named by it: leave one out, or rename one",
+            )
+        by_stem[file.stem] = file
+    return files

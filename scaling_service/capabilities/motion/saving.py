@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.motion.document import MotionDocument
+from scaling_service.capabilities.motion.document import (
+    KinematicErrorDocument,
+    MotionDocument,
+    TrackedTrialDocument,
+)
 from scaling_service.capabilities.motion.motion_files import write_motion, write_motion_sd
-from scaling_service.capabilities.motion.poses import SegmentPoses
-from scaling_service.capabilities.motion.recordings import Tracked
-from scaling_service.capabilities.motion.result import TrackedTrial, trial_document
+from scaling_service.capabilities.motion.poses import poses_table
+from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
 from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files.sto import write_sto
 from scaling_service.model.body import BodyModel
 from scaling_service.recording.settings import ProcessingSettings
 
@@ -42,34 +46,18 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, trial in tracked.result.trials.items():
-            _write_trial(scratch, name, trial, tracked.result.model)
-        document = motion_document(tracked, sorted(path.name for path in scratch.iterdir()))
+            write_motion(scratch / f"{name}_ik.mot", trial.motion, tracked.result.model)
+            write_motion_sd(
+                scratch / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, tracked.result.model
+            )
+            if trial.poses is not None:
+                write_sto(scratch / f"{name}_poses.sto", poses_table(name, trial.motion.times, trial.poses))
+        document = _document(tracked, sorted(path.name for path in scratch.iterdir()))
         write_json(scratch / FILE_NAME, document)
     return document
 
 
-def _write_trial(folder: Path, name: str, trial: TrackedTrial, model: BodyModel) -> None:
-    write_motion(folder / f"{name}_ik.mot", trial.motion, model)
-    write_motion_sd(folder / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, model)
-    if trial.poses is not None:
-        write_sto(folder / f"{name}_poses.sto", poses_table(name, trial.motion.times, trial.poses))
-
-
-def poses_table(name: str, times: np.ndarray, poses: SegmentPoses) -> Table:
-    """Columns as OpenSim's BodyKinematics has them: origin in ground (m), body-fixed X-Y-Z angles (deg)."""
-    values = np.concatenate([poses.origins, np.degrees(poses.angles)], axis=2)
-    columns = [
-        f"{segment}_{part}" for segment in poses.segments for part in ("X", "Y", "Z", "Ox", "Oy", "Oz")
-    ]
-    return Table(
-        name,
-        ("time", *columns),
-        np.concatenate([times[:, None], values.reshape(len(times), -1)], axis=1),
-        in_degrees=True,
-    )
-
-
-def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
+def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
     """``ik.json``."""
     session, model = tracked.loaded.session, tracked.result.model
     processing = ProcessingSettings.smoothed(tracked.options.smooth_hz)
@@ -89,3 +77,34 @@ def motion_document(tracked: Tracked, files: list[str]) -> MotionDocument:
         files=files,
         wall_s=round(tracked.wall_s, 3),
     )
+
+
+def trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
+    """One trial's part of ``ik.json``."""
+    motion, spread = tracked.motion, tracked.uncertainty
+    locked = {c.name for c in model.coordinates if c.locked}
+    return TrackedTrialDocument(
+        kinematic_error_mm=KinematicErrorDocument(
+            mean=_mm(tracked.error.mean),
+            rms=_mm(tracked.error.rms),
+            max=_mm(tracked.error.max),
+            per_marker={name: _mm(value) for name, value in tracked.error.per_marker.items()},
+        ),
+        not_determined=[n for n in motion.coordinates if n not in locked and n not in motion.estimated],
+        frames_not_determined=_counts(motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()),
+        frames_at_range_end=_counts(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
+        marker_noise_mm={
+            name: _mm(sd)
+            for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
+            if np.isfinite(sd)
+        },
+        frames=len(motion.times),
+    )
+
+
+def _counts(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
+    return {name: count for name, count in zip(names, counts, strict=True) if count}
+
+
+def _mm(metres: float) -> float:
+    return round(1e3 * metres, 4)

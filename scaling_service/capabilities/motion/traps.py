@@ -16,19 +16,14 @@ _TINY = 1e-12  # m2: noise-free frames differ by more than any factor
 
 
 def freed(
-    found: MotionSolution,
-    solve: Callable[[NDArray[np.intp], NDArray[np.float64]], MotionSolution],
+    found: MotionSolution, solve: Callable[[NDArray[np.intp], NDArray[np.float64]], MotionSolution]
 ) -> MotionSolution:
     """Solve outstanding frames again from neighbours that are not, until nothing improves.
 
     A good pose spreads through a whole stretch of wrong ones, one frame from each side at a time.
 
-    Parameters
-    ----------
-    found : MotionSolution
-        Frames in the order of time.
-    solve : callable
-        Frames (rows) and starts (n_rows, n_coordinates) to their solution.
+    ``found``: frames in the order of time. ``solve``: frames (rows) and starts (n_rows, n_coordinates) to
+    their solution.
     """
     q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
     limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0

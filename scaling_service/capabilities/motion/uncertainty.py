@@ -35,36 +35,22 @@ _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoordinateSd:
-    """Standard deviations of coordinates, and of the noise that they come from.
+    """Standard deviations of coordinates, and of the noise that they come from."""
 
-    Parameters
-    ----------
-    sd : ndarray, shape (n_frames, n_coordinates), rad or m
-        Zero for coordinates that the model locks; NaN where the markers do not determine one, and where it
-        stands at the end of its range, which then decides and not the markers.
-    noise : ndarray, shape (n_markers,), m
-        Standard deviation of one coordinate of each marker about the model; NaN for one never seen.
-    at_range_end : ndarray of bool, shape (n_frames, n_coordinates)
-    """
-
+    # (n_frames, n_coordinates), rad or m: zero for coordinates that the model locks; NaN where the markers do
+    # not determine one, and where it stands at the end of its range, which then decides and not the markers
     sd: Array
+    # (n_markers,), m: standard deviation of one coordinate of each marker about the model; NaN for one never
+    # seen
     noise: Array
-    at_range_end: Mask
+    at_range_end: Mask  # (n_frames, n_coordinates)
 
 
 def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> CoordinateSd:
-    """Standard deviation of every coordinate in every frame.
+    """Standard deviation of every coordinate in every frame of a solved task.
 
-    Parameters
-    ----------
-    task : Task
-        As solved.
-    q : ndarray, shape (n_frames, n_coordinates), rad or m
-        The solution.
-    residuals : ndarray, shape (n_frames, n_markers, 3), m
-        Measured minus model; NaN where not seen.
-    known : ndarray of bool, shape (n_frames, n_coordinates)
-        Whether the markers of the frame determine the coordinate.
+    ``q`` (n_frames, n_coordinates), rad or m; ``residuals`` (n_frames, n_markers, 3), m, measured minus
+    model, NaN where not seen; ``known``: where the markers of a frame determine a coordinate.
     """
     lower, upper = task.bounds
     at_end = ((q <= lower) | (q >= upper)) & task.free

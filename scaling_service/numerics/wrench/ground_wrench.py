@@ -26,38 +26,23 @@ BLOCK = 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """Wrenches from outside on some links.
+    """Wrenches from outside on some links."""
 
-    Parameters
-    ----------
-    links : ndarray of int, shape (n_loads,)
-        A link may have several.
-    wrenches : ndarray, shape (n_loads, 6, n)
-        Force (N) and moment about the ground origin (N m) on the body, in ground axes.
-    """
-
-    links: NDArray[np.intp]
+    links: NDArray[np.intp]  # (n_loads,): a link may have several
+    # (n_loads, 6, n): force (N) and moment about the ground origin (N m) on the body, in ground axes
     wrenches: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dynamics:
-    """What inverse dynamics of a motion gives.
+    """What inverse dynamics of a motion gives."""
 
-    Parameters
-    ----------
-    forces : ndarray, shape (n_coordinates, n), N m or N
-        Generalised forces that the joints must provide beside the external loads.
-    residual : ndarray, shape (6, n)
-        Force (N) and moment about the root link's origin (N m), ground axes, that the motion needs
-        and no external load provides.
-    root : ndarray, shape (3, n), m
-        Where the root link's origin is.
-    """
-
+    # (n_coordinates, n), N m or N: generalised forces that the joints must provide beside the external loads
     forces: Array
+    # (6, n): force (N) and moment about the root link's origin (N m), ground axes, that the motion needs and
+    # no external load provides
     residual: Array
-    root: Array
+    root: Array  # (3, n), m: where the root link's origin is
 
 
 def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
@@ -75,13 +60,8 @@ def moment_about(wrench: Array, point: Array) -> Array:
 def link_wrenches(mechanism: Mechanism, state: Moving, gravity: Array = GRAVITY) -> Array:
     """The wrench beside gravity that moves each link as it moves.
 
-    Returns
-    -------
-    ndarray, shape (n_links, 6, n)
-        Force and moment about the ground origin, ground axes.
+    Force and moment about the ground origin, ground axes, (n_links, 6, n).
 
-    Notes
-    -----
     Newton: ``F = m (a - g)``; Euler about the centre of mass: ``I alpha + omega x I omega``, evaluated
     in the link's axes, where I is constant.
     """
@@ -165,13 +145,7 @@ def inverse_dynamics(
 
 
 def joint_forces(mechanism: Mechanism, state: Moving, wrenches: Array) -> Array:
-    """Generalised forces that balance wrenches on the links, shape (n_coordinates, n).
-
-    Parameters
-    ----------
-    wrenches : ndarray, shape (n_links, 6, n)
-        About the ground origin.
-    """
+    """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
     power = np.einsum("ean,ean->en", state.screws, through) * state.slopes

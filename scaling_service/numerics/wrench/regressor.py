@@ -1,7 +1,6 @@
 """Forces as a matrix times the inertial parameters, in blocks of frames.
 
-The columns of link k are ``10 k … 10 k + 9``, in the order of
-``Inertias.parameters``.
+The columns of link k are ``10 k … 10 k + 9``, in the order of ``Inertias.parameters``.
 """
 
 from __future__ import annotations
@@ -24,34 +23,18 @@ REGRESSOR_BLOCK = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegressorBlock:
-    """The regressors of a block of frames, frames first.
+    """The regressors of a block of frames, frames first."""
 
-    Parameters
-    ----------
-    rows : slice
-        Which frames.
-    ground : ndarray, shape (n, 6, 10 n_links)
-        Force and moment about the root link's origin, ground axes: what all external loads together
-        must provide.
-    joints : ndarray, shape (n, n_coordinates, 10 n_links) or None
-        Generalised forces without external loads; None where not asked for.
-    """
-
-    rows: slice
+    rows: slice  # which frames
+    # (n, 6, 10 n_links): force and moment about the root link's origin, ground axes: what all external loads
+    # together must provide
     ground: Array
-    joints: Array | None
 
 
 def regressor_blocks(
-    mechanism: Mechanism,
-    motion: Motion,
-    p: Array,
-    *,
-    joints: bool = False,
-    gravity: Array = GRAVITY,
-    size: int = REGRESSOR_BLOCK,
+    mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = REGRESSOR_BLOCK
 ) -> Iterator[RegressorBlock]:
-    """Regressors of the ground wrench and, if asked, of the generalised forces.
+    """Regressors of the ground wrench.
 
     Parameters
     ----------
@@ -59,7 +42,6 @@ def regressor_blocks(
         Its inertias are not used.
     motion : Motion
     p : ndarray, shape (n_parameters,)
-    joints : bool
     gravity : ndarray, shape (3,), m/s2
     size : int
         Frames at a time: bounds the memory.
@@ -71,10 +53,9 @@ def regressor_blocks(
     """
     for rows in blocks(motion.n, size):
         state = moving(mechanism, motion.block(rows), p)
-        links = _link_regressors(state, gravity)
-        yield RegressorBlock(
-            rows, _ground(state, links), _joint_regressor(mechanism, state, links) if joints else None
-        )
+        links = _link_regressors(state, gravity).reshape(-1, 6, rows.stop - rows.start)
+        links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
+        yield RegressorBlock(rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1)))
 
 
 def _link_regressors(state: Moving, gravity: Array) -> Array:
@@ -108,20 +89,3 @@ def _tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:
         local[:, column] += cross(w, turned)
     moments: Array = np.einsum("kjan,kcjn->kcan", axes, local)
     return moments
-
-
-def _ground(state: Moving, links: Array) -> Array:
-    moved = links.reshape(-1, 6, links.shape[-1]).copy()
-    moved[:, 3:] -= cross(state.poses.origins[0], moved[:, :3])
-    return np.ascontiguousarray(np.moveaxis(moved, -1, 0).transpose(0, 2, 1))
-
-
-def _joint_regressor(mechanism: Mechanism, state: Moving, links: Array) -> Array:
-    n = links.shape[-1]
-    screws = state.screws * state.slopes[:, None]
-    result = np.zeros((n, mechanism.tree.n_coordinates, N_PARAMETERS * mechanism.n_links))
-    for k, columns in enumerate(links):
-        above = np.flatnonzero(mechanism.carriers[:, k])
-        power = np.einsum("ean,can->nec", screws[above], columns)
-        result[:, :, N_PARAMETERS * k : N_PARAMETERS * (k + 1)] = mechanism.gathering[:, above] @ power
-    return result

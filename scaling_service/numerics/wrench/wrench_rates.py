@@ -21,18 +21,11 @@ from scaling_service.numerics.wrench.ground_wrench import GRAVITY, link_wrenches
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchRates:
-    """The net wrench and how it changes.
+    """The net wrench and how it changes."""
 
-    Parameters
-    ----------
-    wrench : ndarray, shape (6, n)
-        Force (N) and moment about the ground origin (N m) that all external loads together must provide.
-    by : ndarray, shape (n, 6, 3, m)
-        Derivatives with respect to q, qdot and qddot of the m free coordinates.
-    """
-
+    # (6, n): force (N) and moment about the ground origin (N m) that all external loads together must provide
     wrench: Array
-    by: Array
+    by: Array  # (n, 6, 3, m): derivatives with respect to q, qdot and qddot of the m free coordinates
 
 
 def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY) -> WrenchRates:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.cohort.document import Part
 from scaling_service.capabilities.cohort.executors import gathered
-from scaling_service.capabilities.consistent.estimate import Followed
+from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.estimate import consistent as identify
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
@@ -205,7 +205,7 @@ def _real(file: Path) -> RealEntry:
     )
 
 
-def _followed(found: Followed) -> WayEntry:
+def _followed(found: TrackedRecording) -> WayEntry:
     return WayEntry(
         wrench_rmse=_three(found.wrench_rmse[list(SAGITTAL_ROWS)]),
         marker_rms_mm=round(1e3 * found.marker_rms_m, 3),

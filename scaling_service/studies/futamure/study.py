@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.estimate import Followed, consistent
+from scaling_service.capabilities.consistent.estimate import TrackedRecording, consistent
 from scaling_service.capabilities.consistent.planar import (
     SagittalPlane,
     in_plane,
@@ -159,9 +159,9 @@ def _filtered(loads: SegmentLoads) -> SegmentLoads:
     return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
 
 
-def _way(followed: Followed, squats: Squats) -> Way:
-    angles = np.sqrt(((followed.rated.q - squats.truth.q) ** 2).mean(axis=0))
-    return Way(followed.wrench_rmse[list(SAGITTAL_ROWS)], followed.marker_rms_m, angles)
+def _way(tracked: TrackedRecording, squats: Squats) -> Way:
+    angles = np.sqrt(((tracked.rated.q - squats.truth.q) ** 2).mean(axis=0))
+    return Way(tracked.wrench_rmse[list(SAGITTAL_ROWS)], tracked.marker_rms_m, angles)
 
 
 def inertia_distance(model: BodyModel, truth: BodyModel) -> Array:

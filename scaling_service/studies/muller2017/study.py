@@ -20,15 +20,19 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     rated_motion,
 )
 from scaling_service.capabilities.dynamics.residuals import residual_indicator
-from scaling_service.capabilities.dynamics.uncertainty.frames import FrameChoice, choose_frames
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.markers import MarkerUncertainty, marker_uncertainty
+from scaling_service.capabilities.dynamics.uncertainty.markers import (
+    FrameChoice,
+    MarkerUncertainty,
+    choose_frames,
+    marker_uncertainty,
+)
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     UncertaintySettings,
     WrenchUncertainty,
+    blames_inertia,
     propagate,
 )
-from scaling_service.capabilities.dynamics.uncertainty.verdict import blames_inertia
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array

@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.motion.job import MotionRequest
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.recordings import ik
+from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save

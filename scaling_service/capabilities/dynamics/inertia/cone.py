@@ -12,30 +12,29 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import default_coordinates, parameter_values
+from scaling_service.model.inertia import tensor_of, whole_tree
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR
+from scaling_service.numerics.multibody.tree import forward
 
 KEPT = 0.1
 """Share of the prior's mass, and of its second moment along any direction, that a segment keeps at least
 (chosen: a third of a radius of gyration; a limit against degenerate bodies, far from all tables)."""
 
 _SIDE = 4
+_COLUMNS, _ROWS = np.tril_indices(_SIDE)  # of upper triangles column by column, the solver's order
+_ROOTS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))  # what the solver wants off-diagonals times
 _SOLVED = frozenset({"Solved", "AlmostSolved"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """What one segment's parameters must obey.
+    """What one segment's parameters must obey."""
 
-    Parameters
-    ----------
-    row : int
-        The segment.
-    low, high : ndarray, shape (3,), m
-        Box of the centre of mass, in the segment's frame; the prior's lies inside.
-    """
-
-    row: int
+    row: int  # the segment
+    # low, high (3,), m: box of the centre of mass, in the segment's frame; the prior's lies inside
     low: Array
     high: Array
 
@@ -43,21 +42,10 @@ class Body:
 def pseudo_inertia(parameters: Array) -> Array:
     """The matrix that is positive definite for every body and for nothing else.
 
-    Parameters
-    ----------
-    parameters : ndarray, shape (..., 10)
-        See ``Inertias.parameters``. Any change of them will do: the
-        matrix is linear in them.
-
-    Returns
-    -------
-    ndarray, shape (..., 4, 4)
-        Second moments of the mass about the origin, bordered by first moments and mass.
-
-    Notes
-    -----
-    Wensing P. M., Kim S., Slotine J.-J. E. (2018) Linear matrix inequalities for physically consistent
-    inertial parameter identification. IEEE Robot Autom Lett 3:60-67.
+    Of ``Inertias.parameters`` (..., 10), or of any change of them, for it is linear: (..., 4, 4), second
+    moments of the mass about the origin, bordered by first moments and mass. Wensing P. M., Kim S.,
+    Slotine J.-J. E. (2018) Linear matrix inequalities for physically consistent inertial parameter
+    identification. IEEE Robot Autom Lett 3:60-67.
     """
     tensor = np.empty((*parameters.shape[:-1], 3, 3))
     for column, (i, j) in enumerate(TENSOR, start=4):
@@ -75,27 +63,19 @@ def possible_minimum(
 ) -> Array | None:
     """Minimise ``y' diag(curvature) y / 2 - slope' y`` so that ``mean + directions @ y`` are bodies.
 
-    Parameters
-    ----------
-    curvature, slope : ndarray, shape (k,)
-    mean : ndarray, shape (n, 10)
-        Itself possible.
-    directions : ndarray, shape (10 n, k)
-    bodies : tuple of Body
-
-    Returns
-    -------
-    ndarray, shape (k,), or None
-        None where the solver found no minimum.
+    ``curvature`` and ``slope`` (k,), ``directions`` (10 n, k), and ``mean`` (n, 10), itself possible, to y
+    (k,); None where the solver found no minimum.
     """
     # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
     moves = (directions * unit).reshape(len(mean), N_PARAMETERS, -1)
-    boxes = [_box(mean[b.row], moves[b.row], b) for b in bodies]
+    boxes = [_within_box(mean[b.row], moves[b.row], b) for b in bodies]
     cones = [_positive(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
     free = slope * unit
-    if all(_obeys(a @ free + b) for a, b in boxes) and all(_positive_at(a @ free + b) for a, b in cones):
+    if all((a @ free + b >= 0.0).all() for a, b in boxes) and all(
+        _is_positive(a @ free + b) for a, b in cones
+    ):
         return np.asarray(slope / curvature)  # no constraint binds; the solver fails on some of these
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -113,21 +93,7 @@ def possible_minimum(
     return np.array(solution.x) * unit if str(solution.status) in _SOLVED else None
 
 
-def _obeys(rows: Array) -> bool:
-    """Whether all rows are met."""
-    return bool((rows >= 0.0).all())
-
-
-def _positive_at(triangle: Array) -> bool:
-    """Whether the matrix of a triangle (10,) is positive semidefinite."""
-    matrix = np.zeros((_SIDE, _SIDE))
-    rows, columns = zip(*((i, j) for j in range(_SIDE) for i in range(j + 1)), strict=True)
-    factors = np.where(np.array(rows) == np.array(columns), 1.0, np.sqrt(0.5))
-    matrix[rows, columns] = matrix[columns, rows] = triangle * factors
-    return bool(np.linalg.eigvalsh(matrix)[0] >= 0.0)
-
-
-def _box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
+def _within_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
     """Rows ``a y + b >= 0`` that keep the centre of mass in its box: linear in mass and first moment."""
     size = mean[0] * np.maximum(body.high - body.low, 1e-6)[:, None]
     lower = (moves[1:4] - body.low[:, None] * moves[0]) / size
@@ -146,8 +112,38 @@ def _positive(mean: Array, moves: Array) -> tuple[Array, Array]:
 
 
 def _triangle(matrices: Array) -> Array:
-    """Upper triangles column by column, off-diagonals times root two, (..., 10): the solver's order."""
-    rows, columns = zip(*((i, j) for j in range(_SIDE) for i in range(j + 1)), strict=True)
-    factors = np.where(np.array(rows) == np.array(columns), 1.0, np.sqrt(2.0))
-    triangle: Array = matrices[..., rows, columns] * factors
+    """Upper triangles as the solver takes them, (..., 10)."""
+    triangle: Array = matrices[..., _ROWS, _COLUMNS] * _ROOTS
     return triangle
+
+
+def _is_positive(triangle: Array) -> bool:
+    """Whether the matrix of a triangle (10,) is positive semidefinite."""
+    matrix = np.zeros((_SIDE, _SIDE))
+    matrix[_ROWS, _COLUMNS] = matrix[_COLUMNS, _ROWS] = triangle / _ROOTS
+    return bool(np.linalg.eigvalsh(matrix)[0] >= 0.0)
+
+
+def bodies_of(model: BodyModel) -> tuple[Body, ...]:
+    """The box of every segment with mass, in its own frame.
+
+    It spans the joint centres (the segment's own and those of the segments that it carries, in the model's
+    default posture) and the markers on it. Along each axis it reaches at least one standard deviation of the
+    segment's own mass to both sides of the prior's centre, for so far the segment itself reaches.
+    """
+    tree, q = whole_tree(model), np.ascontiguousarray(default_coordinates(model, 1).T)
+    poses = forward(tree, q, parameter_values(model))
+    origins, axes = poses.origins[..., 0], poses.axes[..., 0].transpose(0, 2, 1)
+    bodies = []
+    for k, segment in enumerate(model.segments):
+        if segment.mass <= 0:
+            continue
+        carried = [i for i, s in enumerate(model.segments) if s.parent == segment.name]
+        joints = (origins[[k, *carried]] - origins[k]) @ axes[k]
+        markers = np.array([m.nominal for m in model.markers if m.segment == segment.name]).reshape(-1, 3)
+        com, tensor = np.array(segment.com), tensor_of(segment.inertia)
+        moments = 0.5 * np.trace(tensor) - np.diag(tensor)
+        reach = np.sqrt(np.clip(moments, 0.0, None) / segment.mass)
+        points = np.concatenate([joints, markers, [com - reach, com + reach]])
+        bodies.append(Body(k, points.min(axis=0), points.max(axis=0)))
+    return tuple(bodies)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
-from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of
@@ -19,54 +18,39 @@ from scaling_service.numerics.wrench.regressor import regressor_blocks
 
 N_COMPONENTS = 6
 
+QUIET_N = 0.07
+"""Least error of a force: what a plate cannot resolve. 0.22 N at three standard deviations (AMTI's data
+sheet as Muller et al. 2017 cite it)."""
+
+_STEPS = 400  # of a grid over the logarithm of the noise: 2 % apart over three decades
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceRecording:
-    """A motion with its external loads, and which frames to use.
+    """A motion with its external loads, and which frames to use."""
 
-    Parameters
-    ----------
-    dynamics : InverseDynamics
-        Of the model whose inertia is asked for.
-    frames : ndarray of bool, shape (n,), optional
-        Frames whose forces are all known (``FootContacts.supported``). All by default; frames without motion
-        or forces are left out anyhow.
-    """
-
-    dynamics: InverseDynamics
+    dynamics: InverseDynamics  # of the model whose inertia is asked for
+    # (n,): frames whose forces are all known (``FootContacts.supported``). All by default; frames without
+    # motion or forces are left out anyhow.
     frames: NDArray[np.bool_] | None = None
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """Shape (n,)."""
-        known = self.dynamics.known
-        return known if self.frames is None else known & self.frames
+        """Which frames count, (n,); TrialUnusable where none does."""
+        return self.dynamics.used(self.frames)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Normal equations of the ground wrench about the root's origin, for each component by itself.
-
-    Parameters
-    ----------
-    trial : str
-    frames : int
-    curvature : ndarray, shape (6, p, p)
-        Sum over frames of the products of the regressor's rows.
-    slope : ndarray, shape (6, p)
-        Sum of row times error, where the error is the measured wrench minus the prior model's.
-    squares : ndarray, shape (6,)
-        Sum of squared errors.
-    repeats : ndarray, shape (6,)
-        How many frames say the same thing.
-    """
+    """Normal equations of the ground wrench about the root's origin, for each component by itself."""
 
     trial: str
     frames: int
-    curvature: Array
+    curvature: Array  # (6, p, p): sum over frames of the products of the regressor's rows
+    # (6, p): sum of row times error, where the error is the measured wrench minus the prior model's
     slope: Array
-    squares: Array
-    repeats: Array
+    squares: Array  # (6,): sum of squared errors
+    repeats: Array  # (6,): how many frames say the same thing
 
     def rms(self, change: Array) -> Array:
         """RMS error of each component (6,), N and N m, after a change (p,) of the parameters."""
@@ -75,21 +59,8 @@ class Evidence:
 
 
 def evidence_of(model: BodyModel, recording: ForceRecording) -> Evidence:
-    """Normal equations of one recording.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame has both a motion and all its forces.
-    """
+    """Normal equations of one recording, over the frames that have a motion and all their forces."""
     dynamics, used = recording.dynamics, recording.used
-    if not used.any():
-        raise TrialUnusable(
-            "no frame has both a motion and all its forces",
-            file=dynamics.trial,
-            field="forces",
-            remedy="Check that every foot on the floor stands on a plate",
-        )
     mechanism = mechanism_of(model)
     prior = mechanism.inertias.parameters().ravel()
     measured = moment_about(dynamics.external.T, dynamics.root.T).T
@@ -103,23 +74,17 @@ def evidence_of(model: BodyModel, recording: ForceRecording) -> Evidence:
         by_component = np.ascontiguousarray(rows.transpose(1, 0, 2))
         curvature += by_component.transpose(0, 2, 1) @ by_component
         slope += np.einsum("cnp,nc->cp", by_component, error)
-    repeats = np.array([repeated(errors[:, c]) for c in range(N_COMPONENTS)])
+    repeats = np.array([count_repeats(errors[:, c]) for c in range(N_COMPONENTS)])
     squares = np.nansum(errors**2, axis=0)
     return Evidence(dynamics.trial, int(used.sum()), curvature, slope, squares, repeats)
 
 
-def repeated(errors: Array) -> float:
+def count_repeats(errors: Array) -> float:
     """How many frames in a row say the same thing: the integrated autocorrelation time, in frames.
 
-    Parameters
-    ----------
-    errors : ndarray, shape (n,)
-        NaN where not known.
-
-    Notes
-    -----
-    ``1 + 2 sum rho_k`` with pairs of lags summed while they are positive (Geyer C. J. (1992) Practical Markov
-    chain Monte Carlo. Stat Sci 7:473-483), about the mean: a mean is what masses and their centres explain.
+    ``errors`` (n,) are NaN where not known. ``1 + 2 sum rho_k`` with pairs of lags summed while they are
+    positive (Geyer C. J. (1992) Practical Markov chain Monte Carlo. Stat Sci 7:473-483), about the mean: a
+    mean is what masses and their centres explain.
     """
     known = np.isfinite(errors)
     if not known.any():
@@ -139,18 +104,8 @@ def repeated(errors: Array) -> float:
     return float(np.clip(2.0 * positive.sum() - 1.0, 1.0, n))
 
 
-def gathered(
-    evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Information matrix (p, p) and slope (p,) of several recordings together.
-
-    Parameters
-    ----------
-    noise : ndarray, shape (6,), N and N m
-        Standard deviation of each component.
-    components : ndarray of bool, shape (6,)
-        Those that count.
-    """
+def gather(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Information (p, p) and slope (p,) of recordings together, over the components (6,) that count."""
     weights = [components / (noise**2 * e.repeats) for e in evidence]
     information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
     slope = sum(w @ e.slope for w, e in zip(weights, evidence, strict=True))
@@ -158,7 +113,25 @@ def gathered(
 
 
 def weighed(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[float, float]:
-    """Sum of squared errors over their noise, and how many independent errors there are; see ``gathered``."""
+    """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
     squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
     count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)
     return squares, count
+
+
+def most_likely_noise(gains: Array, slopes: Array, squares: float, count: float) -> float:
+    """The noise that makes the recorded errors most likely, whatever the parameters are.
+
+    ``gains`` (k,) are eigenvalues of the whitened information at a noise of one, ``slopes`` (k,) those at the
+    prior along their vectors, ``squares`` the sum of the prior's squared errors, of which ``count`` are
+    independent. The result lies between ``QUIET_N`` and the errors of the prior themselves.
+
+    The marginal likelihood of a linear model with a Gaussian prior (MacKay D. J. C. (1992) Bayesian
+    interpolation. Neural Comput 4:415-447): a fit that takes up freedom is not mistaken for small errors.
+    """
+    largest = max(np.sqrt(squares / count), QUIET_N)
+    sizes = np.geomspace(QUIET_N, largest, _STEPS)
+    ratio = np.clip(gains, 0.0, None) / sizes[:, None] ** 2
+    explained = (slopes**2 / sizes[:, None] ** 4 / (1.0 + ratio)).sum(axis=1)
+    cost = count * np.log(sizes) + 0.5 * np.log1p(ratio).sum(axis=1) + 0.5 * (squares / sizes**2 - explained)
+    return float(sizes[np.argmin(cost)])

@@ -6,28 +6,22 @@ the inertia of a possible body.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.capabilities.dynamics.inertia.box import bodies_of
-from scaling_service.capabilities.dynamics.inertia.cone import possible_minimum
-from scaling_service.capabilities.dynamics.inertia.described import (
-    Solution,
-    described_combinations,
-    described_parameters,
-)
+from scaling_service.capabilities.dynamics.inertia.cone import bodies_of, possible_minimum
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
     Evidence,
     ForceRecording,
     evidence_of,
-    gathered,
+    gather,
+    most_likely_noise,
     weighed,
 )
-from scaling_service.capabilities.dynamics.inertia.noise import most_likely_noise
 from scaling_service.capabilities.dynamics.inertia.prior import (
     InertialPrior,
     PriorSpread,
@@ -35,7 +29,10 @@ from scaling_service.capabilities.dynamics.inertia.prior import (
 )
 from scaling_service.capabilities.dynamics.inertia.result import (
     InertialIdentification,
+    Solution,
     WrenchFit,
+    describe_combinations,
+    describe_parameters,
 )
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import few
@@ -62,22 +59,12 @@ WORSE = 1.01
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """How inertia is identified.
-
-    Parameters
-    ----------
-    spread : PriorSpread
-    mass_known : bool
-        Whether the total mass stays; else the plates tell it.
-    symmetric : bool
-        Whether left and right change alike.
-    despite_verdict : bool
-        Identify even where no component of the wrench supports it; it is told as a warning.
-    """
+    """How inertia is identified."""
 
     spread: PriorSpread = field(default_factory=PriorSpread)
-    mass_known: bool = True
-    symmetric: bool = True
+    mass_known: bool = True  # whether the total mass stays; else the plates tell it
+    symmetric: bool = True  # whether left and right change alike
+    # identify even where no component of the wrench supports it; it is told as a warning
     despite_verdict: bool = False
 
 
@@ -127,9 +114,8 @@ def identify_inertia(
     pseudo-inertias stay positive definite and centres of mass in their boxes. ``repeats`` is how many frames
     say the same thing. Y enters by its normal equations only.
     """
-    components, warnings = _components(supported, settings)
+    components, of_components = _components(supported, settings)
     model, repaired = _possible(model)
-    warnings += repaired
     if not fitted:
         raise InputError(
             "there is no recording to identify inertia from",
@@ -147,17 +133,16 @@ def identify_inertia(
     )
     result = InertialIdentification(
         changed,
-        described_parameters(model, changed, prior, solution),
-        described_combinations(prior, solution),
+        describe_parameters(model, changed, prior, solution),
+        describe_combinations(prior, solution),
         tuple(
             WrenchFit(e.trial, out, e.frames, e.rms(np.zeros_like(solution.change)), e.rms(solution.change))
             for e, out in [*((e, False) for e in evidence), *((e, True) for e in checks)]
         ),
         tuple(components.tolist()),
         np.where(components, solution.noise, np.nan),
-        settings=asdict(settings),
     )
-    return _warned(result, warnings)
+    return replace(result, warnings=(*of_components, *repaired, *_told(result, settings)))
 
 
 def _components(
@@ -200,7 +185,7 @@ def _solve(
 ) -> Solution:
     """The parameters, with the noise that was told or is most likely."""
     assumed = told if told is not None else np.repeat([1.0, ARM_M], 3)
-    information, slope = gathered(evidence, assumed, components)
+    information, slope = gather(evidence, assumed, components)
     free = prior.scale @ prior.basis
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)
@@ -222,21 +207,20 @@ def _solve(
     return Solution(prior.scale @ directions @ moves, directions, gains[kept], moves, size * assumed)
 
 
-def _warned(result: InertialIdentification, warnings: list[str]) -> InertialIdentification:
-    said = list(warnings)
+def _told(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
+    """What a person should know of a result."""
     if not result.combinations:
-        hint = "; the total mass was held, too" if result.settings["mass_known"] else ""
-        said.append(f"the recordings say less than the prior about every combination: nothing moved{hint}")
+        hint = "; the total mass was held, too" if settings.mass_known else ""
+        yield f"the recordings say less than the prior about every combination: nothing moved{hint}"
     surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
     if surprises:
-        said.append(
+        yield (
             f"{few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: doubt "
             "the motion or the forces first"
         )
     ratio = result.relative_error(held_out=True)
     if ratio > WORSE:
-        said.append(
+        yield (
             f"the wrench error of held-out recordings grew by {100 * (ratio - 1):.0f} %: "
             "keep the inertia that it started from"
         )
-    return replace(result, warnings=tuple(said))

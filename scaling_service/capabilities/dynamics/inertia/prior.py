@@ -48,43 +48,22 @@ class PriorSpread:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InertialPrior:
-    """A Gaussian prior of all inertial parameters.
+    """A Gaussian prior of all inertial parameters."""
 
-    Parameters
-    ----------
-    segments : tuple of str
-        Length n.
-    mean : ndarray, shape (n, 10)
-        The parameters that forces are linear in; see
-        ``Inertias.parameters``.
-    sd : ndarray, shape (n, 10)
-        Standard deviations of ``PARTS``: kg, m, kg m2. Zero for a segment without mass: it keeps none.
-    scale : ndarray, shape (10 n, 10 n)
-        ``mean + scale @ z`` are parameters, to first order about the mean.
-    basis : ndarray, shape (10 n, k)
-        Orthonormal: the directions of z that may move.
-    """
-
-    segments: tuple[str, ...]
-    mean: Array
+    segments: tuple[str, ...]  # length n
+    mean: Array  # (n, 10): the parameters that forces are linear in; see ``Inertias.parameters``
+    # (n, 10): standard deviations of ``PARTS``: kg, m, kg m2. Zero for a segment without mass: it keeps none.
     sd: Array
-    scale: Array
-    basis: Array
+    scale: Array  # (10 n, 10 n): ``mean + scale @ z`` are parameters, to first order about the mean
+    basis: Array  # (10 n, k), orthonormal: the directions of z that may move
 
 
 def inertial_prior(
     model: BodyModel, spread: PriorSpread, *, mass_known: bool, symmetric: bool
 ) -> InertialPrior:
-    """The prior around a model's own inertia.
+    """The prior around a model's own inertia, its total mass kept where known.
 
-    Parameters
-    ----------
-    model : BodyModel
-    spread : PriorSpread
-    mass_known : bool
-        Whether the sum of all masses stays.
-    symmetric : bool
-        Whether segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
+    Symmetric: segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
     """
     inertias = inertias_of(model)
     sd = _deviations(inertias, spread)
@@ -145,7 +124,8 @@ def _moving(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
     """Orthonormal directions of z that may move, whatever the total mass does."""
     columns = []
     for k, name in enumerate(segments):
-        other = _other_side(name, segments) if symmetric else None
+        twin = {"_r": f"{name[:-2]}_l", "_l": f"{name[:-2]}_r"}.get(name[-2:])
+        other = segments.index(twin) if symmetric and twin in segments else None
         if other is not None and name.endswith("_l"):
             continue
         for j in np.flatnonzero(sd[k]).tolist():
@@ -155,9 +135,3 @@ def _moving(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
                 column[N_PARAMETERS * other + j] = MIRRORED[j]
             columns.append(column / np.linalg.norm(column))
     return np.array(columns).T
-
-
-def _other_side(name: str, segments: tuple[str, ...]) -> int | None:
-    """Where the segment of the other side stands, None where there is none."""
-    other = {"_r": f"{name[:-2]}_l", "_l": f"{name[:-2]}_r"}.get(name[-2:])
-    return segments.index(other) if other in segments else None

@@ -11,6 +11,7 @@ functions of sigma, and so does the dispersion of one where the other is uniform
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,58 +19,134 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.special import erf
 
-from scaling_service.capabilities.dynamics.uncertainty.jacobian import LAGS, WrenchJacobian, wrench_jacobians
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     BEYOND,
-    EXACT_M,
     UNIFORM_RANGE,
+    error_and_indicator,
     slopes_through_zero,
 )
+from scaling_service.capabilities.dynamics.uncertainty.points import (
+    HALO,
+    STENCIL,
+    PointBody,
+    second_difference,
+)
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Recording, Reference
-from scaling_service.core.errors import InputError
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import jacobian, positions
+from scaling_service.numerics.multibody.tree import CYCLE, Poses, cross, jacobian, positions, rates_of
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 
-_CM = 1e2
+LAGS = tuple(range(-HALO, HALO + 1))
+"""Frames that a wrench depends on, relative to its own."""
+
+_BLOCK = 120  # frames together: 35 coordinates times 192 components are 7 MB
 _GRID = 400  # sizes of the noise, and errors of a level: dispersions change by less than 1e-4 beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class WrenchJacobian:
+    """Derivatives of the residual wrench about the root segment's origin for a block of frames."""
+
+    rows: NDArray[np.intp]  # (n,): frames, all of them used
+    # (len(LAGS), n_varied, 6, n), N and N m per rad and m: with respect to the varied coordinates at frames
+    # ``rows + lag``
+    by_lag: Array
+    poses: Poses  # of these frames with their halo on both sides
+    kept: NDArray[np.intp]  # (n,): where these frames stand in ``poses``
+
+
+def wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterator[WrenchJacobian]:
+    """Derivatives of the wrench of every frame used, or of every tenth and so on, in blocks."""
+    for start, stop in reference.spans:
+        for at in range(start, stop - 2 * HALO, _BLOCK):
+            whole = slice(at, min(at + _BLOCK + 2 * HALO, stop))
+            rows = np.arange(whole.start + HALO, whole.stop - HALO)
+            kept = reference.used[rows] & (rows % every == 0)
+            if kept.any():
+                poses = reference.body.poses(np.ascontiguousarray(reference.q[:, whole]))
+                by_lag = _by_lag(reference, poses, reference.external[:3, whole])
+                yield WrenchJacobian(rows[kept], by_lag[..., kept], poses, HALO + np.flatnonzero(kept))
+
+
+def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
+    """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n + 2 HALO)."""
+    body, step = reference.body, reference.step_s
+    y, moved = body.moved(poses), vector_jacobian(body, poses, reference.varied)
+    n = y.shape[-1] - 2 * HALO
+    inner = slice(HALO, HALO + n)
+    signed = y * body.signs.ravel()[:, None, None]
+    roots = np.sqrt(body.masses)
+    result = np.empty((len(LAGS), len(reference.varied), 6, n))
+    weights = [*STENCIL[::-1], -2.0 * sum(STENCIL), *STENCIL]
+    for k, (lag, weight) in enumerate(zip(LAGS, weights, strict=True)):
+        there = moved[..., HALO + lag : HALO + lag + n]
+        scaled = weight / step**2
+        result[k, :, :3] = scaled * np.einsum("m,vman->van", roots, there[:, ::4])
+        result[k, :, 3:] = scaled * _summed_cross(signed[..., inner], there)
+    here = moved[..., inner]
+    own = result[HALO]
+    own[:, 3:] -= _summed_cross(second_difference(signed, step), here)
+    own[:, 3:] -= cross(np.einsum("m,vman->van", roots, here[:, ::4]), GRAVITY[:, None])
+    # about the moving root, needed and provided alike: M - root x F
+    root = poses.frames[poses.plan.link_node[0], 3]
+    on_root = np.zeros(1, dtype=np.intp)
+    carried = _moved_by(body, poses, reference.varied, root[None], np.ones(1), on_root)[:, 0]
+    force = second_difference(np.tensordot(roots, y[::4], axes=1), step) - roots @ roots * GRAVITY[:, None]
+    result[:, :, 3:] -= cross(root[:, inner], result[:, :, :3])
+    own[:, 3:] -= cross(carried[..., inner], force - external[:, inner])
+    return result
+
+
+def _summed_cross(y: Array, other: Array) -> Array:
+    """``sum_m y_m x other_m``, (m, 3, n) with (v, m, 3, n) to (v, 3, n)."""
+    result = np.empty((len(other), 3, y.shape[-1]))
+    for i, j, k in CYCLE:
+        result[:, i] = np.einsum("mn,vmn->vn", y[:, j], other[:, :, k])
+        result[:, i] -= np.einsum("mn,vmn->vn", y[:, k], other[:, :, j])
+    return result
+
+
+def vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> Array:
+    """Derivatives of the vectors y with respect to coordinates, shape (n_varied, 4 n_massive, 3, n)."""
+    y = body.moved(poses)
+    pull = np.zeros((len(body.masses), 4))
+    pull[:, 0] = np.sqrt(body.masses)  # the first vector is a place, the others are directions
+    return _moved_by(body, poses, varied, y, pull.ravel(), np.repeat(body.links, 4))
+
+
+def _moved_by(
+    body: PointBody, poses: Poses, varied: NDArray[np.intp], y: Array, pull: Array, links: NDArray[np.intp]
+) -> Array:
+    """Derivatives of vectors y = pull * place + direction that sit on links, (n_varied, len(y), 3, n)."""
+    tree = body.tree
+    row = {int(v): k for k, v in enumerate(varied)}
+    below = np.eye(len(tree.links), dtype=bool)  # which links hang on a link or are it
+    for k, link in enumerate(tree.links):  # parents come first
+        if link.parent >= 0:
+            below[:, k] |= below[:, link.parent]
+    result = np.zeros((len(varied), *y.shape))
+    entries = tree.plan.entries
+    for entry, axis in zip(entries, poses.directions(entries), strict=True):
+        rows = np.flatnonzero(below[entry.link][links])
+        wanted = [(row[v], rate) for v, rate in rates_of(tree, poses.values, entry.term) if v in row]
+        if not wanted or not len(rows):
+            continue
+        if entry.is_turn:
+            lever = y[rows] - pull[rows, None, None] * poses.frames[entry.node, 3]
+            turned = cross(axis, lever)
+        else:
+            turned = pull[rows, None, None] * axis
+        for k, rate in wanted:
+            result[k, rows] += turned * rate
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LinearUncertainty:
-    """What linear propagation says of one recording.
+    """What linear propagation says of one recording; arrays (6,) as ``WrenchUncertainty`` has them."""
 
-    Parameters
-    ----------
-    frames : ndarray of int, shape (n,)
-        The frames used.
-    covariance : ndarray, shape (n, 6, 6), N and N m, per rad and m of noise
-        Of each frame's residual wrench for white noise of unit size on every coordinate, after the filter.
-    error_m : float
-        The reference's reconstruction error.
-    dr : ndarray, shape (6,)
-        Its residual indicator.
-    sizes : ndarray, shape (k,), rad and m
-        Standard deviations of the noise before the filter.
-    errors_m : ndarray, shape (k,)
-        Expected reconstruction error at each size.
-    indicators : ndarray, shape (k, 6)
-        Expected residual indicator at each size.
-    levels : tuple of float
-    dispersion : ndarray, shape (n_levels, 6)
-    slopes_per_cm, kinematic : ndarray, shape (6,)
-        As ``WrenchUncertainty`` has them.
-    r2 : ndarray, shape (6,)
-    """
-
-    frames: NDArray[np.intp]
-    covariance: Array
-    error_m: float
+    error_m: float  # the reference's reconstruction error
     dr: Array
-    sizes: Array
-    errors_m: Array
-    indicators: Array
-    levels: tuple[float, ...]
-    dispersion: Array
     slopes_per_cm: Array
     kinematic: Array
     r2: Array
@@ -80,38 +157,12 @@ def propagate_linearly(
     levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0),
     noise_on: NoiseOn = "rotations",
 ) -> LinearUncertainty:
-    """The kinematic part of Muller's study in closed form.
-
-    Parameters
-    ----------
-    recording : Recording
-    levels : tuple of float
-        Largest added reconstruction error over the reference's.
-    noise_on : 'rotations' or 'all'
-        Coordinates that are perturbed.
-
-    Raises
-    ------
-    TrialUnusable, InputError
-        As ``propagate``.
-    """
-    return linear_of(Reference.of(recording, noise_on), levels)
-
-
-def linear_of(reference: Reference, levels: tuple[float, ...]) -> LinearUncertainty:
-    """As :func:`propagate_linearly`, of a prepared recording."""
-    error, residual = reference.residual(reference.q)
-    if error < EXACT_M:
-        raise InputError(
-            "the model follows its markers without error, so nothing tells how uncertain the motion is",
-            file=reference.trial,
-            field="markers",
-            remedy="Give the measured markers with the motion",
-        )
+    """The kinematic part of Muller's study in closed form; arguments and errors as ``propagate``."""
+    reference = Reference.of(recording, noise_on)
+    error, dr = error_and_indicator(reference)
     spread = noise_factors(reference.low_pass.autocovariance(len(LAGS) - 1))
-    frames, covariances, apart, spreads = [], [], [], []
+    covariances, apart, spreads = [], [], []
     for block in wrench_jacobians(reference):
-        frames.append(block.rows)
         covariances.append(_wrench_covariance(block, spread))
         away, wide = _marker_spread(reference, block)
         apart.append(away)
@@ -119,7 +170,6 @@ def linear_of(reference: Reference, levels: tuple[float, ...]) -> LinearUncertai
     covariance = np.concatenate(covariances)
     away = np.concatenate(apart)
     wide = np.concatenate(spreads) * np.sqrt(reference.low_pass.autocovariance(0)[0])
-    dr = reference.indicator(residual)
     sizes = _sizes(error, away, wide, 1.0 + max(levels) + BEYOND)
     errors = np.array([_mean_distance(away, size * wide).mean() for size in sizes])
     # the reference's own place on the curve: the frames used only
@@ -127,22 +177,8 @@ def linear_of(reference: Reference, levels: tuple[float, ...]) -> LinearUncertai
     variance = np.einsum("ncc->nc", covariance).mean(axis=0) / reference.scale**2
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
     dispersion = np.array([_dispersion(error, level, errors, indicators) for level in levels])
-    added = _CM * error * np.array(levels)
-    slopes, r2, _ = slopes_through_zero(added, dispersion)
-    return LinearUncertainty(
-        np.concatenate(frames),
-        covariance,
-        error,
-        dr,
-        sizes,
-        errors,
-        indicators,
-        levels,
-        dispersion,
-        slopes,
-        _CM * error * slopes,
-        r2,
-    )
+    slopes, r2, _ = slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
+    return LinearUncertainty(error, dr, slopes, 1e2 * error * slopes, r2)
 
 
 def noise_factors(autocovariance: Array) -> Array:

@@ -15,12 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.jacobian import LAGS, WrenchJacobian, wrench_jacobians
-from scaling_service.capabilities.dynamics.uncertainty.linear import noise_factors
+from scaling_service.capabilities.dynamics.uncertainty.linear import (
+    LAGS,
+    WrenchJacobian,
+    noise_factors,
+    wrench_jacobians,
+)
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
+from scaling_service.core.errors import InputError
+from scaling_service.model.inertia import inertias_of, mechanism_of
+from scaling_service.numerics.multibody.derivatives import spline_rates
+from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import jacobian, marker_positions, positions
 from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.wrench.regressor import regressor_blocks
 
 SHARED = 0.75
 """Share of the variance of a marker's error that is its segment's: skin markers move together by about 18
@@ -36,35 +46,27 @@ _THIN = 10
 """Of the frames, every tenth tells how much of an error is left (chosen: it hardly changes from frame to
 frame)."""
 
+MASS_SHARE, PLACE_M, TENSOR_SHARE = 0.1, 0.02, 0.2
+"""How far parameters of a table may be off (standard deviations; chosen: regressions miss a segment's mass by
+about 10 % and its centre of mass by 1 to 3 cm, Dumas et al. 2007 and the tables among each other)."""
+
+INDEPENDENT = 2.0
+"""Samples per period of the cutoff that are independent after the filter (Nyquist)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkerUncertainty:
-    """How the markers' errors show in the residual wrench.
-
-    Parameters
-    ----------
-    markers : tuple of str
-    sd_m : ndarray, shape (n_markers,)
-        Standard deviation of the part of each marker's error that is its own, per direction, after the
-        filter.
-    leverage : ndarray, shape (n_markers,)
-        Share of a marker's error that the model follows, mean over the frames.
-    correlation : ndarray, shape (len(LAGS),)
-        Of these errors between frames 0, 1, 2 … apart.
-    frames : ndarray of int, shape (n,)
-        The frames used.
-    covariance : ndarray, shape (n, 6, 6), N and N m
-        Of each frame's residual wrench.
-    shares : ndarray, shape (n_markers, 6)
-        Of the mean variance of each component; a segment's common part is divided among its markers.
-    """
+    """How the markers' errors show in the residual wrench."""
 
     markers: tuple[str, ...]
+    # (n_markers,): standard deviation of the part of each marker's error that is its own, per direction,
+    # after the filter
     sd_m: Array
-    leverage: Array
-    correlation: Array
-    frames: NDArray[np.intp]
-    covariance: Array
+    leverage: Array  # (n_markers,): share of a marker's error that the model follows, mean over the frames
+    frames: NDArray[np.intp]  # (n,): the frames used
+    covariance: Array  # (n, 6, 6), N and N m: of each frame's residual wrench
+    # (n_markers, 6): of the mean variance of each component; a segment's common part is divided among its
+    # markers
     shares: Array
 
     @property
@@ -78,36 +80,22 @@ def marker_uncertainty(
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
 
-    Parameters
-    ----------
-    recording : Recording
-    sd_m : mapping, optional
-        Marker to the standard deviation of its own error per direction, m, after the filter. Unless given:
-        as large as its filtered residual tells.
-    shared : float
-        Share of the variance of a marker's whole error that its segment's markers have in common, below 1.
-
-    Raises
-    ------
-    TrialUnusable, InputError
-        As ``propagate``.
+    ``sd_m`` are standard deviations of markers' own errors per direction, m, after the filter; unless given,
+    they are as large as the filtered residuals tell. ``shared`` is the share of the variance of a marker's
+    whole error that its segment's markers have in common, below 1. Errors as ``propagate``.
     """
     reference = Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filtered_residuals(reference)
-    correlation = _correlation(left, reference)
-    spread = noise_factors(correlation)
+    spread = noise_factors(_correlation(left, reference))
     leverage, size = _sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
     together = _together(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
     for block in wrench_jacobians(reference):
         effect = _effect(block, _followed(reference, block, weights)[0], spread)
-        own, common = (
-            effect * sizes[None, None, None, :, None],
-            np.einsum("nscma,gm->nscga", effect, together),
-        )
+        own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_outer(own) + _outer(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
         weight = together**2 / np.maximum((together**2).sum(axis=1, keepdims=True), np.finfo(float).tiny)
@@ -117,7 +105,6 @@ def marker_uncertainty(
         names,
         sizes,
         leverage,
-        correlation,
         np.concatenate(frames),
         np.concatenate(covariances),
         variance / variance.sum(axis=0),
@@ -185,11 +172,8 @@ def _followed(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.
 
-    Returns
-    -------
-    gain, moved : ndarray, shape (n, n_varied, n_markers, 3)
-        Coordinates by marker errors, and markers by coordinates.
-    seen : ndarray of bool, shape (n, n_markers)
+    Coordinates by marker errors and markers by coordinates, both (n, n_varied, n_markers, 3), and which are
+    seen, (n, n_markers).
     """
     tree, poses = reference.body.tree, block.poses
     by_variable = jacobian(tree, poses, positions(tree, poses), reference.varied)[..., block.kept]
@@ -205,12 +189,7 @@ def _followed(
 
 
 def _effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
-    """What a unit error of each marker does to the wrench, factor by factor of the noise in time.
-
-    Returns
-    -------
-    ndarray, shape (n, n_factors, 6, n_markers, 3)
-    """
+    """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
     factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
     n, count, _, varied = factors.shape
     effect = factors.reshape(n, -1, varied) @ gain.reshape(n, varied, -1)
@@ -221,3 +200,113 @@ def _outer(effect: Array) -> Array:
     """Covariance of independent errors, (n, s, 6, m, 3) to (n, 6, 6)."""
     flat = np.moveaxis(effect, 2, 1).reshape(len(effect), 6, -1)
     return np.asarray(flat @ flat.transpose(0, 2, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A piece of a recording."""
+
+    # start, stop: frames
+    start: int
+    stop: int
+    gain: float  # information that it adds to the windows before it, nats
+    # mean standard deviation of the residual force over body weight, the three directions' mean
+    uncertainty: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameChoice:
+    """Windows in the order in which they are worth taking."""
+
+    windows: tuple[Window, ...]
+    total: float  # information of the whole recording, nats
+    frames: NDArray[np.bool_]  # (n,): those of the chosen windows that are used
+
+    @property
+    def share(self) -> float:
+        """Information of the chosen windows over that of all frames."""
+        return sum(w.gain for w in self.windows) / self.total
+
+
+def choose_frames(
+    recording: Recording, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
+) -> FrameChoice:
+    """The windows that tell most of the inertial parameters, given how uncertain each frame is.
+
+    Muller et al. 2017 (sec. 3.3) propose sequences of small uncertainty, of good excitation, or both. Here a
+    window is worth the information that it adds about the inertial parameters, its frames weighted by the
+    inverse covariance of their residual wrench; windows are taken one by one, the best first (greedy
+    D-optimality), until there are ``count`` or no more. Refuses one shorter than one independent sample.
+    """
+    if count < 1 or window_s * recording.cutoff_hz * INDEPENDENT < 1.0:
+        raise InputError(
+            f"{count} windows of {window_s:g} s cannot be chosen",
+            field="window_s",
+            remedy="Take one window at least, of 1 s",
+        )
+    reference = Reference.of(recording, "all")
+    length = round(window_s / reference.step_s)
+    thin = max(1, round(reference.low_pass.rate_hz / (INDEPENDENT * recording.cutoff_hz)))
+    picked = np.arange(0, len(uncertainty.frames), thin)
+    place = uncertainty.frames[picked] // length
+    pieces = _information(recording, reference, uncertainty, picked, place)
+    order, gains = _greedy(list(pieces.values()), min(count, len(pieces)))
+    numbers = np.array(list(pieces))[order]
+    weight = reference.scale[0]
+    windows, frames = [], np.zeros(reference.n_frames, dtype=bool)
+    for number, gain in zip(numbers.tolist(), gains, strict=True):
+        start, stop = number * length, min((number + 1) * length, reference.n_frames)
+        frames[start:stop] = reference.used[start:stop]
+        inside = (uncertainty.frames >= start) & (uncertainty.frames < stop)
+        windows.append(Window(start, stop, gain, float(uncertainty.sd[inside, :3].mean() / weight)))
+    whole = np.eye(len(next(iter(pieces.values())))) + sum(pieces.values())
+    return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
+
+
+def _information(
+    recording: Recording,
+    reference: Reference,
+    uncertainty: MarkerUncertainty,
+    picked: NDArray[np.intp],
+    place: NDArray[np.intp],
+) -> dict[int, Array]:
+    """Window number to its information in units of what a table leaves open."""
+    rows, q = uncertainty.frames[picked], reference.q.T
+    first, second = spline_rates(recording.motion.times, q)
+    rates = Rates.of_frames(q[rows], first[rows], second[rows])
+    blocks = regressor_blocks(mechanism_of(recording.model), rates, reference.body.p)
+    regressor = np.concatenate([block.ground for block in blocks])
+    scale = _table_sd(recording)
+    root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
+    whitened = root @ (regressor * scale)
+    pieces = {}
+    for number in np.unique(place).tolist():
+        own = whitened[place == number].reshape(-1, len(scale))
+        pieces[number] = own.T @ own
+    return pieces
+
+
+def _table_sd(recording: Recording) -> Array:
+    """Standard deviation of all inertial parameters before the recording, shape (10 n_segments,)."""
+    inertias = inertias_of(recording.model)
+    result = np.empty((len(inertias.mass), N_PARAMETERS))
+    mass = inertias.mass
+    result[:, 0] = MASS_SHARE * mass
+    result[:, 1:4] = PLACE_M * mass[:, None]
+    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
+    return result.ravel()
+
+
+def _greedy(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:
+    """Places of the pieces that raise ``log det (1 + sum)`` most, one by one, and by how much."""
+    total, value = np.eye(len(pieces[0])), 0.0
+    order: list[int] = []
+    gains: list[float] = []
+    for _ in range(count):
+        rest = [k for k in range(len(pieces)) if k not in order]
+        values = [float(np.linalg.slogdet(total + pieces[k])[1]) for k in rest]
+        best = int(np.argmax(values))
+        order.append(rest[best])
+        gains.append(values[best] - value)
+        total, value = total + pieces[rest[best]], values[best]
+    return order, gains

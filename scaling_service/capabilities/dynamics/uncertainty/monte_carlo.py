@@ -1,19 +1,20 @@
-"""The kinematic part of a residual's uncertainty by Monte Carlo (Muller et al. 2017, sec. 2.2)."""
+"""A residual's uncertainty by Monte Carlo, of the motion and of the plates (Muller et al. 2017, sec. 2.2)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
-from scaling_service.capabilities.dynamics.uncertainty.tasks import in_chunks
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
+from scaling_service.model.forces import CONTACT_N
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import cross, forward
 
 UNIFORM_RANGE = np.sqrt(12.0)
 """Range of a uniform distribution over its standard deviation (Muller et al. 2017, eq. 10)."""
@@ -28,58 +29,37 @@ _LEVER_M = 0.1
 """How far markers move per radian of noise, about (chosen: the filter lets a third of it through, and markers
 sit some 0.3 m from their joints); only where the search for the largest perturbation begins."""
 
+SIGMAS = 3.0
+"""A data sheet's figure of a plate stands for three standard deviations, and so does the dispersion that is
+reported (Muller et al. 2017, sec. 2.2)."""
+
+CHUNK = 125
+"""Samples per task (chosen: some seconds of work each, so that two workers end together)."""
+
 _PILOTS = 3  # motions that the largest perturbation is found with; their errors differ by few per cent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionDatabase:
-    """Perturbed motions, reduced to what is asked of them.
+    """Perturbed motions, reduced to what is asked of them."""
 
-    Parameters
-    ----------
-    error_m : float
-        Reconstruction error of the reference motion (filtered).
-    dr : ndarray, shape (6,)
-        Its residual indicator.
-    largest : float
-        Upper end of the perturbations' standard deviation, rad and m.
-    sizes : ndarray, shape (n,), rad and m
-        Standard deviation of each perturbation before the filter.
-    errors_m : ndarray, shape (n,)
-    indicators : ndarray, shape (n, 6)
-    """
-
-    error_m: float
-    dr: Array
-    largest: float
-    sizes: Array
-    errors_m: Array
-    indicators: Array
+    error_m: float  # reconstruction error of the reference motion (filtered)
+    dr: Array  # (6,): its residual indicator
+    largest: float  # upper end of the perturbations' standard deviation, rad and m
+    sizes: Array  # (n,), rad and m: standard deviation of each perturbation before the filter
+    errors_m: Array  # (n,)
+    indicators: Array  # (n, 6)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """Motions whose reconstruction error is uniform between the reference's and this much more.
+    """Motions whose reconstruction error is uniform between the reference's and this much more."""
 
-    Parameters
-    ----------
-    relative : float
-        The largest added error over the reference's.
-    added_m : float
-        The same in m.
-    dispersion : ndarray, shape (6,)
-        Of the residual indicator: ``sqrt(12)`` standard deviations.
-    distinct : int
-        How many different motions were drawn.
-    misfit_m : float
-        The largest distance between an error asked for and the one drawn.
-    """
-
-    relative: float
-    added_m: float
-    dispersion: Array
-    distinct: int
-    misfit_m: float
+    relative: float  # the largest added error over the reference's
+    added_m: float  # the same in m
+    dispersion: Array  # (6,): of the residual indicator: ``sqrt(12)`` standard deviations
+    distinct: int  # how many different motions were drawn
+    misfit_m: float  # the largest distance between an error asked for and the one drawn
 
 
 def draw_database(
@@ -92,21 +72,16 @@ def draw_database(
 ) -> MotionDatabase:
     """Perturb the reference motion and compute each motion's error and residual.
 
-    Parameters
-    ----------
-    reference : Reference
-    count : int
-    seed : int
-    reach : float
-        Reconstruction error that must be covered, over the reference's.
-    executor : Executor
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        The reference follows its markers exactly.
+    ``reach`` is the reconstruction error that must be covered, over the reference's.
     """
+    error, dr = error_and_indicator(reference)
+    largest = _largest(reference, seed, error, reach + BEYOND)
+    rows = _sampled(executor, partial(_perturbed, reference, seed, largest), count, progress)
+    return MotionDatabase(error, dr, largest, rows[:, 0], rows[:, 1], rows[:, 2:])
+
+
+def error_and_indicator(reference: Reference) -> tuple[float, Array]:
+    """Of the reference motion itself, which must not follow its markers exactly."""
     error, residual = reference.residual(reference.q)
     if error < EXACT_M:
         raise InputError(
@@ -115,17 +90,29 @@ def draw_database(
             field="markers",
             remedy="Give the measured markers with the motion",
         )
-    largest = _largest(reference, seed, error, reach + BEYOND)
-    sample = partial(_samples, reference, seed, largest)
-    rows = in_chunks(executor, sample, count, progress)
-    return MotionDatabase(error, reference.indicator(residual), largest, rows[:, 0], rows[:, 1], rows[:, 2:])
+    return error, reference.indicator(residual)
 
 
-def _samples(reference: Reference, seed: int, largest: float, numbers: range) -> Array:
-    return np.array([_sample(reference, seed, largest, number) for number in numbers])
+def _sampled(
+    executor: Executor,
+    sample: Callable[[int], Array],
+    count: int,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Rows of all samples in their order, computed in chunks, here or in worker processes (so picklable)."""
+    chunks = [range(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
+    futures = [executor.submit(_rows, sample, chunk) for chunk in chunks]
+    for done, _ in enumerate(as_completed(futures), start=1):
+        if progress is not None:
+            progress(done / len(futures))
+    return np.concatenate([future.result() for future in futures])
 
 
-def _sample(reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _rows(sample: Callable[[int], Array], numbers: range) -> Array:
+    return np.array([sample(number) for number in numbers])
+
+
+def _perturbed(reference: Reference, seed: int, largest: float, number: int) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
@@ -154,22 +141,17 @@ def levels_of(
     database: MotionDatabase, levels: tuple[float, ...], samples: int, seed: int
 ) -> tuple[Level, ...]:
     """Draw each level's motions from the database, with replacement."""
-    return tuple(_level(database, relative, samples, seed) for relative in levels)
-
-
-def _level(database: MotionDatabase, relative: float, samples: int, seed: int) -> Level:
-    added = relative * database.error_m
-    wanted = database.error_m + added * stream(seed, "uncertainty", "level", str(relative)).random(samples)
     order = np.argsort(database.errors_m, kind="stable")
-    drawn = order[_nearest(database.errors_m[order], wanted)]
-    spread = database.indicators[drawn].std(axis=0, ddof=1)
-    return Level(
-        relative,
-        added,
-        UNIFORM_RANGE * spread,
-        len(np.unique(drawn)),
-        float(np.abs(database.errors_m[drawn] - wanted).max()),
-    )
+    found = []
+    for relative in levels:
+        added = relative * database.error_m
+        shares = stream(seed, "uncertainty", "level", str(relative)).random(samples)
+        wanted = database.error_m + added * shares
+        drawn = order[_nearest(database.errors_m[order], wanted)]
+        spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
+        misfit = float(np.abs(database.errors_m[drawn] - wanted).max())
+        found.append(Level(relative, added, spread, len(np.unique(drawn)), misfit))
+    return tuple(found)
 
 
 def _nearest(ascending: Array, wanted: Array) -> Array:
@@ -184,16 +166,8 @@ def _nearest(ascending: Array, wanted: Array) -> Array:
 def slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Least-squares lines without intercept, and how well they fit.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    y : ndarray, shape (n, k)
-
-    Returns
-    -------
-    slopes, r2, r2_centred : ndarray, shape (k,)
-        ``1 - SSE / sum y^2`` (right without intercept: Eisenhauer 2003, Teach Stat 25:76-80), and
-        ``1 - SSE / sum (y - mean)^2``, which is never larger.
+    Of x (n,) and y (n, k): slopes (k,), ``r2 = 1 - SSE / sum y^2`` (right without intercept: Eisenhauer 2003,
+    Teach Stat 25:76-80), and the centred ``1 - SSE / sum (y - mean)^2``, which is never larger.
 
     Examples
     --------
@@ -205,3 +179,68 @@ def slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
     left = ((y - np.outer(x, slopes)) ** 2).sum(axis=0)
     centred = 1.0 - left / ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     return slopes, 1.0 - left / (y**2).sum(axis=0), centred
+
+
+@dataclass(frozen=True, slots=True)
+class PlateNoise:
+    """What the data sheet of a force plate promises (AMTI, as Muller et al. 2017 quote it)."""
+
+    share: float = 0.001  # of the load
+    least_n: float = 0.22  # not less than this
+    centre_m: float = 0.0002  # of the centre of pressure, in each direction
+    surface_m: float = 0.0  # height of the plates' surface
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plates:
+    """Residual (6, n), and each load's force and lever from the root (k, 3, n), over the frames used.
+
+    ``sigma`` and ``centre`` (k, 1, n) are standard deviations of the components of each force and of its
+    centre of pressure, zero without contact.
+    """
+
+    residual: Array
+    force: Array
+    lever: Array
+    sigma: Array
+    centre: Array
+    scale: Array
+
+
+def plate_dispersion(
+    reference: Reference, noise: PlateNoise, samples: int, seed: int, executor: Executor
+) -> Array:
+    """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
+    plates = _plates(reference, noise)
+    rows = _sampled(executor, partial(_pushed, plates, seed, reference.trial), samples)
+    return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
+
+
+def _plates(reference: Reference, noise: PlateNoise) -> _Plates:
+    used = reference.used
+    _, residual = reference.residual(reference.q)
+    poses = forward(reference.body.tree, reference.q[:, used], reference.body.p)
+    root = poses.frames[poses.plan.link_node[0], 3]
+    force, moment = (np.moveaxis(x[used], 0, -1) for x in (reference.loads.force, reference.loads.moment))
+    pressing = force[:, 1]
+    loaded = pressing > CONTACT_N
+    ground = np.array([0.0, noise.surface_m, 0.0])[:, None]
+    about = moment - cross(np.broadcast_to(ground, force.shape), force)
+    # n x M / (n . F) with the normal n up
+    flat = np.stack([about[:, 2], np.zeros_like(pressing), -about[:, 0]], axis=1)
+    centre = np.divide(flat, pressing[:, None], out=np.zeros_like(flat), where=loaded[:, None]) + ground
+    load = np.linalg.norm(force, axis=1)
+    sigma = np.where(loaded, np.maximum(noise.share * load, noise.least_n) / SIGMAS, 0.0)[:, None]
+    spread = np.where(loaded, noise.centre_m / SIGMAS, 0.0)[:, None]
+    return _Plates(residual[:, used], force, centre - root, sigma, spread, reference.scale)
+
+
+def _pushed(plates: _Plates, seed: int, trial: str, number: int) -> Array:
+    """The residual indicator under one draw of noise; what the plates measure too much is missing then."""
+    rng = stream(seed, "uncertainty", trial, "plates", number)
+    pushed = plates.sigma * rng.standard_normal(plates.force.shape)
+    shifted = plates.centre * rng.standard_normal(plates.force.shape)
+    moment = cross(plates.lever + shifted, pushed) + cross(shifted, plates.force)
+    residual = plates.residual - np.concatenate([pushed.sum(axis=0), moment.sum(axis=0)])
+    rms: Array = np.sqrt(np.einsum("cn,cn->c", residual, residual) / residual.shape[1]) / plates.scale
+    return rms

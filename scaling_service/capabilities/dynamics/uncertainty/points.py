@@ -16,13 +16,14 @@ of single segments is needed. Frames come last, as in the kernels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.inertia import tensor_of
 from scaling_service.numerics.multibody.laws import Array
@@ -36,48 +37,39 @@ Math Comput 51:699-706, table 1). At 5 Hz and 100 frames per second it errs by 3
 HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
 
-_OWN = "com of "  # no marker of a file is called so
+
+def trees_of(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
+    """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
+    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
+    whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
+    count = len(markers)
+    alone = replace(
+        whole,
+        marker_link=whole.marker_link[:count],
+        marker_local=whole.marker_local[:count],
+        marker_terms=tuple(t for t in whole.marker_terms if t.marker < count),
+    )
+    return whole, alone
 
 
 @dataclass(frozen=True, eq=False)
 class PointBody:
-    """A body model as vectors that move.
+    """A body model as vectors that move."""
 
-    Parameters
-    ----------
-    tree : Tree
-        With all segments that have mass, and the markers that are compared with the measured ones.
-    links : ndarray of int, shape (n_massive,)
-        Its segments with mass.
-    p : ndarray, shape (n_parameters,)
-    masses : ndarray, shape (n_massive,), kg
-    vectors : ndarray, shape (n_massive, 4, 3), kg^0.5 m
-        Of each segment with mass, in its axes: the root of its mass times its centre of mass, and the three
-        vectors along the principal axes.
-    signs : ndarray, shape (n_massive, 4)
-        -1 for a vector of a negative second moment, as impossible tensors have.
-    """
-
-    tree: Tree
-    links: NDArray[np.intp]
-    p: Array
-    masses: Array
+    tree: Tree  # with all segments that have mass, and the markers that are compared with the measured ones
+    links: NDArray[np.intp]  # (n_massive,): its segments with mass
+    p: Array  # (n_parameters,)
+    masses: Array  # (n_massive,), kg
+    # (n_massive, 4, 3), kg^0.5 m: of each segment with mass, in its axes: the root of its mass times its
+    # centre of mass, and the three vectors along the principal axes
     vectors: Array
-    signs: Array
+    signs: Array  # (n_massive, 4): -1 for a vector of a negative second moment, as impossible tensors have
 
     @classmethod
     def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
         """A model with mass, and the markers to compare in this order."""
         heavy = [s for s in model.segments if s.mass]
-        own = tuple(Marker.at(_OWN + s.name, s.name, s.com) for s in heavy)
-        whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *own)))
-        count = len(markers)
-        tree = replace(
-            whole,
-            marker_link=whole.marker_link[:count],
-            marker_local=whole.marker_local[:count],
-            marker_terms=tuple(t for t in whole.marker_terms if t.marker < count),
-        )
+        whole, tree = trees_of(model, markers, heavy)
         vectors, signs = np.empty((len(heavy), 4, 3)), np.ones((len(heavy), 4))
         for row, segment in enumerate(heavy):
             tensor = tensor_of(segment.inertia)
@@ -86,7 +78,8 @@ class PointBody:
             vectors[row, 1:] = (axes * np.sqrt(np.abs(moments))).T
             signs[row, 1:][moments < 0] = -1.0
         masses = np.array([s.mass for s in heavy])
-        return cls(tree, whole.marker_link[count:], parameter_values(model), masses, vectors, signs)
+        links = whole.marker_link[len(markers) :]
+        return cls(tree, links, parameter_values(model), masses, vectors, signs)
 
     @cached_property
     def nodes(self) -> NDArray[np.intp]:
@@ -107,20 +100,9 @@ class PointBody:
         return y.reshape(-1, 3, n)
 
     def wrench(self, y: Array, root: Array, step_s: float) -> Array:
-        """What moves the body, without the frames of the halo.
+        """What moves the body, without the frames of the halo, (6, n - 2 HALO), ground axes.
 
-        Parameters
-        ----------
-        y : ndarray, shape (4 n_massive, 3, n), kg^0.5 m
-            Of frames one step apart.
-        root : ndarray, shape (3, n), m
-            The root segment's origin.
-        step_s : float
-
-        Returns
-        -------
-        ndarray, shape (6, n - 2 HALO)
-            Force (N) and moment about the root segment's origin (N m), ground axes.
+        Force (N) and moment (N m) about the root segment's origin (3, n), m, of vectors y one step apart.
         """
         n = y.shape[-1]
         first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)

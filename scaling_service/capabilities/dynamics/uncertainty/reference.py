@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import ORDER, rated_motion
+from scaling_service.capabilities.dynamics.inverse_dynamics import (
+    ORDER,
+    check_clock,
+    in_model_order,
+    no_frame,
+    rated_motion,
+)
+from scaling_service.capabilities.dynamics.residuals import indicator_scale
 from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
-from scaling_service.capabilities.dynamics.uncertainty.noise import LowPass
 from scaling_service.capabilities.dynamics.uncertainty.points import HALO, PointBody
-from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads
@@ -20,8 +26,8 @@ from scaling_service.model.inertia import total_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions, positions
-from scaling_service.numerics.signals.filters import runs
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, moment_about
+from scaling_service.numerics.signals.filters import butterworth, runs
+from scaling_service.numerics.wrench.ground_wrench import moment_about
 
 NoiseOn = Literal["rotations", "all"]
 """Which coordinates are perturbed. One size cannot serve radians and metres: as much noise on the root's
@@ -34,101 +40,58 @@ BLOCK = 1016
 at 256; a block takes 15 MB)."""
 
 
+NEGLIGIBLE = 1e-6
+"""Share of the impulse response's peak that is left out (chosen: residuals are compared to 1e-3)."""
+
+_PERIODS = 20  # of the cutoff: the impulse response has long died away
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One recording with its external loads.
+    """One recording with its external loads."""
 
-    Parameters
-    ----------
-    model : BodyModel
-        With mass, as inverse kinematics used it.
-    motion : Motion
-        From inverse kinematics, not filtered, of a constant rate.
-    loads : SegmentLoads
-        On the motion's clock, filtered as the motion will be.
-    height_m : float
-        The person's stature.
-    frames : ndarray of bool, shape (n,), optional
-        Those to judge, such as with no foot beside the plates. All known ones by default.
-    cutoff_hz, order : optional
-        Of the filter of inverse dynamics.
-    """
-
-    model: BodyModel
-    motion: Motion
-    loads: SegmentLoads
-    height_m: float
+    model: BodyModel  # with mass, as inverse kinematics used it
+    motion: Motion  # from inverse kinematics, not filtered, of a constant rate
+    loads: SegmentLoads  # on the motion's clock, filtered as the motion will be
+    height_m: float  # the person's stature
+    # (n,): those to judge, such as with no foot beside the plates. All known ones by default.
     frames: NDArray[np.bool_] | None = None
+    # cutoff_hz, order: of the filter of inverse dynamics
     cutoff_hz: float = CUTOFF_HZ
     order: int = ORDER
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The reference data as arrays, frames last.
-
-    Parameters
-    ----------
-    trial : str
-    body : PointBody
-    low_pass : LowPass
-    step_s : float
-    q : ndarray, shape (n_coordinates, n), rad or m
-        Filtered.
-    varied : ndarray of int
-        Coordinates that are perturbed.
-    spans : tuple of (int, int)
-        Runs of frames in which all coordinates are known, long enough to differentiate.
-    measured : ndarray, shape (n_markers, 3, n), m
-        Zero where not seen.
-    seen : ndarray, shape (n_markers, n)
-        1 where a marker was seen, else 0.
-    loads : SegmentLoads
-    external : ndarray, shape (6, n), N and N m
-        All loads together about the ground origin.
-    used : ndarray of bool, shape (n,)
-        Frames whose residual is judged.
-    scale : ndarray, shape (6,), N and N m
-        Body weight, and body weight times stature.
-    """
+    """The reference data as arrays, frames last."""
 
     trial: str
     body: PointBody
     low_pass: LowPass
     step_s: float
-    q: Array
-    varied: NDArray[np.intp]
+    q: Array  # (n_coordinates, n), rad or m: filtered
+    varied: NDArray[np.intp]  # coordinates that are perturbed
+    # runs of frames in which all coordinates are known, long enough to differentiate
     spans: tuple[tuple[int, int], ...]
-    measured: Array
-    seen: Array
+    measured: Array  # (n_markers, 3, n), m: zero where not seen
+    seen: Array  # (n_markers, n): 1 where a marker was seen, else 0
     loads: SegmentLoads
-    external: Array
-    used: NDArray[np.bool_]
-    scale: Array
+    external: Array  # (6, n), N and N m: all loads together about the ground origin
+    used: NDArray[np.bool_]  # (n,): frames whose residual is judged
+    scale: Array  # (6,), N and N m: body weight, and body weight times stature
 
     @classmethod
     def of(cls, recording: Recording, noise_on: NoiseOn = "rotations") -> Reference:
-        """Filter and arrange a recording.
+        """Filter and arrange a recording; noise goes on those coordinates that the markers determine.
 
-        Parameters
-        ----------
-        recording : Recording
-        noise_on : 'rotations' or 'all'
-            Of the coordinates that the markers determine.
-
-        Raises
-        ------
-        TrialUnusable
-            Loads are on another clock, or no frame has a motion and all its forces.
-        InputError
-            The cutoff does not suit.
+        Refuses a cutoff or stature that does not suit, loads on another clock, and a recording without a
+        frame that has a motion and all its forces.
         """
         model, motion = recording.model, recording.motion
-        _check_clocks(recording)
-        order = [motion.coordinates.index(name) for name in model.coordinate_names]
-        rated = rated_motion(
-            model, motion.times, motion.q[:, order], cutoff_hz=recording.cutoff_hz, order=recording.order
-        )
+        check_clock(recording.loads, motion.times, motion.trial)
+        scale = indicator_scale(total_mass(model), recording.height_m)
+        raw = in_model_order(model, motion)
+        rated = rated_motion(model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order)
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
         spans = tuple((a, b) for a, b in runs(known).tolist() if b - a > 2 * HALO)
         inner = np.zeros(len(known), dtype=bool)
@@ -139,15 +102,9 @@ class Reference:
         if recording.frames is not None:
             used &= recording.frames
         if not used.any():
-            raise TrialUnusable(
-                "no frame has both a motion and all its forces",
-                file=motion.trial,
-                field="forces",
-                remedy="Check that every foot on the floor stands on a plate",
-            )
-        measured, seen = _measured(model, motion)
+            raise no_frame(motion.trial)
+        measured, seen = _measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
-        weight = total_mass(model) * -GRAVITY[1]
         return cls(
             motion.trial,
             PointBody.of(model, motion.markers),
@@ -161,7 +118,7 @@ class Reference:
             recording.loads,
             np.where(np.isfinite(external), external, 0.0),
             used,
-            np.array([weight] * 3 + [weight * recording.height_m] * 3),
+            scale,
         )
 
     @property
@@ -170,13 +127,9 @@ class Reference:
         return int(self.q.shape[1])
 
     def perturbed(self, noise: Array, size: float) -> Array:
-        """The reference motion with filtered noise added.
+        """The reference motion with filtered noise added, white (len(varied), n) times its size, rad and m.
 
-        Parameters
-        ----------
-        noise : ndarray, shape (len(varied), n)
-            White, of unit variance; the filter is linear, so it is filtered alone.
-        size : float, rad and m
+        The filter is linear, so noise is filtered alone.
         """
         q = self.q.copy()
         for start, stop in self.spans:
@@ -184,19 +137,10 @@ class Reference:
         return q
 
     def residual(self, q: Array) -> tuple[float, Array]:
-        """What a motion leaves unexplained.
+        """What a filtered motion (n_coordinates, n) leaves unexplained.
 
-        Parameters
-        ----------
-        q : ndarray, shape (n_coordinates, n)
-            Filtered.
-
-        Returns
-        -------
-        error_m : float
-            The mean distance between measured and model markers (Muller et al. 2017, eq. 3).
-        residual : ndarray, shape (6, n), N and N m
-            About the root segment's origin; meaningless where not ``used``.
+        The mean distance between measured and model markers, m (Muller et al. 2017, eq. 3), and the residual
+        (6, n), N and N m, about the root segment's origin, meaningless where not ``used``.
         """
         far, total = 0.0, 0.0
         residual = np.zeros((6, self.n_frames))
@@ -227,23 +171,6 @@ class Reference:
         ]
 
 
-def _check_clocks(recording: Recording) -> None:
-    times, loads = recording.motion.times, recording.loads.times
-    if len(loads) != len(times) or np.abs(loads - times).max() > 1e-6:
-        raise TrialUnusable(
-            "loads and motion are not on one clock",
-            file=recording.motion.trial,
-            field="time",
-            remedy="Bring the forces to the times of the markers first",
-        )
-    if not 0.5 <= recording.height_m <= 2.5:
-        raise InputError(
-            f"a height of {recording.height_m:g} m is none",
-            field="subject.height_m",
-            remedy="Give the stature in m",
-        )
-
-
 def _varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.intp]:
     names = set(motion.estimated)
     chosen = [
@@ -254,11 +181,77 @@ def _varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.i
     return np.array(chosen, dtype=np.intp)
 
 
-def _measured(model: BodyModel, motion: Motion) -> tuple[Array, Array]:
+def _measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
     """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
     tree = compile_model(model, motion.markers)
-    order = [motion.coordinates.index(name) for name in model.coordinate_names]
-    placed = marker_positions(tree, np.nan_to_num(motion.q[:, order]), parameter_values(model))
+    placed = marker_positions(tree, np.nan_to_num(q), parameter_values(model))
     measured = np.moveaxis(placed + motion.residuals, 0, -1)
     seen = np.asarray(np.isfinite(measured).all(axis=1)) & np.asarray(np.isfinite(motion.q).all(axis=1))
     return np.where(seen[:, None], measured, 0.0), np.ascontiguousarray(seen.astype(float))
+
+
+@dataclass(frozen=True, eq=False)
+class LowPass:
+    """The zero-phase Butterworth filter of inverse dynamics, as a band matrix.
+
+    Away from both ends every output is the same weighted sum of its neighbours; near the ends the weights
+    are those of the filter with its reflections. Long signals are filtered block by block with three small
+    matrices.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> signal = np.random.default_rng(0).normal(size=(2, 3000))
+    >>> slow = butterworth(signal.T, rate_hz=100.0, cutoff_hz=5.0).values.T
+    >>> bool(np.allclose(LowPass(100.0, 5.0, 4).apply(signal), slow, rtol=0, atol=1e-5))
+    True
+    """
+
+    rate_hz: float
+    cutoff_hz: float
+    order: int  # see ``butterworth``
+
+    @cached_property
+    def response(self) -> Array:
+        """The impulse response from its middle on, until it is negligible."""
+        reach = int(np.ceil(_PERIODS * self.rate_hz / self.cutoff_hz))
+        impulse = np.zeros(2 * reach + 1)
+        impulse[reach] = 1.0
+        half = self._filtered(impulse[:, None])[reach:, 0]
+        last = int(np.flatnonzero(np.abs(half) > NEGLIGIBLE * half[0])[-1])
+        return half[: last + 1]
+
+    def autocovariance(self, lags: int) -> Array:
+        """Of filtered white noise of unit variance, at lags 0 to ``lags``."""
+        both = np.concatenate([self.response[:0:-1], self.response])
+        padded = np.concatenate([both, np.zeros(lags)])
+        return np.array([both @ padded[lag : lag + len(both)] for lag in range(lags + 1)])
+
+    def apply(self, noise: Array) -> Array:
+        """Filter finite noise (m, n) along the last axis."""
+        n, half = noise.shape[1], len(self.response)
+        if n < 6 * half:
+            return np.ascontiguousarray(self._filtered(noise.T).T)
+        result = np.empty(noise.shape)
+        first, middle, last = self._blocks
+        for start in range(2 * half, n - 2 * half, 2 * half):
+            at = min(start, n - 3 * half)
+            np.matmul(noise[:, at - half : at + 3 * half], middle, out=result[:, at : at + 2 * half])
+        np.matmul(noise[:, : 4 * half], first, out=result[:, : 2 * half])
+        np.matmul(noise[:, n - 4 * half :], last, out=result[:, n - 2 * half :])
+        return result
+
+    @cached_property
+    def _blocks(self) -> tuple[Array, Array, Array]:
+        """Transposed weights of the first, an inner and the last block of outputs."""
+        half = len(self.response)
+        weights = self._filtered(np.eye(6 * half)).T
+        first, middle, last = (
+            weights[: 4 * half, : 2 * half],
+            weights[half : 5 * half, 2 * half : 4 * half],
+            weights[2 * half :, 4 * half :],
+        )
+        return np.ascontiguousarray(first), np.ascontiguousarray(middle), np.ascontiguousarray(last)
+
+    def _filtered(self, columns: Array) -> Array:
+        return butterworth(columns, rate_hz=self.rate_hz, cutoff_hz=self.cutoff_hz, order=self.order).values

@@ -1,16 +1,8 @@
-"""How much of a residual wrench is only the measurement's uncertainty (Muller et al. 2017).
+"""How much of a residual wrench is only the measurement's uncertainty (Muller et al. 2017), and the verdict.
 
-For the command that judges a recording::
-
-    found = propagate(recording, settings, executor=executor)
-
-``recording`` is a :class:`Recording` (model, motion, loads, stature), ``found`` a frozen
-:class:`WrenchUncertainty` that holds all that ``dynamics.json`` shows: ``dr``, ``kinematic``, ``plate`` and
-``total`` (shape (6,), shares of body weight, and of body weight times stature), ``slopes_per_cm``, ``r2``,
-``calibration_supported`` (six booleans) and ``verdict``, a sentence. Components are in the order of
-``COMPONENTS``. Results do not depend on the executor.
-``propagate_linearly`` gives the same numbers without
-samples, in about a second.
+Components are in the order of ``COMPONENTS``, as shares of body weight, and of body weight times stature.
+Results do not depend on the executor. ``propagate_linearly`` gives the same numbers without samples, in about
+a second.
 """
 
 from __future__ import annotations
@@ -18,55 +10,52 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     Level,
-    MotionDatabase,
+    PlateNoise,
     draw_database,
     levels_of,
+    plate_dispersion,
     slopes_through_zero,
 )
-from scaling_service.capabilities.dynamics.uncertainty.plates import PlateNoise, plate_dispersion
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
-from scaling_service.capabilities.dynamics.uncertainty.verdict import Verdict, judge
 from scaling_service.core.errors import InputError
 from scaling_service.core.serial import Serial
 from scaling_service.numerics.multibody.laws import Array
-
-_CM = 1e2
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
 them lie in the lowest level, so that every level draws from more motions than it draws)."""
 
+SMALL_FORCE, SMALL_MOMENT = 0.032, 0.027
+"""Mean dr of forces and moments up to which parameters of a table are acceptable: mean and two standard
+deviations of the ten persons of Muller et al. 2017 (sec. 3.3: 2 ± 0.6 %, 1.3 ± 0.7 %), who are called so."""
+
+LARGER = np.sqrt(2.0)
+"""Residual over the standard deviation of the measurement's error from which inertia has the larger part:
+both errors are independent, so the residual's variance is then more than twice the measurement's."""
+
+Whole = Literal["yes", "in part", "no"]
+
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySettings:
-    """How uncertainty is sampled.
+    """How uncertainty is sampled."""
 
-    Parameters
-    ----------
-    samples : int
-        Per level, and of the force plates.
-    levels : tuple of float
-        Largest added reconstruction error over the reference's (Muller et al. 2017, sec. 2.2).
-    motions : int, optional
-        Perturbed motions in the database from which each level draws with replacement; unless given, three
-        times the samples. The paper does not say how many it had.
-    noise_on : 'rotations' or 'all'
-        Coordinates that are perturbed; see ``NoiseOn``.
-    plates : PlateNoise
-    seed : int
-    """
-
-    samples: int = 1000
+    samples: int = 1000  # per level, and of the force plates
+    # largest added reconstruction error over the reference's (Muller et al. 2017, sec. 2.2).
     levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0)
+    # perturbed motions in the database from which each level draws with replacement; unless given, three
+    # times the samples. The paper does not say how many it had.
     motions: int | None = None
-    noise_on: NoiseOn = "rotations"
+    noise_on: NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
     plates: PlateNoise = field(default_factory=PlateNoise)
     seed: int = 0
 
@@ -89,46 +78,20 @@ class UncertaintySettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchUncertainty:
-    """The residual of one recording and its uncertainty, six components each.
-
-    Parameters
-    ----------
-    trial : str
-    frames : int
-        Over how many the indicator is taken.
-    reconstruction_error_m : float
-        Of the filtered reference motion.
-    dr : ndarray, shape (6,)
-        The reference's residual indicator (eq. 7).
-    kinematic : ndarray, shape (6,)
-        Reconstruction error times slope: the dispersion that an added error as large as the reference's
-        brings.
-    plate : ndarray, shape (6,)
-        Three standard deviations by the plates' own noise.
-    total : ndarray, shape (6,)
-        Their sum (eq. 12).
-    slopes_per_cm : ndarray, shape (6,)
-        Dispersion per centimetre of added reconstruction error.
-    r2 : ndarray, shape (6,)
-        Of the lines through zero: ``1 - SSE / sum y^2``, as is right without intercept.
-    r2_centred : ndarray, shape (6,)
-        The stricter ``1 - SSE / sum (y - mean)^2``.
-    levels : tuple of Level
-    calibration_supported : ndarray of bool, shape (6,)
-        Where the residual stands above its uncertainty.
-    judgement : Verdict
-    """
+    """The residual of one recording and its uncertainty, six components each."""
 
     trial: str
-    frames: int
-    reconstruction_error_m: float
-    dr: Array
+    frames: int  # over how many the indicator is taken
+    reconstruction_error_m: float  # of the filtered reference motion
+    dr: Array  # (6,): the reference's residual indicator (eq. 7).
+    # (6,): reconstruction error times slope: the dispersion that an added error as large as the reference's
+    # brings
     kinematic: Array
-    plate: Array
-    total: Array
-    slopes_per_cm: Array
-    r2: Array
-    r2_centred: Array
+    plate: Array  # (6,): three standard deviations by the plates' own noise
+    total: Array  # (6,): their sum (eq. 12).
+    slopes_per_cm: Array  # (6,): dispersion per centimetre of added reconstruction error
+    r2: Array  # (6,): of the lines through zero: ``1 - SSE / sum y^2``, as is right without intercept
+    r2_centred: Array  # (6,): the stricter ``1 - SSE / sum (y - mean)^2``
     levels: tuple[Level, ...]
     judgement: Verdict
 
@@ -152,21 +115,9 @@ def propagate(
 ) -> WrenchUncertainty:
     """Muller's whole study for one recording, by Monte Carlo.
 
-    Parameters
-    ----------
-    recording : Recording
-    settings : UncertaintySettings
-    executor : Executor, optional
-        Where samples are drawn; this thread unless given. Every sample has a random stream of its own.
-    progress : callable, optional
-        Called with the share that is done.
-
-    Raises
-    ------
-    TrialUnusable
-        No frame has a motion and all its forces, or loads are on another clock.
-    InputError
-        The markers are followed without any error, so that there is nothing to scale a perturbation by.
+    Samples are drawn by the executor, in this thread unless one is given; every sample has a random stream of
+    its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
+    error, so that there is nothing to scale a perturbation by.
     """
     reference = Reference.of(recording, settings.noise_on)
     run = executor or Serial()
@@ -175,17 +126,10 @@ def propagate(
     )
     levels = levels_of(database, settings.levels, settings.samples, settings.seed)
     plate = plate_dispersion(reference, settings.plates, settings.samples, settings.seed, run)
-    return uncertainty_of(reference, database, levels, plate)
-
-
-def uncertainty_of(
-    reference: Reference, database: MotionDatabase, levels: tuple[Level, ...], plate: Array
-) -> WrenchUncertainty:
-    """Slopes, the global uncertainty and the verdict from the dispersion at all levels."""
     added = np.array([level.added_m for level in levels])
     dispersion = np.array([level.dispersion for level in levels])
-    slopes, r2, centred = slopes_through_zero(_CM * added, dispersion)
-    kinematic = _CM * database.error_m * slopes
+    slopes, r2, centred = slopes_through_zero(1e2 * added, dispersion)  # per cm
+    kinematic = 1e2 * database.error_m * slopes
     total = kinematic + plate
     return WrenchUncertainty(
         reference.trial,
@@ -200,4 +144,77 @@ def uncertainty_of(
         centred,
         levels,
         judge(database.dr, total),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What the comparison of a residual with its uncertainty says."""
+
+    table_acceptable: bool  # H1: the inertial parameters at hand leave a residual as small as the paper's
+    # (6,): H2, component by component: the residual stands above its uncertainty
+    supported: NDArray[np.bool_]
+    calibration: Whole  # H2 as a whole: all components, some, or none
+    sentence: str
+
+
+def judge(dr: Array, total: Array) -> Verdict:
+    """Compare a residual indicator with its global uncertainty (Muller et al. 2017, sec. 3.3).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> verdict = judge(np.full(6, 0.02), np.array([0.1, 0.1, 0.1, 0.1, 0.01, 0.1]))
+    >>> verdict.calibration
+    'in part'
+    >>> print(verdict.sentence)
+    Only my can calibrate inertial parameters: its residual stands above the uncertainty. In fx, fy, fz, mx,
+    mz the measurement's own uncertainty explains all of the residual, so an identification would fit noise
+    there. The parameters at hand are acceptable: forces are left by 2.0 % of body weight, moments by 2.0 % of
+    body weight times stature.
+    """
+    supported = np.asarray(dr > total)
+    force, moment = float(dr[:3].mean()), float(dr[3:].mean())
+    acceptable = force <= SMALL_FORCE and moment <= SMALL_MOMENT
+    whole: Whole = "yes" if supported.all() else "in part" if supported.any() else "no"
+    said = "are acceptable" if acceptable else "leave more than those of a table usually do"
+    sentence = (
+        f"{_about_calibration(supported)} The parameters at hand {said}: forces are left by "
+        f"{100 * force:.1f} % of body weight, moments by {100 * moment:.1f} % of body weight times stature."
+    )
+    return Verdict(acceptable, supported, whole, sentence)
+
+
+def blames_inertia(dr: Array, sd: Array) -> NDArray[np.bool_]:
+    """Where the larger part of a residual is inertia's, by the uncertainty that the markers' errors give.
+
+    Sharper than :func:`judge`, which sets the residual against the whole range of white noise on every angle.
+    ``sd`` (6,) is :attr:`MarkerUncertainty.sd` in the units of the indicator.
+
+    Examples
+    --------
+    >>> blames_inertia(np.array([0.02, 0.02]), np.array([0.01, 0.015])).tolist()
+    [True, False]
+    """
+    return np.asarray(dr > LARGER * sd)
+
+
+def _about_calibration(supported: NDArray[np.bool_]) -> str:
+    names = np.array(COMPONENTS)
+    yes, no = ", ".join(names[supported]), ", ".join(names[~supported])
+    if not yes:
+        return (
+            "This recording cannot calibrate inertial parameters: in every component the measurement's own "
+            "uncertainty explains all of the residual, so an identification would fit noise."
+        )
+    if not no:
+        return (
+            "This recording can calibrate inertial parameters: in every component the residual stands above "
+            "what the measurement's uncertainty explains."
+        )
+    one = supported.sum() == 1
+    return (
+        f"Only {yes} can calibrate inertial parameters: {'its' if one else 'their'} residual stands above "
+        f"the uncertainty. In {no} the measurement's own uncertainty explains all of the residual, so an "
+        "identification would fit noise there."
     )

@@ -61,8 +61,8 @@ def revoke(
 
 @contextmanager
 def _database(settings: SettingsFile) -> Iterator[Database]:
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import open_store
+    from scaling_service.service.jobs.settings import load_settings
 
     store = open_store(load_settings(settings))
     try:

@@ -44,7 +44,7 @@ def serve(
 
     scaling-service keys create lab && scaling-service serve --host 0.0.0.0
     """
-    from scaling_service.service.jobs.configuration import (
+    from scaling_service.service.jobs.settings import (
         load_settings,  # the other commands need no database
     )
 

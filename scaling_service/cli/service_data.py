@@ -20,8 +20,8 @@ def delete(
     settings: SettingsFile = None,
 ) -> None:
     """Delete a subject, its files, and all jobs on them: rows, contents and traces."""
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import Service
+    from scaling_service.service.jobs.settings import load_settings
 
     service = Service.open(load_settings(settings))
     try:
@@ -38,8 +38,8 @@ def expire(
     settings: SettingsFile = None,
 ) -> None:
     """Delete jobs and subjects that are older than so many days, now and once."""
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import open_store
+    from scaling_service.service.jobs.settings import load_settings
     from scaling_service.service.store import deletion
 
     store = open_store(load_settings(settings))
@@ -54,6 +54,6 @@ def expire(
 @settings.command()
 def show(settings: SettingsFile = None) -> None:
     """Print all settings as they are resolved, without passwords; refuses what is unsafe."""
-    from scaling_service.service.jobs.configuration import load_settings, shown
+    from scaling_service.service.jobs.settings import load_settings, shown
 
     typer.echo(json.dumps(shown(load_settings(settings)), indent=1))

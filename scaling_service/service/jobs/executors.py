@@ -25,17 +25,18 @@ _CONNECT_S = 10.0
 
 
 def executor_maker(settings: ServiceSettings) -> MakeExecutor:
-    """The executor that the settings ask for: a Dask cluster where an address is given, else this machine.
-
-    Raises
-    ------
-    DependencyMissing
-        Dask is wanted and not installed.
-    """
-    if settings.dask_address is None:
-        return lambda: local_executor(settings.workers)
-    distributed = _distributed()
+    """The executor that the settings ask for: a Dask cluster where an address is given, else this machine."""
     address = settings.dask_address
+    if address is None:
+        return lambda: local_executor(settings.workers)
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError as error:
+        raise DependencyMissing(
+            "Dask is not installed",
+            field="dask_address",
+            remedy="Install it with `pip install 'scaling-service[dask]'`",
+        ) from error
     return lambda: ClusterExecutor(distributed, address)
 
 
@@ -46,19 +47,7 @@ def local_executor(workers: int) -> Executor:
 
 
 class ClusterExecutor(Executor):
-    """A Dask cluster as an executor. Its workers need this package and the data directory.
-
-    Parameters
-    ----------
-    distributed : module
-    address : str
-        Of the scheduler.
-
-    Raises
-    ------
-    StoreUnavailable
-        The scheduler does not answer.
-    """
+    """A Dask cluster, by its scheduler's address. Its workers need this package and the data directory."""
 
     def __init__(self, distributed: Any, address: str) -> None:
         try:
@@ -81,14 +70,3 @@ class ClusterExecutor(Executor):
         """Leave the cluster; it goes on for others."""
         self._executor.shutdown(wait=wait)
         self._client.close()
-
-
-def _distributed() -> Any:
-    try:
-        return importlib.import_module("distributed")
-    except ImportError as error:
-        raise DependencyMissing(
-            "Dask is not installed",
-            field="dask_address",
-            remedy="Install it with `pip install 'scaling-service[dask]'`",
-        ) from error

@@ -54,20 +54,13 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a job stands.
-
-    Parameters
-    ----------
-    state : State
-    attempt : int
-        How often it was leased: the fencing token.
-    losses : int
-        How often its worker was lost since it was last asked for.
-    """
+    """Where a job stands."""
 
     state: State
     attempt: int = 0
+    """How often it was leased: the fencing token."""
     losses: int = 0
+    """How often its worker was lost since it was last asked for."""
 
 
 class NotPossible(Exception):
@@ -79,19 +72,7 @@ class NotPossible(Exception):
 
 
 def after(standing: Standing, event: Event, most_losses: int) -> Standing:
-    """Where a job stands after an event.
-
-    Parameters
-    ----------
-    standing : Standing
-    event : Event
-    most_losses : int
-        A job that lost so many workers fails.
-
-    Raises
-    ------
-    NotPossible
-        The event means nothing in this state; nothing changes.
+    """Where a job stands after an event; one that lost ``most_losses`` workers fails.
 
     Examples
     --------

@@ -30,13 +30,7 @@ def machine() -> str:
 
 
 class Presence:
-    """The lock of one runner.
-
-    Parameters
-    ----------
-    folder : Path
-        The data directory.
-    """
+    """The lock of one runner in a data directory."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "runners"

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.capabilities.scaling.request import ScalingRequest
-from scaling_service.service.jobs.identity import _files, canonical, code_version, job_id, specification
 from scaling_service.service.jobs.kinds import KINDS, Late
+from scaling_service.service.jobs.submission import _files, canonical, code_version, job_id, specification
 
 BASE = {
     "kind": "scaling",

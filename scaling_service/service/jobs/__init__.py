@@ -9,10 +9,9 @@ The parts, each one idea:
 ``service``    what the HTTP layer calls: ask, look, cancel, delete
 ``machine``    the states of a job as one pure function
 ``ledger``     every change of a job, each in one transaction: lease, renew, finish, take back
-``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel
-``executors``  where attempts run: threads here, or a Dask cluster
-``runner``     takes queued jobs, looks after them, keeps what they made
-``presence``   a lock by which runners of one machine see who of them lives
+``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel;
+               the executors that do it: threads here, or a Dask cluster
+``runner``     takes queued jobs, looks after them, keeps what they made; shows by a lock that it lives
 ``process``    a runner in a process of its own, started again when it dies
 ``settings``   all that can be chosen for a service
 ``example``    the built-in example put among an owner's subjects

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.executors import MakeExecutor
+from scaling_service.service.jobs.attempts import MakeExecutor
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import Service, open_store
 from scaling_service.service.jobs.settings import ServiceSettings

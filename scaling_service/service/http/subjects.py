@@ -86,8 +86,9 @@ def list_subjects(owner: Owner, service: Desk, cursor: Cursor = None, limit: Siz
 async def get_subject(subject: Named, request: Request, owner: Owner, service: Desk) -> Response:
     """Look at a subject: its document and its files."""
     detail = await run_in_threadpool(_detail, service, owner, subject)
-    content = detail.model_dump(mode="json")
-    return unless_known(request, detail.revision, lambda headers: JSONResponse(content, headers=headers))
+    return unless_known(
+        request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
+    )
 
 
 @router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=described(404))

@@ -282,7 +282,7 @@ def _record(ledger: Ledger, held: Held, outcome: Outcome, origin: str) -> State 
     row, outputs = held.row, held.folder.folder / "outputs"
     match outcome:
         case Finished():
-            files = tuple((path, Content(*what, outputs / path)) for path, *what in outcome.files)
+            files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
             return ledger.finish(row, Made(json.dumps(outcome.result, allow_nan=False), files), origin)
         case Failed():
             return ledger.settle(row, Event.FAIL, outcome.failure, origin)

@@ -95,7 +95,7 @@ class Launcher:
 
     def _ask(self, descriptors: list[int]) -> None:
         with self._lock:
-            with suppress(BrokenPipeError, ConnectionError):  # killed since it was looked at
+            with suppress(ConnectionError):  # killed since it was looked at
                 socket.send_fds(self._alive(), [forkserver.REQUEST], descriptors)
                 return
             self._end()

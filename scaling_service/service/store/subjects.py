@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, se
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.store.blobs import Blobs, Content, keep, release
-from scaling_service.service.store.database import Database, NowUs
+from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
 from scaling_service.service.store.rows import FileRow, MarkerMapRow, Page, SubjectRow, read_page
@@ -161,7 +161,8 @@ def marker_map(database: Database, owner: str) -> MarkerMapRow | None:
 
 def put_marker_map(database: Database, owner: str, document: str) -> None:
     """Keep an owner's map, as JSON, in place of the one before."""
+    kept = {"document": document, "updated_us": NowUs()}
     with database.write() as connection:
         ensure_owner(connection, owner)
-        connection.execute(delete(marker_maps).where(marker_maps.c.owner == owner))
-        connection.execute(insert(marker_maps).values(owner=owner, document=document, updated_us=NowUs()))
+        made = insert_for(connection)(marker_maps).values({"owner": owner} | kept)
+        connection.execute(made.on_conflict_do_update(index_elements=[marker_maps.c.owner], set_=kept))

@@ -52,8 +52,7 @@ PageModel = TypeVar("PageModel", SubjectPage, JobPage)
 class ServiceRefused(InputError):
     """The service said no, in the words of its command line."""
 
-    status: int = 0
-    """The HTTP status."""
+    status: int = 0  # the HTTP status
 
 
 class JobEnded(InputError):

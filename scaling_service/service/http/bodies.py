@@ -28,8 +28,7 @@ SILENCE_S = 60.0
 CHUNK_BYTES = 1 << 20
 """Handed on at once. Chosen: few hand-overs to threads, and little memory for each upload."""
 
-WRITERS = 8
-"""Chosen: SQLite writes one at a time anyway, and a few uploads keep a disk busy."""
+WRITERS = 8  # chosen: SQLite writes one at a time anyway, and a few uploads keep a disk busy
 
 _LIMITER: RunVar[CapacityLimiter] = RunVar("writers")
 

@@ -142,14 +142,11 @@ async def _service(request: Request) -> Service:
     return service
 
 
-Owner = Annotated[str, Depends(_owner)]
-"""Of a route: the owner whose things it may see."""
+Owner = Annotated[str, Depends(_owner)]  # of a route: the owner whose things it may see
 
-Asked = Annotated[Callers, Depends(_callers)]
-"""Of a route that finds out by itself who asks."""
+Asked = Annotated[Callers, Depends(_callers)]  # of a route that finds out by itself who asks
 
-Desk = Annotated[Service, Depends(_service)]
-"""Of a route: what it asks."""
+Desk = Annotated[Service, Depends(_service)]  # of a route: what it asks
 
 
 class Tickets:

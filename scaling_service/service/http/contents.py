@@ -37,8 +37,7 @@ EXAMPLE: dict[str, Any] = {"path": f"/v1/jobs/{'0' * 64}/files.zip"}
 _FILE = re.compile(r"/v1/(jobs/[0-9a-f]{64}/(files\.zip|files/.+)|subjects/[^/]+/files/[^/]+)")
 _RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
 
-_CHUNK_BYTES = 1 << 18
-"""Sent at once. Chosen: quick on any network, and little memory for each client."""
+_CHUNK_BYTES = 1 << 18  # sent at once. Chosen: quick on any network, and little memory for each client.
 
 _MEDIA_TYPES = {
     ".json": "application/json",

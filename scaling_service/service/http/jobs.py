@@ -43,9 +43,7 @@ _EVENT: dict[str, Any] = {
 }
 """One event, for the document of all routes."""
 
-LOOK_S = 0.25
-"""Between two looks at the job. Chosen: faster than a person reads, a short query each."""
-
+LOOK_S = 0.25  # between two looks at the job. Chosen: faster than a person reads, a short query each.
 QUIET_S = 15.0
 """A comment is sent after so long without news. Chosen: well under the minute of usual proxies."""
 

@@ -26,13 +26,11 @@ from scaling_service.service.store.rows import MarkerMapRow
 
 router = APIRouter(prefix="/v1", tags=["subjects"])
 
-DOCUMENTS = (MarkerMap,)
-"""What a map of labels follows."""
+DOCUMENTS = (MarkerMap,)  # what a map of labels follows
 
 EXAMPLE: dict[str, Any] = {"labels": {"RKN": "RLFE", "LKN": "LLFE"}}
 
-_FEET = {"calcn_r", "calcn_l"}
-"""Segments that the ground's forces act on."""
+_FEET = {"calcn_r", "calcn_l"}  # segments that the ground's forces act on
 
 Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
 
@@ -69,9 +67,7 @@ def get_marker_map(owner: Owner, service: Desk) -> MarkerMapDocument:
 
 
 @router.put(
-    "/marker-map",
-    responses=described(400, 408, 413, 415, 507),
-    openapi_extra=json_body(EXAMPLE, MarkerMap),
+    "/marker-map", responses=described(400, 408, 413, 415, 507), openapi_extra=json_body(EXAMPLE, MarkerMap)
 )
 async def put_marker_map(request: Request, owner: Owner, service: Desk) -> MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.

@@ -30,8 +30,7 @@ from scaling_service.service.jobs.submission import code_version
 log = logging.getLogger(__name__)
 router = APIRouter(tags=["monitoring"])
 
-FRESH_S = 1.0
-"""A check or a count is not repeated sooner. Chosen: whoever asks often costs nothing."""
+FRESH_S = 1.0  # a check or a count is not repeated sooner. Chosen: whoever asks often costs nothing.
 
 HEADERS = {
     "X-Content-Type-Options": "nosniff",

@@ -127,8 +127,7 @@ def _headers(error: InputError, status: int) -> dict[str, str]:
     return headers
 
 
-Responses = dict[int | str, dict[str, Any]]
-"""Of a route, by status."""
+Responses = dict[int | str, dict[str, Any]]  # of a route, by status
 
 
 def described(*statuses: int) -> Responses:

@@ -23,8 +23,7 @@ POLICY = (
 )
 """Content-Security-Policy of the page: its own scripts and styles only."""
 
-FOREVER = "public, max-age=31536000, immutable"
-"""For files whose name holds a hash of their content."""
+FOREVER = "public, max-age=31536000, immutable"  # for files whose name holds a hash of their content
 
 _NAME = re.compile(r"[\w.\-]{1,200}")
 _MEDIA_TYPES = {
@@ -41,9 +40,7 @@ _PACKED = {".html", ".js", ".css", ".svg", ".txt", ".map", ".json"}
 """Sent compressed: texts; pictures and fonts are compressed in themselves."""
 
 _BUNDLE = Path(__file__).parents[1] / "page" / "built"
-_MOST_PARTS = 64
-"""Kept in memory. Chosen: more than a page has."""
-
+_MOST_PARTS = 64  # kept in memory. Chosen: more than a page has.
 _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
 <meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
 <p>The service runs. This installation was built without the web page; install the package again without

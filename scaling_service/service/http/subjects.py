@@ -36,8 +36,7 @@ FileName = Annotated[
     ),
 ]
 Cursor = Annotated[
-    str | None,
-    Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before."),
+    str | None, Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before.")
 ]
 Size = Annotated[int, Query(ge=1, le=LARGEST, description="Entries of a page.")]
 
@@ -48,8 +47,7 @@ EXAMPLE: dict[str, Any] = {
 }
 """A subject whose files are then uploaded under the names that it uses."""
 
-DOCUMENTS = (SubjectDocument, ImagedPerson)
-"""A subject's document follows one of these."""
+DOCUMENTS = (SubjectDocument, ImagedPerson)  # a subject's document follows one of these
 
 _BYTES = {"type": "string", "format": "binary"}
 

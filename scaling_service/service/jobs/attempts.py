@@ -45,14 +45,9 @@ from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
 
 Result = TypeVar("Result")
-MakeExecutor: TypeAlias = Callable[[], Executor]
-"""Called again when an executor broke."""
-
-_CONNECT_S = 10.0
-"""Chosen: a scheduler that does not answer by then is tried again later."""
-
-_PROGRESS_S = 0.25
-"""Between two notes of progress. Chosen: faster than a person reads."""
+MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
+_CONNECT_S = 10.0  # chosen: a scheduler that does not answer by then is tried again later
+_PROGRESS_S = 0.25  # between two notes of progress. Chosen: faster than a person reads.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,23 +55,15 @@ class Order:
     """An attempt, as it is sent to an executor."""
 
     kind: Kind
-    request: str
-    """JSON."""
-    documents: dict[str, Any]
-    """Subject to its document."""
-    inputs: tuple[tuple[str, str], ...]
-    """Path below the folder of inputs, and SHA-256."""
-    data: Path
-    """The data directory."""
-    folder: Path
-    """Of this attempt, in the data directory."""
+    request: str  # JSON
+    documents: dict[str, Any]  # subject to its document
+    inputs: tuple[tuple[str, str], ...]  # path below the folder of inputs, and SHA-256
+    data: Path  # the data directory
+    folder: Path  # of this attempt, in the data directory
     limits: Limits
-    code_version: str
-    """Of the runner; the executor's must be the same."""
-    patience_s: float
-    """Without a heartbeat for so long, the runner is taken for dead."""
-    parts: str | None = None
-    """JSON: how the jobs ended that this one is made of."""
+    code_version: str  # of the runner; the executor's must be the same
+    patience_s: float  # without a heartbeat for so long, the runner is taken for dead
+    parts: str | None = None  # JSON: how the jobs ended that this one is made of
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,12 +17,8 @@ from scaling_service.service.sandbox.launcher import python
 from scaling_service.service.store.errors import InUse, NotFound
 
 NAME = "example"
-MOST = 5
-"""Examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds."""
-
-TIME_LIMIT_S = 120.0
-"""For one example. Chosen: it takes two seconds, on a busy machine some twenty."""
-
+MOST = 5  # examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds.
+TIME_LIMIT_S = 120.0  # for one example. Chosen: it takes two seconds, on a busy machine some twenty.
 _WORKER = "scaling_service.service.jobs.example_worker"
 
 

@@ -23,12 +23,9 @@ from scaling_service.service.store.store import Store
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
 
-_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}
-"""Of a job that is asked for again."""
+_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
 
-_AGAIN = (State.FAILED, State.CANCELLED)
-"""Asked for in one of these states, a job is queued again."""
-
+_AGAIN = (State.FAILED, State.CANCELLED)  # asked for in one of these states, a job is queued again
 _TRIES = 5
 """Of asking, before an error counts. Chosen: each needs another who asks for the same at the same moment."""
 

@@ -22,17 +22,10 @@ from scaling_service.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
-FROM_PARENT = "--from-parent"
-"""Settings come over standard input, whose end is also the sign to end."""
-
-EXIT_INPUT = 2
-"""What was given cannot be used, as on the command line."""
-
-_TRY_AGAIN_S = 1.0
-"""Before a store that did not answer at the start is tried again. Chosen."""
-
-_ENDING_S = 30.0
-"""How long a runner may take to give its jobs back. Chosen: longer than it gives itself."""
+FROM_PARENT = "--from-parent"  # settings come over standard input, whose end is also the sign to end
+EXIT_INPUT = 2  # what was given cannot be used, as on the command line
+_TRY_AGAIN_S = 1.0  # before a store that did not answer at the start is tried again. Chosen.
+_ENDING_S = 30.0  # how long a runner may take to give its jobs back. Chosen: longer than it gives itself.
 
 _OF_EVERY_RECORD = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 

@@ -44,17 +44,14 @@ _BOOT = Path("/proc/sys/kernel/random/boot_id")
 TICK_S = 0.1
 """Between two looks at everything. Chosen: quick for a person, a few short statements for the database."""
 
-TIDY_S = 600.0
-"""Between two rounds of tidying. Chosen: rubbish is rare and does no harm."""
-
+TIDY_S = 600.0  # between two rounds of tidying. Chosen: rubbish is rare and does no harm.
 _LONGEST_PAUSE_S = 5.0
 """Between two tries while the store does not answer. Chosen: it is used soon after it is back."""
 
 _ENDING_S = 20.0
 """How long the end waits for the processes that it stopped. Chosen: they are killed, so it takes a moment."""
 
-_RENEWALS = 3
-"""Of a lease within its time: two may fail without harm."""
+_RENEWALS = 3  # of a lease within its time: two may fail without harm
 
 _UNKNOWN = Failure(
     kind="WorkerMismatch",

@@ -28,11 +28,8 @@ from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
 from scaling_service.service.store.rows import FileRow, JobRow
 
-_SUFFIXES = (".py", ".yaml", ".json", ".csv")
-"""Files of the package that results can depend on."""
-
-_PAGE = "service/page/"
-"""The web page's sources and bundle: no result depends on them."""
+_SUFFIXES = (".py", ".yaml", ".json", ".csv")  # files of the package that results can depend on
+_PAGE = "service/page/"  # the web page's sources and bundle: no result depends on them
 
 
 class RequestInvalid(InputError):

@@ -24,12 +24,10 @@ RESULT = "result.json"
 SECRETS = "SCALING_SERVICE_"
 """Environment variables that begin so are for the service, not for what parses foreign bytes."""
 
-_NICENESS = 10
-"""Chosen: a computation gives way to whoever answers requests on the same processors."""
+_NICENESS = 10  # chosen: a computation gives way to whoever answers requests on the same processors
 
 _HINDRANCES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
-_LONGEST = 2000
-"""Characters of a text in a message. Chosen: a message must fit the pipe's buffer whole."""
+_LONGEST = 2000  # characters of a text in a message. Chosen: a message must fit the pipe's buffer whole.
 
 Progress = Callable[[str, float], None]
 Work = Callable[[Path, Progress], Any]

@@ -21,8 +21,7 @@ from scaling_service.service.sandbox import forkserver
 PRELOAD = "scaling_service.service.sandbox.warm"
 _ROOT = Path(__file__).resolve().parents[3]
 
-_GONE_S = 10.0
-"""Chosen: SIGKILL takes effect at once, unless the machine itself is stuck."""
+_GONE_S = 10.0  # chosen: SIGKILL takes effect at once, unless the machine itself is stuck
 
 Call = Callable[[int, int], None]
 """Runs in the child with the descriptors of its pipe for messages and of its lifeline."""

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from scaling_service.core.errors import InputError
 
-GRACE_CPU_S = 5
-"""Between the signal that can be told from others and the one that cannot be ignored. Chosen."""
+GRACE_CPU_S = 5  # between the signal that can be told from others and the one that cannot be ignored. Chosen.
 
 
 class LimitExceeded(InputError):
@@ -22,13 +21,10 @@ class Limits:
 
     memory_bytes: int = 4 << 30
     """Address space on top of what the program itself takes; for each process of the job."""
-    cpu_s: float = 3600.0
-    """Processor time of each process."""
-    wall_s: float = 7200.0
-    """Time on the clock of the whole."""
+    cpu_s: float = 3600.0  # processor time of each process
+    wall_s: float = 7200.0  # time on the clock of the whole
     file_bytes: int = 1 << 30
-    output_bytes: int = 2 << 30
-    """Of all results together."""
+    output_bytes: int = 2 << 30  # of all results together
 
     def apply(self) -> None:
         """Bound this process and all that it starts; there is no way back."""

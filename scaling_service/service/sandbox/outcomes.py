@@ -23,8 +23,7 @@ class Failed:
     """There is none, and this is why; trying again would end the same way."""
 
     failure: Failure
-    trace: str = ""
-    """Where the program broke, for the log: places in the code, never values."""
+    trace: str = ""  # where the program broke, for the log: places in the code, never values
 
     @classmethod
     def of(cls, error: InputError) -> Failed:

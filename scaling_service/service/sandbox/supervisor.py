@@ -29,15 +29,10 @@ TICK_S = 0.1
 """Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
 
 _LOOK_AT_DISK_S = 1.0
-_LONGEST_LINE = 1 << 16
-"""Bytes. A child that sends a longer line is not ours any more."""
-
-_LARGEST_RESULT = 64 << 20
-"""Bytes. Chosen: far above any document, far below the memory of a machine."""
-
+_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
+_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
 _MOST_FILES = 10_000
-_LONGEST_PATH = 512
-"""Characters, as in the table of files."""
+_LONGEST_PATH = 512  # characters, as in the table of files
 
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
 

@@ -26,11 +26,8 @@ from scaling_service.service.store.tables import REFERENCES, blobs
 _CHUNK = 1 << 20
 """Bytes held at once. Chosen: large enough that disks run at full speed, small beside a process."""
 
-_PRIVATE = 0o700
-"""Only the service's own user may look: the files are of patients."""
-
-_AT_ONCE = 100
-"""Contents removed in one transaction. Chosen: others wait for some ms only."""
+_PRIVATE = 0o700  # only the service's own user may look: the files are of patients
+_AT_ONCE = 100  # contents removed in one transaction. Chosen: others wait for some ms only.
 
 _UNREFERRED = ~or_(*(exists().where(table.c.sha256 == blobs.c.sha256) for table in REFERENCES))
 

@@ -29,9 +29,7 @@ from scaling_service.service.store.tables import (
     subjects,
 )
 
-_AT_ONCE = 200
-"""Jobs deleted in one transaction. Chosen: others wait for some ms only."""
-
+_AT_ONCE = 200  # jobs deleted in one transaction. Chosen: others wait for some ms only.
 _DAY_S = 86_400
 _PATIENCE_S = 2.0
 """How long readers of the log are waited for. Chosen: every reading transaction is far shorter."""

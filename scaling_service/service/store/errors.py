@@ -39,8 +39,7 @@ class StoreTooNew(InputError):
     """The tables were made by a later version of the program."""
 
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""The disk or the user's share of it is full."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)  # the disk or the user's share of it is full
 
 NO_ACCESS = (
     *(errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM),

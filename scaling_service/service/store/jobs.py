@@ -15,27 +15,21 @@ from scaling_service.service.store.keys import ensure_owner
 from scaling_service.service.store.rows import FileRow, JobRow, Page, job_row, read_page
 from scaling_service.service.store.tables import job_files, job_inputs, job_subjects, jobs
 
-SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
-"""Columns of a job that are small."""
+SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns of a job that are small
 
 
 @dataclass(frozen=True, slots=True)
 class NewJob:
     """What a job is from its beginning."""
 
-    id: str
-    """The SHA-256 of the specification, made by the caller."""
+    id: str  # the SHA-256 of the specification, made by the caller
     owner: str
     kind: str
     code_version: str
-    specification: str
-    """Canonical JSON."""
-    subjects: tuple[str, ...]
-    """Whose data it rests on."""
-    inputs: tuple[FileRow, ...]
-    """Path in the folder of inputs, and content."""
-    parts: tuple[NewJob, ...] = ()
-    """What it is made of."""
+    specification: str  # canonical JSON
+    subjects: tuple[str, ...]  # whose data it rests on
+    inputs: tuple[FileRow, ...]  # path in the folder of inputs, and content
+    parts: tuple[NewJob, ...] = ()  # what it is made of
 
 
 def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) -> None:

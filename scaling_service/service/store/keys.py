@@ -14,8 +14,7 @@ from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.rows import KeyRow
 from scaling_service.service.store.tables import api_keys, owners
 
-PREFIX = "scs"
-"""Starts every key, so that a key found in a text is known for one."""
+PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
 _SHOWN = tuple(api_keys.c[name] for name in KeyRow.__dataclass_fields__)
 _LONGEST = 200

@@ -13,11 +13,8 @@ from sqlalchemy import ColumnElement, Connection, RowMapping, Select, tuple_
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
 
-_DIGITS = 18
-"""Of a time in µs, at most: more would not fit a column."""
-
-LARGEST = 500
-"""Rows of a page. Chosen: answered in milliseconds, and enough for a screen."""
+_DIGITS = 18  # of a time in µs, at most: more would not fit a column
+LARGEST = 500  # rows of a page. Chosen: answered in milliseconds, and enough for a screen.
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +64,10 @@ class JobRow:
     owner: str
     kind: str
     state: State
-    attempt: int
-    """Number of times that it was leased; the fencing token of the worker that holds it."""
-    losses: int
-    """How many of these ended with the worker gone."""
-    revision: int
-    """Grows with every change, progress included."""
-    worker: str | None
-    """Who holds it, until ``lease_until_us``."""
+    attempt: int  # number of times that it was leased; the fencing token of the worker that holds it
+    losses: int  # how many of these ended with the worker gone
+    revision: int  # grows with every change, progress included
+    worker: str | None  # who holds it, until ``lease_until_us``
     lease_until_us: int | None
     progress_share: float
     progress_what: str

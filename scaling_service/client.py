@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, TypeVar
 from urllib.parse import quote
 
@@ -47,15 +46,13 @@ _MOST_WAIT_S = 5.0
 _CHUNK_BYTES = 1 << 20
 
 Model = TypeVar("Model", bound=BaseModel)
+PageModel = TypeVar("PageModel", SubjectPage, JobPage)
 
 
 class ServiceRefused(InputError):
-    """The service said no, in the words of its command line.
+    """The service said no, in the words of its command line."""
 
-    ``status`` is the HTTP status.
-    """
-
-    status: int = 0
+    status: int = 0  # the HTTP status
 
 
 class JobEnded(InputError):
@@ -84,9 +81,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -102,18 +97,12 @@ class Client:
     def upload(self, subject: str, path: str | Path, name: str | None = None) -> FileEntry:
         """Upload a file of a subject, under its own name unless another is given."""
         file = Path(path)
-        place = f"/v1/subjects/{quote(subject, safe='')}/files/{quote(name or file.name, safe='')}"
+        place = f"{_subject(subject)}/files/{quote(name or file.name, safe='')}"
         with file.open("rb") as content:
             return _as(FileEntry, self._call("PUT", place, data=content))
 
     def put_subject_file(self, path: str | Path) -> SubjectDetail:
-        """Give a subject's document, YAML or JSON, and upload the files beside it that it names.
-
-        Raises
-        ------
-        FileUnreadable, SubjectInvalid
-            As ``read_document``.
-        """
+        """Give a subject's document, YAML or JSON, and upload the files beside it that it names."""
         file = Path(path)
         document = read_content(file)
         check_document(document, file=file)
@@ -126,19 +115,16 @@ class Client:
 
     def subject(self, subject: str) -> SubjectDetail:
         """One subject."""
-        return _as(SubjectDetail, self._call("GET", f"/v1/subjects/{quote(subject, safe='')}"))
+        return _as(SubjectDetail, self._call("GET", _subject(subject)))
 
     def subjects(self) -> Iterator[SubjectSummary]:
         """All subjects, newest first."""
-        cursor: str | None = ""
-        while cursor is not None:
-            page = _as(SubjectPage, self._call("GET", "/v1/subjects", params={"cursor": cursor}))
+        for page in self._pages(SubjectPage, "/v1/subjects", {}):
             yield from page.items
-            cursor = page.next
 
     def delete_subject(self, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
-        self._call("DELETE", f"/v1/subjects/{quote(subject, safe='')}")
+        self._call("DELETE", _subject(subject))
 
     # The laboratory
 
@@ -163,12 +149,8 @@ class Client:
     def ask(self, route: str, /, **request: Any) -> JobDocument:
         """Ask for a job; one that was done before comes back done.
 
-        Parameters
-        ----------
-        route : str
-            Such as ``scalings/linear`` or ``comparisons/joint-angles``.
-        **request
-            The body, as documented at ``/docs``.
+        The route is such as ``scalings/linear`` or ``comparisons/joint-angles``, the request its body as
+        documented at ``/docs``.
         """
         return _as(JobDocument, self._call("POST", f"/v1/{route}", json=request))
 
@@ -178,31 +160,18 @@ class Client:
 
     def jobs(self, **chosen: str) -> Iterator[JobDocument]:
         """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
-        cursor: str | None = ""
-        while cursor is not None:
-            page = _as(JobPage, self._call("GET", "/v1/jobs", params={**chosen, "cursor": cursor}))
+        for page in self._pages(JobPage, "/v1/jobs", chosen):
             yield from page.items
-            cursor = page.next
 
     def events(self, job: JobDocument | str) -> Iterator[JobDocument]:
         """A job each time that it changes, until it is over; connections that break are made again."""
         return (found for found in self._signs(job) if found is not None)
 
     def wait(self, job: JobDocument | str, timeout_s: float = 3600.0) -> JobDocument:
-        """Wait until a job is done.
+        """Wait until a job is done; JobEnded is raised where it failed or was cancelled.
 
-        Parameters
-        ----------
-        job : JobDocument or str
-        timeout_s : float
-            Looked at each time that the service says something, which it does at least each 15 s.
-
-        Raises
-        ------
-        JobEnded
-            It failed or was cancelled.
-        TimeoutError
-            It is not over in time; it goes on.
+        TimeoutError is raised where it is not over in time; it goes on. The time is looked at whenever the
+        service says something, which it does at least each 15 s.
         """
         end = time.monotonic() + timeout_s
         for found in self._signs(job):
@@ -266,6 +235,13 @@ class Client:
             )
         self._call("DELETE", _path(job))
 
+    def _pages(self, model: type[PageModel], path: str, chosen: Mapping[str, str]) -> Iterator[PageModel]:
+        cursor: str | None = ""
+        while cursor is not None:
+            page = _as(model, self._call("GET", path, params={**chosen, "cursor": cursor}))
+            yield page
+            cursor = page.next
+
     def _call(self, method: str, path: str, **options: Any) -> requests.Response:
         with self._answer(method, path, **options) as answer:
             _ = answer.content
@@ -308,6 +284,10 @@ def _as(model: type[Model], answer: requests.Response) -> Model:
     return model.model_validate_json(answer.content)
 
 
+def _subject(name: str) -> str:
+    return f"/v1/subjects/{quote(name, safe='')}"
+
+
 def _path(job: JobDocument | str) -> str:
     return f"/v1/jobs/{job.id if isinstance(job, JobDocument) else quote(job, safe='')}"
 
@@ -345,9 +325,6 @@ def _texts(content: Any) -> Iterator[str]:
     if isinstance(content, str):
         if content and "/" not in content and "\\" not in content and len(content) <= 255:
             yield content
-    elif isinstance(content, Mapping):
-        for value in content.values():
-            yield from _texts(value)
-    elif isinstance(content, list):
-        for value in content:
+    elif isinstance(content, Mapping | list):
+        for value in content.values() if isinstance(content, Mapping) else content:
             yield from _texts(value)

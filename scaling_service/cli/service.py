@@ -51,9 +51,7 @@ def serve(
 
     scaling-service keys create lab && scaling-service serve --host 0.0.0.0
     """
-    from scaling_service.service.jobs.configuration import (
-        load_settings,  # the other commands need no database
-    )
+    from scaling_service.service.jobs.settings import load_settings
 
     chosen: dict[str, Any] = {"host": host, "port": port, "data_directory": data}
     loaded = load_settings(settings, **{name: value for name, value in chosen.items() if value is not None})
@@ -108,8 +106,8 @@ def revoke_key(
 
 @contextmanager
 def _database(settings: SettingsFile) -> Iterator[Database]:
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import open_store
+    from scaling_service.service.jobs.settings import load_settings
 
     store = open_store(load_settings(settings))
     try:
@@ -133,8 +131,8 @@ def delete(
     settings: SettingsFile = None,
 ) -> None:
     """Delete a subject, its files, and all jobs on them: rows, contents and traces."""
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import Service
+    from scaling_service.service.jobs.settings import load_settings
 
     service = Service.open(load_settings(settings))
     try:
@@ -151,8 +149,8 @@ def expire(
     settings: SettingsFile = None,
 ) -> None:
     """Delete jobs and subjects that are older than so many days, now and once."""
-    from scaling_service.service.jobs.configuration import load_settings
     from scaling_service.service.jobs.service import open_store
+    from scaling_service.service.jobs.settings import load_settings
     from scaling_service.service.store import deletion
 
     store = open_store(load_settings(settings))
@@ -167,7 +165,7 @@ def expire(
 @settings.command()
 def show(settings: SettingsFile = None) -> None:
     """Print all settings as they are resolved, without passwords; refuses what is unsafe."""
-    from scaling_service.service.jobs.configuration import load_settings, shown
+    from scaling_service.service.jobs.settings import load_settings, shown
 
     typer.echo(json.dumps(shown(load_settings(settings)), indent=1))
 

@@ -10,26 +10,19 @@ from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
 from scaling_service.service.http import (
-    asking,
-    examples,
+    contents,
+    documentation,
     jobs,
-    links,
-    markers,
+    laboratory,
     monitoring,
-    openapi,
-    page,
     problems,
     site,
     subjects,
-    words,
 )
 from scaling_service.service.http.callers import Callers
-from scaling_service.service.http.monitoring import JobCounts, Recent
-from scaling_service.service.http.shield import Shield
-from scaling_service.service.http.watching import Watching
 from scaling_service.service.jobs.example import Examples
-from scaling_service.service.jobs.identity import code_version
 from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.submission import code_version
 
 _DESCRIPTION = """Scales multibody body models to persons from motion capture, and says how far to trust the
 result.
@@ -39,14 +32,9 @@ files. The same request for the same files finds the same job. Errors are proble
 
 
 def create_app(service: Service, *, loopback: bool) -> FastAPI:
-    """The application of a service.
+    """The application of a service, whose table of kinds gives the routes that ask for jobs.
 
-    Parameters
-    ----------
-    service : Service
-        Its table of kinds gives the routes that ask for jobs.
-    loopback : bool
-        Whether only this machine reaches the service. Elsewhere every request needs a key.
+    ``loopback`` says whether only this machine reaches the service. Elsewhere every request needs a key.
     """
     app = FastAPI(
         title="scaling-service",
@@ -60,28 +48,25 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     app.state.service = service
     app.state.callers = Callers(service, loopback=loopback)
     app.state.examples = Examples(service)
-    app.state.recent = Recent(service)
+    app.state.recent = monitoring.Recent(service)
     app.state.registry = CollectorRegistry()
-    app.state.registry.register(JobCounts(service))
+    app.state.registry.register(monitoring.JobCounts(service))
     for router in (
         subjects.router,
-        examples.router,
-        words.router,
-        markers.router,
-        asking.routes(service.kinds),
+        laboratory.router,
+        jobs.asking_routes(service.kinds),
         jobs.router,
-        links.router,
+        contents.router,
         monitoring.router,
-        page.router,
+        documentation.router,
         site.router,
     ):
         app.include_router(router)
     problems.install(app)
-    openapi.install(
-        app, {*subjects.DOCUMENTS, *markers.DOCUMENTS, *links.DOCUMENTS, *asking.models(service.kinds)}
-    )
-    app.add_middleware(Shield)
-    app.add_middleware(Watching, registry=app.state.registry)
+    models = {*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS, *jobs.models(service.kinds)}
+    documentation.install(app, models)
+    app.add_middleware(problems.Shield)
+    app.add_middleware(monitoring.Watching, registry=app.state.registry)
     return app
 
 

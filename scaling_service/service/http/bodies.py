@@ -1,17 +1,26 @@
-"""What a client sends: a JSON document with bounds, or the chunks of a file."""
+"""What a client sends, a JSON document with bounds or the chunks of a file; threads for what it writes."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
-from typing import Any
+from collections.abc import AsyncIterator, Callable
+from typing import Any, ParamSpec, TypeVar
 
+from anyio import CapacityLimiter
+from anyio.lowlevel import RunVar
+from anyio.to_thread import run_sync
 from fastapi import Request
+from pydantic import BaseModel, ValidationError
 
 from scaling_service.documents.reading import MAX_BYTES
 from scaling_service.service.http.problems import BodyUnreadable, TooSlow, WrongMediaType
+from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.errors import TooLarge
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Model = TypeVar("Model", bound=BaseModel)
 
 SILENCE_S = 60.0
 """Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
@@ -19,18 +28,35 @@ SILENCE_S = 60.0
 CHUNK_BYTES = 1 << 20
 """Handed on at once. Chosen: few hand-overs to threads, and little memory for each upload."""
 
+WRITERS = 8  # chosen: SQLite writes one at a time anyway, and a few uploads keep a disk busy
+
+_LIMITER: RunVar[CapacityLimiter] = RunVar("writers")
+
+
+async def writing(call: Callable[P, T], *args: P.args, **_none: P.kwargs) -> T:
+    """Make a call that writes to the store, in one of the threads for that.
+
+    They are apart from those that only look, so that a queue of writers holds up no reader.
+    """
+    try:
+        limiter = _LIMITER.get()
+    except LookupError:
+        limiter = CapacityLimiter(WRITERS)
+        _LIMITER.set(limiter)
+    return await run_sync(call, *args, limiter=limiter)
+
+
+async def read_as(model: type[Model], request: Request, remedy: str) -> Model:
+    """The body as a document of a model, or RequestInvalid with this remedy."""
+    content = await read_json(request)
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise RequestInvalid.of(error, remedy) from None
+
 
 async def read_json(request: Request) -> dict[str, Any]:
-    """The body as a JSON object.
-
-    Raises
-    ------
-    WrongMediaType
-        It is announced as something else.
-    TooLarge, TooSlow
-    BodyUnreadable
-        It is no JSON, or no object, or has texts that are no Unicode.
-    """
+    """The body as a JSON object."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type != "application/json":
         raise WrongMediaType(
@@ -38,20 +64,14 @@ async def read_json(request: Request) -> dict[str, Any]:
             field="Content-Type",
             remedy="Send JSON with `Content-Type: application/json`",
         )
-    parts: list[bytes] = []
-    size = 0
+    content = bytearray()
     async for chunk in chunks(request):
-        size += len(chunk)
-        if size > MAX_BYTES:
+        content += chunk
+        if len(content) > MAX_BYTES:
             raise TooLarge(
                 f"the document is larger than {MAX_BYTES / 1e6:g} MB",
                 remedy="Upload recordings as files, and name them in the document",
             )
-        parts.append(chunk)
-    return _parsed(b"".join(parts))
-
-
-def _parsed(content: bytes) -> dict[str, Any]:
     try:
         found = json.loads(content.decode("utf-8"), parse_constant=_no_number)
         json.dumps(found, ensure_ascii=False).encode("utf-8")  # halves of characters cannot be kept
@@ -68,13 +88,7 @@ def _no_number(text: str) -> float:
 
 
 async def chunks(request: Request) -> AsyncIterator[bytes]:
-    """The body in pieces of about a megabyte.
-
-    Raises
-    ------
-    TooSlow
-        Nothing comes any more.
-    """
+    """The body in pieces of about a megabyte; TooSlow where nothing comes any more."""
     stream = request.stream().__aiter__()
     waiting = bytearray()
     while True:

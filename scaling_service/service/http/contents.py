@@ -1,26 +1,43 @@
-"""Stored files and archives, streamed: whatever their size, little of them is in memory."""
+"""Stored files and archives, streamed: whatever their size, little of them is in memory. Links to them.
+
+What a client has already is known by its ETag (RFC 9110, sections 8.8.3 and 13.1.2); of a long file it may
+ask for one stretch (section 14). A browser follows a link without a key: for a minute a ticket replaces it.
+"""
 
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
 from http import HTTPStatus
 from pathlib import PurePosixPath
-from typing import BinaryIO
-from urllib.parse import quote
+from typing import Any, BinaryIO
+from urllib.parse import quote, unquote
 
-from fastapi import Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from scaling_service.service.http import conditional
-from scaling_service.service.http.ranges import asked_for
+from scaling_service.documents.service import Link, LinkRequest
+from scaling_service.service.http.bodies import read_as
+from scaling_service.service.http.callers import PARAMETER, Asked, Owner
+from scaling_service.service.http.documentation import json_body
+from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, described
+from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.rows import FileRow
 
-_CHUNK_BYTES = 1 << 18
-"""Sent at once. Chosen: quick on any network, and little memory for each client."""
+router = APIRouter(prefix="/v1/links", tags=["jobs"])
+
+DOCUMENTS = (LinkRequest,)
+EXAMPLE: dict[str, Any] = {"path": f"/v1/jobs/{'0' * 64}/files.zip"}
+
+_FILE = re.compile(r"/v1/(jobs/[0-9a-f]{64}/(files\.zip|files/.+)|subjects/[^/]+/files/[^/]+)")
+_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
+
+_CHUNK_BYTES = 1 << 18  # sent at once. Chosen: quick on any network, and little memory for each client.
 
 _MEDIA_TYPES = {
     ".json": "application/json",
@@ -32,7 +49,6 @@ _MEDIA_TYPES = {
     ".trc": "text/plain; charset=utf-8",
     ".glb": "model/gltf-binary",
 }
-_OTHER = "application/octet-stream"
 _APART = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' blob:; "
     "style-src 'unsafe-inline'; img-src data: blob:"
@@ -43,41 +59,89 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""
 
 
-async def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
-    """A stored file as an answer, or the stretch of it that is asked for.
+def is_known(request: Request, tag: str) -> bool:
+    """Whether the client has the version of this entity tag already."""
+    given = request.headers.get("if-none-match", "")
+    known = {one.strip().removeprefix("W/") for one in given.split(",")}
+    return "*" in known or tag in known
 
-    Raises
-    ------
-    ContentMissing
-        It is not there, though it should be.
-    RangeUnsatisfiable
-        The stretch begins after its end.
-    """
-    current = conditional.tag(file.sha256)
-    if conditional.is_known(request, current):
-        return conditional.unchanged(current)
-    same = request.headers.get("if-range", current) == current
-    stretch = asked_for(request.headers.get("range") if same else None, file.size)
+
+def versioned(version: object) -> dict[str, str]:
+    """What goes with a version: keep it, but ask whether it is still the one."""
+    return {"ETag": f'"{version}"', "Cache-Control": "private, no-cache"}
+
+
+def unless_known(request: Request, version: object, answer: Callable[[dict[str, str]], Response]) -> Response:
+    """The answer, made with its headers, or 304 for a client that has this version."""
+    headers = versioned(version)
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return answer(headers)
+
+
+def file_responses(schema: dict[str, str]) -> Responses:
+    """What a route that sends a stored file answers, for the OpenAPI document."""
+    return described(404, 416) | {
+        200: {"description": "The file", "content": {"*/*": {"schema": schema}}},
+        206: {"description": "The stretch", "content": {"*/*": {"schema": schema}}},
+        304: {"description": "Unchanged"},
+    }
+
+
+async def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+    """A stored file as an answer, or the stretch of it that is asked for."""
+    headers = versioned(file.sha256)
+    if is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
+    stretch = stretch_of(request.headers.get("range") if same else None, file.size)
     opened = await run_in_threadpool(blobs.open, file.sha256)
     name = PurePosixPath(file.name).name
-    headers = conditional.headers(current) | {
+    sent = range(file.size) if stretch is None else stretch
+    headers |= {
         "Accept-Ranges": "bytes",
-        "Content-Length": str(file.size),
+        "Content-Length": str(len(sent)),
         "Content-Disposition": f"inline; filename*=UTF-8''{quote(name, safe='')}",
         "Content-Security-Policy": _APART,
     }
-    media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), _OTHER)
-    if stretch is None:
-        return StreamingResponse(_pieces(opened, file.size), headers=headers, media_type=media_type)
-    opened.seek(stretch.first)
-    headers |= {"Content-Length": str(stretch.length), "Content-Range": stretch.told}
-    return StreamingResponse(_pieces(opened, stretch.length), HTTPStatus.PARTIAL_CONTENT, headers, media_type)
+    if stretch is not None:
+        headers["Content-Range"] = f"bytes {stretch[0]}-{stretch[-1]}/{file.size}"
+    media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
+    status = HTTPStatus.OK if stretch is None else HTTPStatus.PARTIAL_CONTENT
+    return StreamingResponse(_pieces(opened, sent), status, headers, media_type)
 
 
-def _pieces(opened: BinaryIO, length: int) -> Iterator[bytes]:
+def stretch_of(header: str | None, size: int) -> range | None:
+    """The bytes that a ``Range`` header asks for, of so many; None for all of them.
+
+    A header that cannot be understood, or asks for several stretches, is left out of account.
+
+    Examples
+    --------
+    >>> stretch_of("bytes=0-99", 1000), stretch_of("bytes=-10", 1000), stretch_of(None, 1000)
+    (range(0, 100), range(990, 1000), None)
+    """
+    found = _RANGE.fullmatch((header or "").strip())
+    if found is None or found.group(1) == found.group(2) == "":
+        return None
+    begin, end = found.groups()
+    if begin and end and int(end) < int(begin):
+        return None
+    if begin == "":
+        stretch = range(max(size - int(end), 0), size)
+    else:
+        stretch = range(int(begin), min(int(end) + 1, size) if end else size)
+    if not stretch:
+        raise RangeUnsatisfiable(size)
+    return stretch
+
+
+def _pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
     with opened:
-        while length > 0 and (piece := opened.read(min(_CHUNK_BYTES, length))):
-            length -= len(piece)
+        opened.seek(sent.start)
+        left = len(sent)
+        while left > 0 and (piece := opened.read(min(_CHUNK_BYTES, left))):
+            left -= len(piece)
             yield piece
 
 
@@ -102,14 +166,7 @@ class _Sink(io.RawIOBase):
 
 
 def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
-    """A zip of files, piece by piece; the same files give the same bytes.
-
-    Parameters
-    ----------
-    files : sequence of FileRow
-    opened : callable
-        Digest -> content.
-    """
+    """A zip of files, whose contents are opened by digest, in pieces; the same files give the same bytes."""
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in files:
@@ -120,3 +177,26 @@ def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iter
                     target.write(piece)
                     yield sink.take()
     yield sink.take()
+
+
+@router.post(
+    "",
+    status_code=HTTPStatus.CREATED,
+    responses=described(400, 408, 413, 415),
+    openapi_extra=json_body(EXAMPLE, LinkRequest),
+)
+async def make_link(request: Request, owner: Owner, callers: Asked) -> Link:
+    """Make a link to a file that works for a minute without a key.
+
+    Browsers send no key when they open a link or stream a download to the disk. Whoever has the link can
+    fetch that file, and nothing else, until then.
+    """
+    wanted = unquote((await read_as(LinkRequest, request, "Give `path` alone")).path)
+    if not _FILE.fullmatch(wanted):
+        raise RequestInvalid(
+            "this is no path of a file",
+            field="path",
+            remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
+        )
+    ticket, until_s = callers.tickets.issue(owner, wanted)
+    return Link(path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_s, UTC))

@@ -1,28 +1,51 @@
-"""Routes of jobs: look, follow, fetch, cancel, delete."""
+"""Routes of jobs: ask, look, follow, fetch, cancel, delete.
+
+A new kind of job is a new row in the table of kinds, and nothing here. Progress comes as server-sent events
+(WHATWG HTML, section 9.2).
+"""
 
 from __future__ import annotations
 
+import asyncio
 import json
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
+from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress
-from scaling_service.service.http import conditional
+from scaling_service.service.http.bodies import read_json, writing
 from scaling_service.service.http.callers import Asked, Desk, Owner
-from scaling_service.service.http.contents import archive, stored_file
-from scaling_service.service.http.events import EVENT, MEDIA_TYPE, follow
+from scaling_service.service.http.contents import archive, file_responses, stored_file, unless_known
+from scaling_service.service.http.documentation import json_body
 from scaling_service.service.http.problems import described
 from scaling_service.service.http.subjects import Cursor, Size, entries, moment
-from scaling_service.service.http.threads import writing
-from scaling_service.service.store.errors import NotFound
+from scaling_service.service.jobs.kinds import Kind
+from scaling_service.service.store.errors import NotFound, StoreUnavailable
 from scaling_service.service.store.rows import JobRow
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+_EVENT: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "id": {"type": "string", "description": "The job's revision."},
+        "event": {"enum": ["job", "gone"]},
+        "data": {"type": "string", "description": "The job as JSON."},
+    },
+    "required": ["event", "data"],
+}
+"""One event, for the document of all routes."""
+
+LOOK_S = 0.25  # between two looks at the job. Chosen: faster than a person reads, a short query each.
+QUIET_S = 15.0
+"""A comment is sent after so long without news. Chosen: well under the minute of usual proxies."""
 
 JobId = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="The job's id.")]
 _Kind = Annotated[
@@ -62,6 +85,12 @@ def as_document(row: JobRow) -> JobDocument:
     )
 
 
+def _answer(
+    row: JobRow, status: HTTPStatus = HTTPStatus.OK, headers: dict[str, str] | None = None
+) -> JSONResponse:
+    return JSONResponse(as_document(row).model_dump(mode="json"), status, headers)
+
+
 @router.get("", responses=described())
 def list_jobs(
     owner: Owner,
@@ -85,10 +114,7 @@ def list_jobs(
 async def get_job(job: JobId, request: Request, callers: Asked, service: Desk) -> Response:
     """Look at a job."""
     row = await callers.look(request, lambda owner: service.job(owner, job))
-    current = conditional.tag(row.revision)
-    if conditional.is_known(request, current):
-        return conditional.unchanged(current)
-    return JSONResponse(as_document(row).model_dump(mode="json"), headers=conditional.headers(current))
+    return unless_known(request, row.revision, lambda headers: _answer(row, headers=headers))
 
 
 @router.delete(
@@ -104,8 +130,7 @@ async def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     if row.state.is_over:
         await writing(service.delete_job, owner, job)
         return Response(status_code=HTTPStatus.NO_CONTENT)
-    row = await writing(service.cancel, owner, job)
-    return JSONResponse(as_document(row).model_dump(mode="json"), HTTPStatus.ACCEPTED)
+    return _answer(await writing(service.cancel, owner, job), HTTPStatus.ACCEPTED)
 
 
 @router.get(
@@ -115,7 +140,7 @@ async def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     | {
         200: {
             "description": "Events `job`, each with the job as it then is; the last one when it is over",
-            "content": {MEDIA_TYPE: {"schema": EVENT}},
+            "content": {"text/event-stream": {"schema": _EVENT}},
         },
         204: {"description": "It is over, and its last event was seen"},
     },
@@ -133,7 +158,7 @@ async def get_events(
         return as_document(await run_in_threadpool(service.job, owner, job))
 
     stream = follow(as_document(row), look, seen, request.app.state.stopping)
-    return StreamingResponse(stream, media_type=MEDIA_TYPE, headers={"Cache-Control": "no-store"})
+    return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
 @router.get(
@@ -151,10 +176,8 @@ async def get_result(job: JobId, request: Request, owner: Owner, service: Desk) 
     text = await run_in_threadpool(service.result, owner, job)
     if text is None:
         raise _no_result(row)
-    current = conditional.tag(f"{job[:16]}-{row.attempt}")
-    if conditional.is_known(request, current):
-        return conditional.unchanged(current)
-    return Response(text, media_type="application/json", headers=conditional.headers(current))
+    version = f"{job[:16]}-{row.attempt}"
+    return unless_known(request, version, lambda h: Response(text, headers=h, media_type="application/json"))
 
 
 @router.get("/{job}/origin", responses=described(404))
@@ -193,22 +216,9 @@ async def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
-@router.get(
-    "/{job}/files/{path:path}",
-    response_class=Response,
-    responses=described(404, 416)
-    | {
-        200: {"description": "The file", "content": {"*/*": {"schema": {"type": "string"}}}},
-        206: {"description": "The stretch", "content": {"*/*": {"schema": {"type": "string"}}}},
-        304: {"description": "Unchanged"},
-    },
-)
+@router.get("/{job}/files/{path:path}", response_class=Response, responses=file_responses({"type": "string"}))
 async def get_file(
-    job: JobId,
-    path: Annotated[str, Path(max_length=512)],
-    request: Request,
-    owner: Owner,
-    service: Desk,
+    job: JobId, path: Annotated[str, Path(max_length=512)], request: Request, owner: Owner, service: Desk
 ) -> Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a stretch of it."""
     row, _ = await run_in_threadpool(service.file, owner, job, path)
@@ -223,3 +233,90 @@ def _no_result(row: JobRow) -> NotFound:
     else:
         remedy = "Ask for it again"
     return NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
+
+
+def asking_routes(kinds: Mapping[str, Kind]) -> APIRouter:
+    """The routes that ask for jobs, one for each kind that can be asked for by itself."""
+    router = APIRouter(prefix="/v1", tags=["asking"])
+    for name, kind in kinds.items():
+        if kind.route is None:
+            continue
+        told, _, more = (kind.request.__doc__ or name).partition("\n")
+        result = "" if kind.result is None else f"\n\nThe result follows `{kind.result.__name__}`."
+        router.post(
+            f"/{kind.route}",
+            name=name,
+            summary=told.strip().rstrip("."),
+            description=f"{told.strip()}\n{more.strip()}{result}",
+            status_code=HTTPStatus.ACCEPTED,
+            response_model=JobDocument,
+            response_description="It waits or runs",
+            responses=described(400, 404, 408, 413, 415, 507)
+            | {200: {"model": JobDocument, "description": "It was done before"}},
+            openapi_extra=json_body(example_of(kind.request), kind.request),
+        )(_asking(name))
+    return router
+
+
+def models(kinds: Mapping[str, Kind]) -> set[type[BaseModel]]:
+    """What requests and results of the kinds follow."""
+    return {kind.request for kind in kinds.values() if kind.route is not None} | {
+        kind.result for kind in kinds.values() if kind.result is not None
+    }
+
+
+def example_of(model: type[BaseModel]) -> dict[str, Any]:
+    """A request made of the examples of its fields."""
+    return {
+        field.alias or name: field.examples[0] for name, field in model.model_fields.items() if field.examples
+    }
+
+
+def _asking(kind: str) -> Callable[[Request, Owner, Desk], Awaitable[Response]]:
+    async def ask(request: Request, owner: Owner, service: Desk) -> Response:
+        asked = await read_json(request)
+        row, _ = await writing(service.ask, owner, kind, asked)
+        status = HTTPStatus.OK if row.state is State.DONE else HTTPStatus.ACCEPTED
+        return _answer(row, status, {"Location": f"/v1/jobs/{row.id}"})
+
+    return ask
+
+
+async def follow(
+    first: JobDocument, look: Callable[[], Awaitable[JobDocument]], seen: int, stopping: asyncio.Event
+) -> AsyncIterator[str]:
+    """The events of a job from the revision ``seen`` on, until it is over or the server stops.
+
+    ``id`` is the revision, ``event`` is ``job``, ``data`` is the job; its deletion is the event ``gone``.
+    """
+    document, told_at = first, time.monotonic()
+    while True:
+        if document.revision > seen:
+            seen, told_at = document.revision, time.monotonic()
+            yield _event("job", document.model_dump_json(), document.revision)
+        elif time.monotonic() - told_at > QUIET_S:
+            told_at = time.monotonic()
+            yield ": still here\n\n"
+        if document.state.is_over or await _stopped(stopping):
+            return
+        try:
+            document = await look()
+        except NotFound:
+            yield _event("gone", "{}")
+            return
+        except StoreUnavailable:
+            continue  # the client keeps what it knows; the store comes back by itself
+
+
+async def _stopped(stopping: asyncio.Event) -> bool:
+    """Wait for the next look; whether the server stops meanwhile."""
+    try:
+        await asyncio.wait_for(stopping.wait(), LOOK_S)
+    except TimeoutError:
+        return False
+    return True
+
+
+def _event(name: str, data: str, number: int | None = None) -> str:
+    identity = "" if number is None else f"id: {number}\n"
+    return f"{identity}event: {name}\ndata: {data}\n\n"

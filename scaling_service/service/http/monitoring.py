@@ -1,26 +1,50 @@
-"""Whether the service lives and can work, and its figures for Prometheus."""
+"""Whether the service lives and can work, its figures for Prometheus, and the log line of every request."""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Iterator
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+from prometheus_client import (
+    CONTENT_TYPE_LATEST,
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    generate_latest,
+)
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.service.http.callers import Desk, Owner
 from scaling_service.service.http.problems import described
-from scaling_service.service.jobs.identity import code_version
 from scaling_service.service.jobs.service import Service
+from scaling_service.service.jobs.submission import code_version
 
+log = logging.getLogger(__name__)
 router = APIRouter(tags=["monitoring"])
 
-FRESH_S = 1.0
-"""A check or a count is not repeated sooner. Chosen: whoever asks often costs nothing."""
+FRESH_S = 1.0  # a check or a count is not repeated sooner. Chosen: whoever asks often costs nothing.
+
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+}
+"""Of every answer that does not choose its own (OWASP Secure Headers Project; REST Security Cheat Sheet)."""
+
+_TLS = {"Strict-Transport-Security": "max-age=31536000"}
+_BUCKETS_S = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 5.0, 30.0)
 
 _ANSWER: dict[int | str, dict[str, Any]] = {
     200: {"description": "It is", "content": {"application/json": {"schema": {"type": "object"}}}}
@@ -53,12 +77,7 @@ def metrics(request: Request, _owner: Owner, _service: Desk) -> Response:
 
 
 class Recent:
-    """The store's state, looked at now and then however often it is asked for.
-
-    Parameters
-    ----------
-    service : Service
-    """
+    """The store's state, looked at now and then however often it is asked for."""
 
     def __init__(self, service: Service) -> None:
         self._service, self._lock = service, threading.Lock()
@@ -66,12 +85,7 @@ class Recent:
         self._found: dict[str, float] = {}
 
     def check(self) -> dict[str, float]:
-        """See :meth:`Service.check`.
-
-        Raises
-        ------
-        StoreUnavailable
-        """
+        """See :meth:`Service.check`."""
         with self._lock:
             if time.monotonic() - self._checked_at > FRESH_S:
                 self._found = self._service.check()
@@ -80,12 +94,7 @@ class Recent:
 
 
 class JobCounts(Collector):
-    """Jobs by state, counted when figures are asked for.
-
-    Parameters
-    ----------
-    service : Service
-    """
+    """Jobs by state, counted when figures are asked for."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -96,3 +105,64 @@ class JobCounts(Collector):
         for state, count in self._service.counts().items():
             family.add_metric([state.value], count)
         yield family
+
+
+class Watching:
+    """Middleware around the whole application, whose figures are collected in a registry."""
+
+    def __init__(self, app: ASGIApp, registry: CollectorRegistry) -> None:
+        self._app = app
+        self._requests = Counter(
+            "scaling_service_requests", "Requests answered.", ("method", "route", "status"), registry=registry
+        )
+        self._seconds = Histogram(
+            "scaling_service_request_seconds",
+            "Until the answer begins.",
+            ("route",),
+            buckets=_BUCKETS_S,
+            registry=registry,
+        )
+        self._open = Gauge("scaling_service_requests_open", "Requests under way.", registry=registry)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, and look at its answer."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        begun = time.perf_counter()
+        told: dict[str, Any] = {"status": 500, "seconds": None}
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                told["status"], told["seconds"] = message["status"], time.perf_counter() - begun
+                _add_headers(MutableHeaders(scope=message), scope["scheme"])
+            await send(message)
+
+        self._open.inc()
+        try:
+            await self._app(scope, receive, sending)
+        finally:
+            self._open.dec()
+            self._note(scope, told["status"], told["seconds"], time.perf_counter() - begun)
+
+    def _note(self, scope: Scope, status: int, first_s: float | None, whole_s: float) -> None:
+        """Count it, and write one line without anything of a patient: routes, never paths."""
+        route = getattr(scope.get("route"), "path", "none")
+        method = scope["method"] if route != "none" else "none"  # a client's own words are endless
+        self._requests.labels(method, route, str(status)).inc()
+        self._seconds.labels(route).observe(whole_s if first_s is None else first_s)
+        log.info(
+            "request",
+            extra={
+                "method": method,
+                "route": route,
+                "status": status,
+                "wall_s": round(whole_s, 4),
+                "key": scope.get("caller"),
+            },
+        )
+
+
+def _add_headers(headers: MutableHeaders, scheme: str) -> None:
+    for name, value in (HEADERS | (_TLS if scheme == "https" else {})).items():
+        headers.setdefault(name, value)

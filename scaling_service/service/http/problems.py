@@ -1,7 +1,8 @@
-"""Errors as problem documents (RFC 9457), with the texts that the command line prints."""
+"""Errors as problem documents (RFC 9457), with the texts of the command line; a defect is one, too."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -10,15 +11,19 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import Match
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.service import Problem
-from scaling_service.service.http.ranges import RangeUnsatisfiable
 from scaling_service.service.jobs.example import ExampleFailed
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.submission import RequestInvalid
+from scaling_service.service.sandbox.child import places
 from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
+
+log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -59,6 +64,18 @@ class WrongHost(InputError):
     """The request was meant for another server."""
 
 
+class RangeUnsatisfiable(InputError):
+    """The stretch begins beyond the end of the file."""
+
+    def __init__(self, size: int) -> None:
+        super().__init__(
+            f"the file has {size} bytes, and the stretch begins after them",
+            field="Range",
+            remedy="Ask for bytes that it has",
+        )
+        self.size = size
+
+
 _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (NotFound, 404),
     (InUse, 409),
@@ -79,15 +96,10 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
 """The first that fits counts."""
 
 
-def status_of(error: InputError) -> int:
-    """The HTTP status of an error."""
-    return next(status for kind, status in _STATUS if isinstance(error, kind))
-
-
 def problem_response(error: InputError, status: int | None = None) -> JSONResponse:
     """An error as the answer to a request."""
     name = type(error).__name__
-    code = status_of(error) if status is None else status
+    code = status or next(status for kind, status in _STATUS if isinstance(error, kind))
     if isinstance(error, StoreUnavailable):  # where it lies on this machine is no client's business
         error = StoreUnavailable(error.problem, remedy=error.remedy)
     document = Problem(
@@ -100,9 +112,7 @@ def problem_response(error: InputError, status: int | None = None) -> JSONRespon
         field=error.field,
         remedy=error.remedy,
     )
-    return JSONResponse(
-        document.model_dump(mode="json"), code, headers=_headers(error, code), media_type=MEDIA_TYPE
-    )
+    return JSONResponse(document.model_dump(mode="json"), code, _headers(error, code), MEDIA_TYPE)
 
 
 def _headers(error: InputError, status: int) -> dict[str, str]:
@@ -117,8 +127,7 @@ def _headers(error: InputError, status: int) -> dict[str, str]:
     return headers
 
 
-Responses = dict[int | str, dict[str, Any]]
-"""Of a route, by status."""
+Responses = dict[int | str, dict[str, Any]]  # of a route, by status
 
 
 def described(*statuses: int) -> Responses:
@@ -166,3 +175,37 @@ def allowed_methods(app: FastAPI, scope: Mapping[str, Any]) -> set[str]:
         for method in _METHODS
         if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in app.routes)
     }
+
+
+class Shield:
+    """Middleware: a defect ends as a problem document, and its place in the code in the log."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on; what goes wrong after the answer began ends the connection."""
+        begun = False
+
+        async def sending(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, sending)
+        except ClientDisconnect:
+            return
+        except Exception as error:  # noqa: BLE001 (whatever it is, the client gets an answer)
+            log.error("a request failed", extra={"error": type(error).__name__, "at": places(error)})
+            if begun:
+                raise _CutShort from None
+            defect = InputError(
+                "the program failed on this request",
+                remedy="Report it; the service's log says where it happened",
+            )
+            await problem_response(defect, 500)(scope, receive, send)
+
+
+class _CutShort(Exception):
+    """An answer could not be brought to its end; the connection is closed so that the client notices."""

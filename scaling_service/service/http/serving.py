@@ -17,11 +17,9 @@ from fastapi import FastAPI
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http.app import create_app
-from scaling_service.service.jobs.configuration import SettingsRefused, is_here
-from scaling_service.service.jobs.logs import JsonLines, log_as_json
-from scaling_service.service.jobs.process import RunnerProcess
+from scaling_service.service.jobs.process import RunnerProcess, log_as_json
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.jobs.settings import ServiceSettings, SettingsRefused, is_here
 from scaling_service.service.store import keys
 
 log = logging.getLogger(__name__)
@@ -39,15 +37,6 @@ def serve(settings: ServiceSettings) -> None:
     """Serve until SIGTERM or SIGINT; then end tidily.
 
     Jobs that run are given back to the queue, and go on at the next start.
-
-    Raises
-    ------
-    SettingsRefused
-        Others could reach the service, and there is no key.
-    InputError
-        The address cannot be listened on.
-    StoreUnavailable
-        The data directory or the database does not answer.
     """
     service = Service.open(settings)
     try:
@@ -67,18 +56,10 @@ def serve(settings: ServiceSettings) -> None:
 
 
 def refuse_open(service: Service) -> None:
-    """Stop before everyone in the network can see everything.
-
-    Raises
-    ------
-    SettingsRefused
-        The address is not this machine's own, and there is no key; or HTTPS cannot be spoken.
-    """
+    """Stop before everyone in the network can see everything, or where HTTPS cannot be spoken."""
     settings = service.settings
     _check_tls(settings)
-    if is_here(settings.host):
-        return
-    if not keys.any_valid(service.store.database):
+    if not is_here(settings.host) and not keys.any_valid(service.store.database):
         raise SettingsRefused(
             f"whoever reaches {settings.host} could see and change everything, for there is no API key",
             field="host",
@@ -126,11 +107,7 @@ def _listening(settings: ServiceSettings) -> Iterator[socket.socket]:
 class Server(uvicorn.Server):
     """A server that tells open event streams to end, and ends on a signal without passing it on.
 
-    Parameters
-    ----------
-    config : uvicorn.Config
-    ready : str
-        Printed when it answers.
+    When it answers, it prints the line ``ready``.
     """
 
     def __init__(self, config: uvicorn.Config, ready: str) -> None:
@@ -183,18 +160,8 @@ def _run(service: Service, listener: socket.socket) -> None:
     settings = service.settings
     app = create_app(service, loopback=is_here(settings.host))
     config = server_config(app, settings)
-    _quiet_uvicorn()
+    log_as_json("uvicorn", logging.WARNING)
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     scheme = "https" if settings.tls_key is not None else "http"
     Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])
-
-
-def _quiet_uvicorn() -> None:
-    """Let the server's own lines be JSON without tracebacks, which could hold what clients sent."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonLines())
-    logger = logging.getLogger("uvicorn")
-    logger.handlers[:] = [handler]
-    logger.propagate = False
-    logger.setLevel(logging.WARNING)

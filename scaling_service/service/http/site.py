@@ -12,7 +12,7 @@ from pathlib import Path
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
-from scaling_service.service.http import conditional
+from scaling_service.service.http.contents import is_known
 from scaling_service.service.store.errors import NotFound
 
 router = APIRouter(include_in_schema=False)
@@ -23,8 +23,7 @@ POLICY = (
 )
 """Content-Security-Policy of the page: its own scripts and styles only."""
 
-FOREVER = "public, max-age=31536000, immutable"
-"""For files whose name holds a hash of their content."""
+FOREVER = "public, max-age=31536000, immutable"  # for files whose name holds a hash of their content
 
 _NAME = re.compile(r"[\w.\-]{1,200}")
 _MEDIA_TYPES = {
@@ -37,14 +36,11 @@ _MEDIA_TYPES = {
     ".txt": "text/plain; charset=utf-8",
     ".map": "application/json",
 }
-_OTHER = "application/octet-stream"
 _PACKED = {".html", ".js", ".css", ".svg", ".txt", ".map", ".json"}
 """Sent compressed: texts; pictures and fonts are compressed in themselves."""
 
 _BUNDLE = Path(__file__).parents[1] / "page" / "built"
-_MOST_PARTS = 64
-"""Kept in memory. Chosen: more than a page has."""
-
+_MOST_PARTS = 64  # kept in memory. Chosen: more than a page has.
 _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
 <meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
 <p>The service runs. This installation was built without the web page; install the package again without
@@ -54,16 +50,7 @@ _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scalin
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One file of the page.
-
-    Parameters
-    ----------
-    content : bytes
-    packed : bytes or None
-        The same compressed by gzip, where that is worth it.
-    tag : str
-        Changes with the content.
-    """
+    """One file of the page, also compressed by gzip where that is worth it; its tag changes with it."""
 
     content: bytes
     packed: bytes | None
@@ -90,13 +77,13 @@ def asset(name: str, request: Request) -> Response:
 
 def _answer(request: Request, part: Part, name: str, keep: str, more: dict[str, str]) -> Response:
     headers = {"ETag": part.tag, "Cache-Control": keep, "Vary": "Accept-Encoding", **more}
-    if conditional.is_known(request, part.tag):
+    if is_known(request, part.tag):
         return Response(status_code=304, headers=headers)
     content = part.content
     if part.packed is not None and _takes_gzip(request):
         content, headers["Content-Encoding"] = part.packed, "gzip"
     suffix = name[name.rfind(".") :].lower()
-    return Response(content, media_type=_MEDIA_TYPES.get(suffix, _OTHER), headers=headers)
+    return Response(content, media_type=_MEDIA_TYPES.get(suffix, "application/octet-stream"), headers=headers)
 
 
 def _takes_gzip(request: Request) -> bool:
@@ -122,4 +109,4 @@ def _read(file: Path, _changed_ns: int, _size: int) -> Part:
     """The file as it is since it was changed last."""
     content = file.read_bytes()
     packed = gzip.compress(content, 9, mtime=0) if file.suffix in _PACKED else None
-    return Part(content, packed, conditional.tag(hashlib.sha256(content).hexdigest()[:32]))
+    return Part(content, packed, f'"{hashlib.sha256(content).hexdigest()[:32]}"')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, Any
@@ -14,18 +14,15 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
 from scaling_service.documents.subject import SubjectDocument
-from scaling_service.service.http import conditional
-from scaling_service.service.http.bodies import chunks, read_json
+from scaling_service.service.http.bodies import chunks, read_json, writing
 from scaling_service.service.http.callers import Desk, Owner
-from scaling_service.service.http.contents import stored_file
-from scaling_service.service.http.openapi import json_body
+from scaling_service.service.http.contents import file_responses, stored_file, unless_known
+from scaling_service.service.http.documentation import json_body
 from scaling_service.service.http.problems import described
-from scaling_service.service.http.threads import writing
-from scaling_service.service.jobs.service import Service, Upload
+from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store.errors import TooLarge
-from scaling_service.service.store.paging import LARGEST
-from scaling_service.service.store.rows import FileRow, SubjectRow
+from scaling_service.service.store.rows import LARGEST, FileRow, SubjectRow
 
 router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
@@ -39,8 +36,7 @@ FileName = Annotated[
     ),
 ]
 Cursor = Annotated[
-    str | None,
-    Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before."),
+    str | None, Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before.")
 ]
 Size = Annotated[int, Query(ge=1, le=LARGEST, description="Entries of a page.")]
 
@@ -51,20 +47,18 @@ EXAMPLE: dict[str, Any] = {
 }
 """A subject whose files are then uploaded under the names that it uses."""
 
-DOCUMENTS = (SubjectDocument, ImagedPerson)
-"""A subject's document follows one of these."""
+DOCUMENTS = (SubjectDocument, ImagedPerson)  # a subject's document follows one of these
 
-_BYTES = {"schema": {"type": "string", "format": "binary"}}
+_BYTES = {"type": "string", "format": "binary"}
 
 
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    response_model=SubjectDetail,
     responses=described(400, 408, 413, 415, 507) | {200: {"model": SubjectDetail, "description": "Replaced"}},
     openapi_extra=json_body(EXAMPLE, *DOCUMENTS),
 )
-async def put_subject(request: Request, owner: Owner, service: Desk) -> Response:
+async def put_subject(request: Request, response: Response, owner: Owner, service: Desk) -> SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
     It is the subject file of the command line as JSON; files stand in it by the names under which they are
@@ -72,18 +66,16 @@ async def put_subject(request: Request, owner: Owner, service: Desk) -> Response
     """
     document = await read_json(request)
     row, new = await writing(service.put_subject, owner, document)
-    detail = await run_in_threadpool(_detail, service, owner, row.id)
-    status = HTTPStatus.CREATED if new else HTTPStatus.OK
-    return JSONResponse(
-        detail.model_dump(mode="json"), status, headers={"Location": f"/v1/subjects/{quote(row.id)}"}
-    )
+    response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
+    response.headers["Location"] = f"/v1/subjects/{quote(row.id)}"
+    return await run_in_threadpool(_detail, service, owner, row.id)
 
 
 @router.get("", responses=described())
 def list_subjects(owner: Owner, service: Desk, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
-    return SubjectPage(items=[_entry(row) for row in page.items], next=page.following)
+    return SubjectPage(items=[SubjectSummary(**_entry(row)) for row in page.items], next=page.following)
 
 
 @router.get(
@@ -92,10 +84,9 @@ def list_subjects(owner: Owner, service: Desk, cursor: Cursor = None, limit: Siz
 async def get_subject(subject: Named, request: Request, owner: Owner, service: Desk) -> Response:
     """Look at a subject: its document and its files."""
     detail = await run_in_threadpool(_detail, service, owner, subject)
-    current = conditional.tag(detail.revision)
-    if conditional.is_known(request, current):
-        return conditional.unchanged(current)
-    return JSONResponse(detail.model_dump(mode="json"), headers=conditional.headers(current))
+    return unless_known(
+        request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
+    )
 
 
 @router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=described(404))
@@ -112,34 +103,26 @@ def list_files(subject: Named, owner: Owner, service: Desk) -> FileList:
 
 @router.put(
     "/{subject}/files/{name}",
-    response_model=FileEntry,
     responses=described(404, 408, 413, 507),
     # No body is a file without content, which is the fault of the job that reads it.
-    openapi_extra={"requestBody": {"required": False, "content": {"application/octet-stream": _BYTES}}},
-)
-async def put_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
-    """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
-    _refuse_too_large(request, service.settings.limit_upload_mb)
-    upload = await run_in_threadpool(_Upload, service.upload(owner, subject, name))
-    try:
-        async for chunk in chunks(request):
-            await writing(upload.taken.write, chunk)
-        row = await writing(upload.taken.keep)
-    finally:
-        upload.close()
-    return JSONResponse(_file(row).model_dump(mode="json"))
-
-
-@router.get(
-    "/{subject}/files/{name}",
-    response_class=Response,
-    responses=described(404, 416)
-    | {
-        200: {"description": "The file", "content": {"*/*": _BYTES}},
-        206: {"description": "The stretch", "content": {"*/*": _BYTES}},
-        304: {"description": "Unchanged"},
+    openapi_extra={
+        "requestBody": {"required": False, "content": {"application/octet-stream": {"schema": _BYTES}}}
     },
 )
+async def put_file(
+    subject: Named, name: FileName, request: Request, owner: Owner, service: Desk
+) -> FileEntry:
+    """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
+    _refuse_too_large(request, service.settings.limit_upload_mb)
+    with ExitStack() as entered:
+        upload = await run_in_threadpool(entered.enter_context, service.upload(owner, subject, name))
+        async for chunk in chunks(request):
+            await writing(upload.write, chunk)
+        (entry,) = entries([await writing(upload.keep)])
+        return entry
+
+
+@router.get("/{subject}/files/{name}", response_class=Response, responses=file_responses(_BYTES))
 async def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a stretch of it."""
     row, _ = await run_in_threadpool(service.subject_file, owner, subject, name)
@@ -150,17 +133,6 @@ async def get_file(subject: Named, name: FileName, request: Request, owner: Owne
 def delete_file(subject: Named, name: FileName, owner: Owner, service: Desk) -> None:
     """Remove a file of a subject; jobs that were asked for before keep theirs."""
     service.remove_subject_file(owner, subject, name)
-
-
-class _Upload:
-    """An upload that is entered in one call and left in another."""
-
-    def __init__(self, manager: AbstractContextManager[Upload]) -> None:
-        self._manager = manager
-        self.taken = manager.__enter__()
-
-    def close(self) -> None:
-        self._manager.__exit__(None, None, None)
 
 
 def _refuse_too_large(request: Request, limit_mb: int) -> None:
@@ -180,26 +152,17 @@ def moment(microseconds: int) -> datetime:
 
 def entries(rows: list[FileRow]) -> list[FileEntry]:
     """Files as they travel."""
-    return [_file(row) for row in rows]
+    return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
-def _file(row: FileRow) -> FileEntry:
-    return FileEntry(name=row.name, size=row.size, sha256=row.sha256)
-
-
-def _entry(row: SubjectRow) -> SubjectSummary:
-    return SubjectSummary(
-        id=row.id,
-        created_at=moment(row.created_us),
-        updated_at=moment(row.updated_us),
-        revision=row.revision,
-    )
+def _entry(row: SubjectRow) -> dict[str, Any]:
+    times = {"created_at": moment(row.created_us), "updated_at": moment(row.updated_us)}
+    return {"id": row.id, "revision": row.revision} | times
 
 
 def _detail(service: Service, owner: str, subject: str) -> SubjectDetail:
-    row = service.subject(owner, subject)
     return SubjectDetail(
-        **_entry(row).model_dump(),
+        **_entry(service.subject(owner, subject)),
         document=service.subject_document(owner, subject),
         files=entries(service.subject_files(owner, subject)),
     )

@@ -3,24 +3,21 @@
 The parts, each one idea:
 
 ============== =====================================================================================
-``identity``   a request with its inputs, code and owner becomes one SHA-256: the job's name
-``kinds``      the table of what can be asked for; ``work`` holds one module for each row
+``kinds``      the table of what can be asked for; each row's work stands in its capability's folder
+``submission`` checks a request, finds the files that it names, and makes or finds the job: one SHA-256
+               of the request with its inputs, code and owner is its name
+``service``    what the HTTP layer calls: ask, look, cancel, delete
 ``machine``    the states of a job as one pure function
-``submission`` checks a request, finds the files that it names, and makes or finds the job
-``desk``       what the HTTP layer calls: ask, look, cancel, delete
 ``ledger``     every change of a job, each in one transaction: lease, renew, finish, take back
-``moves``      one step of a job's state, and of what waits for it
-``lifeline``   a process that ends with the one that needs it
-``limits``     bounds on memory, time and files of one process
-``child``      the process that computes: limits itself, calls the kind's function, answers in JSON
-``supervisor`` starts a child, follows it, stops it, says how it ended
-``orders``     from a leased job to the order for an attempt at it
-``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel
-``executors``  where attempts run: threads here, or a Dask cluster
-``runner``     takes queued jobs, looks after them, keeps what they made
+``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel;
+               the executors that do it: threads here, or a Dask cluster
+``runner``     takes queued jobs, looks after them, keeps what they made; shows by a lock that it lives
 ``process``    a runner in a process of its own, started again when it dies
 ``settings``   all that can be chosen for a service
+``example``    the built-in example put among an owner's subjects
 ============== =====================================================================================
+
+The child that computes, its limits and its supervisor are in ``service.sandbox``.
 
 How an attempt goes. A runner leases a job: the attempt's number grows and is the fencing token. It copies
 the inputs into the attempt's folder and submits ``attempts.Order`` to its executor. There a supervisor

@@ -1,4 +1,7 @@
-"""One attempt of a job: its folder, and what is done in it wherever the executor runs.
+"""One attempt of a job: its folder, what is done in it, and the executors that do it.
+
+An executor may be any of ``concurrent.futures``: an attempt is a call of :func:`carry_out`, which watches
+over a limited process of its own. So the executor's workers only wait; threads are enough on one machine.
 
 The folder is all that runner and supervisor share, so they may be on two machines::
 
@@ -12,64 +15,55 @@ The folder is all that runner and supervisor share, so they may be on two machin
 
 from __future__ import annotations
 
+import importlib
 import json
 import shutil
 import socket
 import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
+from scaling_service.core.errors import DependencyMissing
 from scaling_service.documents.jobs import Failure
 from scaling_service.documents.names import DOCUMENT, PARTS
-from scaling_service.service.jobs.identity import code_version
 from scaling_service.service.jobs.kinds import Kind
-from scaling_service.service.jobs.outcomes import Failed, Finished, Hindered, Outcome
+from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import Child, Progress
+from scaling_service.service.sandbox.launcher import launcher
 from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Outcome
 from scaling_service.service.sandbox.supervisor import supervise
+from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.errors import StoreUnavailable, disk_errors
+from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.store import Store
 
-_PROGRESS_S = 0.25
-"""Between two notes of progress. Chosen: faster than a person reads."""
+Result = TypeVar("Result")
+MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
+_CONNECT_S = 10.0  # chosen: a scheduler that does not answer by then is tried again later
+_PROGRESS_S = 0.25  # between two notes of progress. Chosen: faster than a person reads.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """An attempt, as it is sent to an executor.
-
-    Parameters
-    ----------
-    kind : Kind
-    request : str
-        JSON.
-    documents : dict
-        Subject to its document.
-    inputs : tuple of (str, str)
-        Path below the folder of inputs, and SHA-256.
-    data, folder : Path
-        The data directory, and this attempt's folder in it.
-    limits : Limits
-    code_version : str
-        Of the runner; the executor's must be the same.
-    patience_s : float
-        Without a heartbeat for so long, the runner is taken for dead.
-    parts : str, optional
-        JSON: how the jobs ended that this one is made of.
-    """
+    """An attempt, as it is sent to an executor."""
 
     kind: Kind
-    request: str
-    documents: dict[str, Any]
-    inputs: tuple[tuple[str, str], ...]
-    data: Path
-    folder: Path
+    request: str  # JSON
+    documents: dict[str, Any]  # subject to its document
+    inputs: tuple[tuple[str, str], ...]  # path below the folder of inputs, and SHA-256
+    data: Path  # the data directory
+    folder: Path  # of this attempt, in the data directory
     limits: Limits
-    code_version: str
-    patience_s: float
-    parts: str | None = None
+    code_version: str  # of the runner; the executor's must be the same
+    patience_s: float  # without a heartbeat for so long, the runner is taken for dead
+    parts: str | None = None  # JSON: how the jobs ended that this one is made of
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +78,44 @@ class _Work:
         return self.kind.work(request, folder / "inputs", folder / "outputs", progress)
 
 
-def carry_out(order: Order) -> Outcome:
-    """Do one attempt; this is what executors run.
+def make_order(
+    store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path
+) -> tuple[Order, str]:
+    """The order for an attempt at a leased job, and the job's specification."""
+    specification, _, _ = jobs.documents(store.database, row.owner, row.id)
+    told = json.loads(specification)
+    if kind.parts is None:
+        inputs, ends = jobs.inputs(store.database, row.id), None
+    else:
+        inputs = parts.files(store.database, row.id, kind.parts.file)
+        ended = [_told(end) for end in parts.ends(store.database, row.id)]
+        ends = json.dumps(ended, ensure_ascii=False)
+    order = Order(
+        kind=kind,
+        request=json.dumps(told["request"]),
+        documents=told["documents"],
+        inputs=tuple((file.name, file.sha256) for file in inputs),
+        data=store.blobs.folder,
+        folder=folder,
+        limits=settings.limits,
+        code_version=code_version(),
+        patience_s=settings.lease_s,
+        parts=ends,
+    )
+    return order, specification
 
-    Returns
-    -------
-    Outcome
-        Whatever happens; nothing is raised but for defects.
-    """
+
+def _told(end: parts.PartRow) -> dict[str, Any]:
+    return {
+        "request": json.loads(end.specification)["request"],
+        "state": end.state.value,
+        "result": end.result and json.loads(end.result),
+        "failure": end.failure and json.loads(end.failure),
+    }
+
+
+def carry_out(order: Order) -> Outcome:
+    """Do one attempt, whatever its end; this is what executors run."""
     if order.code_version != code_version():
         return Failed(
             Failure(
@@ -112,31 +136,24 @@ def carry_out(order: Order) -> Outcome:
 
 def _prepare(order: Order) -> None:
     """Make the folders and copy the inputs."""
-    blobs = Blobs(order.data)
+    blobs, inputs = Blobs(order.data), order.folder / "inputs"
     with disk_errors(order.data):
         for name in ("inputs", "outputs", "tmp"):
             (order.folder / name).mkdir(mode=0o700, parents=True)
         for subject, document in order.documents.items():
-            place = order.folder / "inputs" / subject
-            place.mkdir()
-            (place / DOCUMENT).write_text(json.dumps(document, ensure_ascii=False), encoding="utf-8")
+            (inputs / subject).mkdir()
+            text = json.dumps(document, ensure_ascii=False)
+            (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
         if order.parts is not None:
-            (order.folder / "inputs" / PARTS).write_text(order.parts, encoding="utf-8")
+            (inputs / PARTS).write_text(order.parts, encoding="utf-8")
     for path, sha256 in order.inputs:
-        target = order.folder / "inputs" / path
         with disk_errors(order.data):
-            target.parent.mkdir(exist_ok=True)
-        blobs.copy(sha256, target)
+            (inputs / path).parent.mkdir(exist_ok=True)
+        blobs.copy(sha256, inputs / path)
 
 
 class Watch:
-    """The supervisor's side of the folder: may it go on, and how far is it.
-
-    Parameters
-    ----------
-    folder : Path
-    patience_s : float
-    """
+    """The supervisor's side of the folder: may it go on, and how far is it."""
 
     def __init__(self, folder: Path, patience_s: float) -> None:
         self._folder, self._patience_s = folder, patience_s
@@ -169,26 +186,15 @@ class Watch:
 
 
 class AttemptFolder:
-    """The runner's side of the folder.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """The runner's side of the folder."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._seen = ""
 
     def open(self) -> None:
-        """Make the folder, empty.
-
-        Raises
-        ------
-        StoreUnavailable
-            The disk does not take it.
-        """
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Make the folder, empty."""
+        self.remove()
         with disk_errors(self.folder.parent):
             self.folder.mkdir(mode=0o700)
         self.beat()
@@ -220,3 +226,51 @@ class AttemptFolder:
     def remove(self) -> None:
         """Remove the folder with all that is in it."""
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def executor_maker(settings: ServiceSettings) -> MakeExecutor:
+    """The executor that the settings ask for: a Dask cluster where an address is given, else this machine."""
+    address = settings.dask_address
+    if address is None:
+        return lambda: local_executor(settings.workers)
+    try:
+        distributed = importlib.import_module("distributed")
+    except ImportError as error:
+        raise DependencyMissing(
+            "Dask is not installed",
+            field="dask_address",
+            remedy="Install it with `pip install 'scaling-service[dask]'`",
+        ) from error
+    return lambda: ClusterExecutor(distributed, address)
+
+
+def local_executor(workers: int) -> Executor:
+    """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
+    launcher().start()
+    return ThreadPoolExecutor(workers, thread_name_prefix="attempt")
+
+
+class ClusterExecutor(Executor):
+    """A Dask cluster, by its scheduler's address. Its workers need this package and the data directory."""
+
+    def __init__(self, distributed: Any, address: str) -> None:
+        try:
+            self._client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError) as error:
+            raise StoreUnavailable(
+                "the Dask scheduler does not answer",
+                field="dask_address",
+                remedy="Start it; the service goes on by itself",
+            ) from error
+        # Not pure: the same order may be carried out twice. No retries: what is lost is our own matter.
+        self._executor = self._client.get_executor(pure=False, retries=0)
+
+    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> Future[Result]:
+        """Run a call on one of the workers."""
+        future: Future[Result] = self._executor.submit(fn, *args, **kwargs)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 (the base's)
+        """Leave the cluster; it goes on for others."""
+        self._executor.shutdown(wait=wait)
+        self._client.close()

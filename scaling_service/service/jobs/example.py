@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -15,15 +13,12 @@ from scaling_service.core.errors import InputError
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import check_document
 from scaling_service.service.jobs.service import Service
+from scaling_service.service.sandbox.launcher import python
 from scaling_service.service.store.errors import InUse, NotFound
 
 NAME = "example"
-MOST = 5
-"""Examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds."""
-
-TIME_LIMIT_S = 120.0
-"""For one example. Chosen: it takes two seconds, on a busy machine some twenty."""
-
+MOST = 5  # examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds.
+TIME_LIMIT_S = 120.0  # for one example. Chosen: it takes two seconds, on a busy machine some twenty.
 _WORKER = "scaling_service.service.jobs.example_worker"
 
 
@@ -32,40 +27,15 @@ class ExampleFailed(InputError):
 
 
 class Examples:
-    """Puts examples into a service, one at a time.
-
-    Parameters
-    ----------
-    service : Service
-    """
+    """Puts examples into a service, one at a time."""
 
     def __init__(self, service: Service) -> None:
         self._service, self._alone = service, threading.Lock()
 
     def put(self, owner: str, persons: int) -> tuple[list[str], bool]:
-        """Give an owner the first examples; those that are there already stay.
+        """Give an owner the first examples: the names of the subjects, and whether any was not there.
 
-        Parameters
-        ----------
-        owner : str
-        persons : int
-            1 to :data:`MOST`.
-
-        Returns
-        -------
-        names : list of str
-            Of the subjects.
-        new : bool
-            Whether any was not there.
-
-        Raises
-        ------
-        InUse
-            A subject of the same name is not the example.
-        ExampleFailed
-            The process that makes it ended without it.
-        StoreFull, StoreUnavailable
-            It cannot be kept.
+        InUse where a subject of the same name is not the example, ExampleFailed where it could not be made.
         """
         names = [NAME if seed == 0 else f"{NAME}_{seed + 1}" for seed in range(persons)]
         with self._alone:
@@ -102,15 +72,14 @@ class Examples:
 
 
 def _run(folder: Path, name: str, seed: int) -> None:
-    root = str(Path(__file__).resolve().parents[3])
-    path = os.environ.get("PYTHONPATH")
+    command, environment = python(_WORKER, str(folder), name, str(seed))
     try:
         done = subprocess.run(
-            [sys.executable, "-m", _WORKER, str(folder), name, str(seed)],
+            command,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             cwd=folder,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([root, path] if path else [root])},
+            env=environment,
             timeout=TIME_LIMIT_S,
             check=False,
         )

@@ -12,14 +12,22 @@ from sqlalchemy.exc import IntegrityError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.machine import Event
-from scaling_service.service.jobs.moves import FRESH, await_parts, move
-from scaling_service.service.store import jobs, listing, parts, queueing, references
-from scaling_service.service.store.blobs import Content
-from scaling_service.service.store.clock import NowUs
+from scaling_service.service.jobs.machine import Event, Standing, after
+from scaling_service.service.store import jobs, parts, queueing
+from scaling_service.service.store.blobs import Content, keep
+from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import needed
 from scaling_service.service.store.rows import FileRow, JobRow
 from scaling_service.service.store.store import Store
+
+PARTS_SHARE = 0.95
+"""Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
+
+_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
+
+_AGAIN = (State.FAILED, State.CANCELLED)  # asked for in one of these states, a job is queued again
+_TRIES = 5
+"""Of asking, before an error counts. Chosen: each needs another who asks for the same at the same moment."""
 
 
 class QueueFull(InputError):
@@ -28,15 +36,7 @@ class QueueFull(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """What an attempt made, ready to be kept.
-
-    Parameters
-    ----------
-    result : str
-        JSON.
-    files : tuple of (str, Content)
-        Path and content of each file.
-    """
+    """What an attempt made, ready to be kept: the result as JSON, path and content of each file."""
 
     result: str
     files: tuple[tuple[str, Content], ...] = ()
@@ -44,40 +44,19 @@ class Made:
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """The changes of jobs in a store.
-
-    Parameters
-    ----------
-    store : Store
-    most_losses : int
-    lease_s : float
-    """
+    """The changes of jobs in a store."""
 
     store: Store
     most_losses: int
     lease_s: float
 
     def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
-        """Make a job, or find the one that there is; one that failed or was cancelled is queued again.
+        """Make a job or find the one that there is, and whether it was put in the queue by this.
 
-        Parameters
-        ----------
-        make : callable
-            Reads what the job rests on within the transaction.
-        most_waiting : int
-
-        Returns
-        -------
-        row : JobRow
-        queued : bool
-            Whether it was put in the queue by this.
-
-        Raises
-        ------
-        QueueFull
-            The owner has too many jobs waiting.
+        One that failed or was cancelled is queued again. ``make`` reads what the job rests on within the
+        transaction. QueueFull is raised where the owner has ``most_waiting`` jobs waiting.
         """
-        for _ in range(_TRIES):
+        for _ in range(_TRIES - 1):
             with suppress(IntegrityError):  # made by another, or a file replaced, since we read
                 return self._ask(make, most_waiting)
         return self._ask(make, most_waiting)
@@ -89,7 +68,7 @@ class Ledger:
             if row is not None and row.state not in _AGAIN:
                 return row, False
             room_from = most_waiting - max(len(new.parts), 1) + 1
-            if listing.waiting_at_least(connection, new.owner, room_from):
+            if queueing.waiting_at_least(connection, new.owner, room_from):
                 raise QueueFull(
                     f"{most_waiting} jobs are waiting, which is the most",
                     remedy="Wait until some are done, or cancel some",
@@ -100,12 +79,12 @@ class Ledger:
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
             elif row.state in _AGAIN:
-                self._move(connection, row, Event.ASK, FRESH)
+                self._move(connection, row, Event.ASK, _FRESH)
             else:  # somebody else asked meanwhile
                 return row, False
             if new.parts:
                 parts.link(connection, new.id, [part.id for part in new.parts])
-                await_parts(connection, _known(connection, new.id), self.most_losses)
+                self._await_parts(connection, _known(connection, new.id))
             return _known(connection, new.id), True
 
     def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
@@ -113,7 +92,13 @@ class Ledger:
         if row is None:
             jobs.add(connection, part, State.QUEUED.value, part=True)
         elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
-            self._move(connection, row, Event.ASK, FRESH)
+            self._move(connection, row, Event.ASK, _FRESH)
+
+    def _await_parts(self, connection: Connection, row: JobRow) -> None:
+        """Let a job that is queued wait for its parts, unless they are over."""
+        over, count = parts.ended(connection, row.id)
+        if over < count:
+            self._move(connection, row, Event.WAIT, _counted(over, count))
 
     def lease(self, worker: str, host: str) -> JobRow | None:
         """Take the next job; None where nothing waits."""
@@ -138,26 +123,19 @@ class Ledger:
             if row is None:
                 return None
             if row.state is State.CANCELLING:
-                return self._move(connection, row, Event.FINISH, {})
-            references.keep(connection, self.store.blobs, [content for _, content in made.files])
+                return self._move(connection, row, Event.FINISH)
+            keep(connection, self.store.blobs, [content for _, content in made.files])
             files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
             jobs.add_files(connection, row.id, files)
             parts.take_files(connection, row.id)
-            done = {
-                "result": made.result,
-                "provenance": provenance,
-                "progress_share": 1.0,
-                "progress_what": "done",
-            }
-            return self._move(connection, row, Event.FINISH, done)
+            done = {"result": made.result, "provenance": provenance}
+            progress = {"progress_share": 1.0, "progress_what": "done"}
+            return self._move(connection, row, Event.FINISH, done | progress)
 
     def settle(self, held: JobRow, event: Event, failure: Failure, provenance: str | None) -> State | None:
         """Record an attempt that ended without a result; None where the job is no longer ours.
 
-        Parameters
-        ----------
-        failure : Failure
-            Kept where the job ends as failed by this.
+        The failure is kept where the job ends as failed by this.
         """
         with self.store.write() as connection:
             row = self._ours(connection, held)
@@ -170,40 +148,24 @@ class Ledger:
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is.
 
-        Raises
-        ------
-        NotFound
-            This owner has no such job.
-        InUse
-            It is a part of one that is not over.
+        NotFound where this owner has no such job, InUse where it is a part of one that is not over.
         """
         with self.store.write() as connection:
             made_of = [jobs.locked(connection, part) for part in parts.of(connection, [job])]
             row = jobs.locked(connection, job, owner)
             if row is None:
                 raise jobs.no_job(job)
-            if not (row.state.is_over or row.state is State.CANCELLING):
+            if _goes_on(row):
                 if parts.is_needed(connection, job):
                     raise needed(job)
-                self._move(connection, row, Event.CANCEL, {})
+                self._move(connection, row, Event.CANCEL)
                 for part in made_of:
-                    self._cancel_part(connection, part)
+                    if part is not None and _goes_on(part) and not parts.is_needed(connection, part.id):
+                        self._move(connection, part, Event.CANCEL)
             return _known(connection, job)
 
-    def _cancel_part(self, connection: Connection, row: JobRow | None) -> None:
-        """Cancel a part that no other job waits for."""
-        goes_on = row is not None and not (row.state.is_over or row.state is State.CANCELLING)
-        if row is not None and goes_on and not parts.is_needed(connection, row.id):
-            self._move(connection, row, Event.CANCEL, {})
-
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
-        """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead.
-
-        Returns
-        -------
-        list of str
-            The jobs.
-        """
+        """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         gone = set(dead)
         taken: list[str] = []
         with self.store.write() as connection:
@@ -219,25 +181,51 @@ class Ledger:
     def _ours(self, connection: Connection, held: JobRow) -> JobRow | None:
         """The job, locked, if this very attempt still holds it."""
         row = jobs.locked(connection, held.id)
-        fenced = row is not None and (row.attempt, row.worker) == (held.attempt, held.worker)
-        return row if fenced and row is not None and row.state.is_leased else None
+        if row is None or (row.attempt, row.worker) != (held.attempt, held.worker):
+            return None
+        return row if row.state.is_leased else None
 
-    def _move(self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any]) -> State:
-        return move(connection, row, event, values, self.most_losses)
+    def _move(
+        self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any] | None = None
+    ) -> State:
+        """Write where a locked job stands after an event, with all that changes with it."""
+        new = after(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
+        written: dict[str, Any] = {
+            "state": new.state.value,
+            "attempt": new.attempt,
+            "losses": new.losses,
+        }
+        written |= values or {}
+        if not new.state.is_leased:
+            written |= {"worker": None, "lease_until_us": None}
+        if new.state.is_over:
+            written["finished_us"] = NowUs()
+        if new.state is State.QUEUED:
+            _, count = parts.ended(connection, row.id)
+            share = PARTS_SHARE if count else 0.0
+            written |= {"progress_share": share, "progress_what": "waiting", "provenance": None}
+        if new.state is not State.FAILED:
+            written["failure"] = None
+        jobs.change(connection, row.id, written)
+        if new.state.is_over:
+            self._tell_wholes(connection, row.id, new.state)
+        return new.state
 
-
-_AGAIN = (State.FAILED, State.CANCELLED)
-"""Asked for in one of these states, a job is queued again."""
-
-_TRIES = 4
-"""Of asking, before an error counts. Chosen: each needs another who asks for the same at the same moment."""
-
-
-def _known(connection: Connection, job: str) -> JobRow:
-    """A job that is there, for it was made or locked in this transaction."""
-    row = jobs.seen(connection, job)
-    assert row is not None
-    return row
+    def _tell_wholes(self, connection: Connection, part: str, state: State) -> None:
+        """A part is over: count again, and let go on what waited for the last one."""
+        waiting = parts.waiting_for(connection, part)
+        if waiting and state is State.CANCELLED:  # with another whole, just before this one was asked for
+            self._move(connection, _known(connection, part), Event.ASK, _FRESH)
+            return
+        for whole in waiting:
+            row = jobs.locked(connection, whole)
+            if row is None or row.state is not State.WAITING:
+                continue
+            over, count = parts.ended(connection, whole)
+            if over == count:
+                self._move(connection, row, Event.READY)
+            else:
+                jobs.change(connection, whole, _counted(over, count))
 
 
 def lost_too_often(row: JobRow, reason: str) -> Failure:
@@ -247,6 +235,21 @@ def lost_too_often(row: JobRow, reason: str) -> Failure:
         problem=f"the process that computed was lost {row.losses + 1} times; the last time: {reason}",
         remedy="Look at the machine's memory and disk, then ask for the job again",
     )
+
+
+def _known(connection: Connection, job: str) -> JobRow:
+    """A job that is there, for it was made or locked in this transaction."""
+    row = jobs.seen(connection, job)
+    assert row is not None
+    return row
+
+
+def _goes_on(row: JobRow) -> bool:
+    return not (row.state.is_over or row.state is State.CANCELLING)
+
+
+def _counted(over: int, count: int) -> dict[str, Any]:
+    return {"progress_share": PARTS_SHARE * over / count, "progress_what": f"{over} of {count} ended"}
 
 
 def _why(failure: Failure, provenance: str | None) -> dict[str, Any]:

@@ -30,44 +30,25 @@ from scaling_service.documents.jobs import State
 class Event(StrEnum):
     """What can happen to a job."""
 
-    ASK = "ask"
-    """It is asked for (again)."""
-    LEASE = "lease"
-    """A worker takes it."""
-    FINISH = "finish"
-    """Its worker has the result."""
-    FAIL = "fail"
-    """Its worker knows why there is none."""
-    LOSE = "lose"
-    """Its worker, or the process that computed, is gone without a word."""
-    RELEASE = "release"
-    """Its worker gives it back unharmed: it stops, or the disk is full."""
-    CANCEL = "cancel"
-    """Its owner wants it no more."""
-    STOP = "stop"
-    """Its worker has stopped it."""
-    WAIT = "wait"
-    """It is made of others that are not over."""
-    READY = "ready"
-    """They are over, each in its own way."""
+    ASK = "ask"  # it is asked for (again)
+    LEASE = "lease"  # a worker takes it
+    FINISH = "finish"  # its worker has the result
+    FAIL = "fail"  # its worker knows why there is none
+    LOSE = "lose"  # its worker, or the process that computed, is gone without a word
+    RELEASE = "release"  # its worker gives it back unharmed: it stops, or the disk is full
+    CANCEL = "cancel"  # its owner wants it no more
+    STOP = "stop"  # its worker has stopped it
+    WAIT = "wait"  # it is made of others that are not over
+    READY = "ready"  # they are over, each in its own way
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a job stands.
-
-    Parameters
-    ----------
-    state : State
-    attempt : int
-        How often it was leased: the fencing token.
-    losses : int
-        How often its worker was lost since it was last asked for.
-    """
+    """Where a job stands."""
 
     state: State
-    attempt: int = 0
-    losses: int = 0
+    attempt: int = 0  # how often it was leased: the fencing token
+    losses: int = 0  # how often its worker was lost since it was last asked for
 
 
 class NotPossible(Exception):
@@ -79,19 +60,7 @@ class NotPossible(Exception):
 
 
 def after(standing: Standing, event: Event, most_losses: int) -> Standing:
-    """Where a job stands after an event.
-
-    Parameters
-    ----------
-    standing : Standing
-    event : Event
-    most_losses : int
-        A job that lost so many workers fails.
-
-    Raises
-    ------
-    NotPossible
-        The event means nothing in this state; nothing changes.
+    """Where a job stands after an event; one that lost ``most_losses`` workers fails.
 
     Examples
     --------

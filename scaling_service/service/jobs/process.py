@@ -1,53 +1,39 @@
-"""A runner in a process of its own, so that nothing it does slows those who answer requests."""
+"""A runner in a process of its own, so that nothing it does slows those who answer requests; its log."""
 
 from __future__ import annotations
 
+import json
 import logging
-import os
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.jobs.configuration import load_settings
-from scaling_service.service.jobs.logs import log_as_json
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import open_store
-from scaling_service.service.jobs.settings import ServiceSettings
+from scaling_service.service.jobs.settings import ServiceSettings, load_settings
+from scaling_service.service.sandbox.launcher import python
 from scaling_service.service.store.errors import StoreUnavailable
 from scaling_service.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
-FROM_PARENT = "--from-parent"
-"""Settings come over standard input, whose end is also the sign to end."""
+FROM_PARENT = "--from-parent"  # settings come over standard input, whose end is also the sign to end
+EXIT_INPUT = 2  # what was given cannot be used, as on the command line
+_TRY_AGAIN_S = 1.0  # before a store that did not answer at the start is tried again. Chosen.
+_ENDING_S = 30.0  # how long a runner may take to give its jobs back. Chosen: longer than it gives itself.
 
-EXIT_INPUT = 2
-"""What was given cannot be used, as on the command line."""
-
-_ROOT = Path(__file__).resolve().parents[3]
-_TRY_AGAIN_S = 1.0
-"""Before a store that did not answer at the start is tried again. Chosen."""
-
-_ENDING_S = 30.0
-"""How long a runner may take to give its jobs back. Chosen: longer than it gives itself."""
+_OF_EVERY_RECORD = frozenset(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run until SIGTERM, SIGINT or the end of the parent.
+    """Run until SIGTERM, SIGINT or the end of the parent, by a settings file or the environment alone.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        A settings file, or nothing for the environment alone.
-
-    Returns
-    -------
-    int
-        0, or 2 where the settings or the store cannot be used.
+    The exit code is 0, or 2 where the settings or the store cannot be used.
     """
     log_as_json()
     stopped = threading.Event()
@@ -61,20 +47,38 @@ def main(arguments: Sequence[str]) -> int:
             settings = load_settings(Path(arguments[0]) if arguments else None)
         store = _store_when_there(settings, stopped)
         if store is not None:
-            _run(Runner(store, settings), stopped)
+            runner = Runner(store, settings)
+            threading.Thread(target=_stop_when, args=(stopped, runner), daemon=True).start()
+            runner.run()
     except InputError as error:
         sys.stderr.write(f"scaling-service runner: {error}\n")
         return EXIT_INPUT
     return 0
 
 
-class RunnerProcess:
-    """A runner beside this process: started again when it dies, ended with this process.
+def _stop_when(stopped: threading.Event, runner: Runner) -> None:
+    stopped.wait()
+    runner.stop()
 
-    Parameters
-    ----------
-    settings : ServiceSettings
-    """
+
+def _await_end_of_input(stopped: threading.Event) -> None:
+    sys.stdin.read()
+    stopped.set()
+
+
+def _store_when_there(settings: ServiceSettings, stopped: threading.Event) -> Store | None:
+    """The store as soon as it answers: at the start of a machine the database may be later than we."""
+    while not stopped.is_set():
+        try:
+            return open_store(settings)
+        except StoreUnavailable as error:
+            log.warning("the store is not available", extra={"reason": error.problem})
+            stopped.wait(_TRY_AGAIN_S)
+    return None
+
+
+class RunnerProcess:
+    """A runner beside this process: started again when it dies, ended with this process."""
 
     module = "scaling_service.service.jobs"
     """What is run, with :data:`FROM_PARENT`; another one may know other kinds of jobs."""
@@ -125,12 +129,12 @@ class RunnerProcess:
                     self._process = self._started()
 
     def _started(self) -> subprocess.Popen[str]:
-        path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH")]))
+        command, environment = python(self.module, FROM_PARENT)
         process = subprocess.Popen(
-            [sys.executable, "-m", self.module, FROM_PARENT],
+            command,
             stdin=subprocess.PIPE,
             text=True,
-            env={**os.environ, "PYTHONPATH": path},
+            env=environment,
             start_new_session=True,  # Ctrl-C at a terminal is for this process, which then ends it
         )
         assert process.stdin is not None
@@ -139,26 +143,28 @@ class RunnerProcess:
         return process
 
 
-def _await_end_of_input(stopped: threading.Event) -> None:
-    sys.stdin.read()
-    stopped.set()
+class JsonLines(logging.Formatter):
+    """One JSON object a line: what happened, when, to which job; nothing of a patient."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Time, level, logger and message of a record, and what was given as ``extra``."""
+        told: dict[str, object] = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        told |= {k: v for k, v in record.__dict__.items() if k not in _OF_EVERY_RECORD}
+        if record.exc_info and record.exc_info[0] is not None:
+            told["error"] = record.exc_info[0].__name__
+        return json.dumps(told, default=str)
 
 
-def _store_when_there(settings: ServiceSettings, stopped: threading.Event) -> Store | None:
-    """The store as soon as it answers: at the start of a machine the database may be later than we."""
-    while not stopped.is_set():
-        try:
-            return open_store(settings)
-        except StoreUnavailable as error:
-            log.warning("the store is not available", extra={"reason": error.problem})
-            stopped.wait(_TRY_AGAIN_S)
-    return None
-
-
-def _run(runner: Runner, stopped: threading.Event) -> None:
-    def stop_when_asked() -> None:
-        stopped.wait()
-        runner.stop()
-
-    threading.Thread(target=stop_when_asked, daemon=True).start()
-    runner.run()
+def log_as_json(name: str = "scaling_service", level: int = logging.INFO) -> None:
+    """Send a package's log to standard error, without tracebacks, which could hold what clients sent."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines())
+    logger = logging.getLogger(name)
+    logger.handlers[:] = [handler]
+    logger.setLevel(level)
+    logger.propagate = False

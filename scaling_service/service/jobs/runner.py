@@ -1,67 +1,80 @@
-"""Takes queued jobs and looks after them, whatever the store does meanwhile."""
+"""Takes queued jobs and looks after them, whatever the store does meanwhile; keeps what they made."""
 
 from __future__ import annotations
 
+import fcntl
+import json
 import logging
+import os
+import secrets
 import socket
 import threading
 import time
-from collections.abc import Mapping
-from concurrent.futures import Executor, wait
+from collections.abc import Iterable, Mapping
+from concurrent.futures import CancelledError, Executor, Future, wait
 from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
 
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.attempts import AttemptFolder, carry_out
-from scaling_service.service.jobs.executors import MakeExecutor, executor_maker
-from scaling_service.service.jobs.identity import code_version
+from scaling_service.service.jobs.attempts import (
+    AttemptFolder,
+    MakeExecutor,
+    carry_out,
+    executor_maker,
+    make_order,
+)
 from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.ledger import Ledger, lost_too_often
+from scaling_service.service.jobs.ledger import Ledger, Made, lost_too_often
 from scaling_service.service.jobs.machine import Event
-from scaling_service.service.jobs.orders import make_order
-from scaling_service.service.jobs.presence import Presence
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.settling import Held, settle
+from scaling_service.service.jobs.submission import code_version, provenance
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
-from scaling_service.service.store.errors import StoreUnavailable
+from scaling_service.service.store.blobs import Content
+from scaling_service.service.store.errors import ContentMissing, StoreUnavailable, disk_errors
 from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
+
 TICK_S = 0.1
 """Between two looks at everything. Chosen: quick for a person, a few short statements for the database."""
 
-TIDY_S = 600.0
-"""Between two rounds of tidying. Chosen: rubbish is rare and does no harm."""
-
+TIDY_S = 600.0  # between two rounds of tidying. Chosen: rubbish is rare and does no harm.
 _LONGEST_PAUSE_S = 5.0
 """Between two tries while the store does not answer. Chosen: it is used soon after it is back."""
 
 _ENDING_S = 20.0
 """How long the end waits for the processes that it stopped. Chosen: they are killed, so it takes a moment."""
 
-_RENEWALS = 3
-"""Of a lease within its time: two may fail without harm."""
+_RENEWALS = 3  # of a lease within its time: two may fail without harm
+
+_UNKNOWN = Failure(
+    kind="WorkerMismatch",
+    problem="this version of the program cannot do this kind of job",
+    remedy="Install the same version everywhere, then ask for the job again",
+)
+
+
+@dataclass(slots=True)
+class Held:
+    """An attempt that a runner looks after, of a job as it was leased."""
+
+    row: JobRow
+    specification: str
+    folder: AttemptFolder
+    future: Future[Outcome]
+    begun: float = field(default_factory=time.monotonic)
 
 
 class Runner:
     """One runner; any number may share a store.
 
-    Parameters
-    ----------
-    store : Store
-    settings : ServiceSettings
-    kinds : mapping
-        What it can do.
-    make_executor : callable, optional
-        As the settings say unless given.
-
-    Raises
-    ------
-    DependencyMissing
-        The executor that the settings ask for is not installed.
-    StoreUnavailable
-        The data directory cannot be written to.
+    DependencyMissing is raised where the executor that the settings ask for is not installed.
     """
 
     def __init__(
@@ -200,7 +213,7 @@ class Runner:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
         folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
-        order, specification = make_order(self._store, self._settings, kind, row, folder)
+        order, specification = make_order(self._store, self._settings, kind, row, folder.folder)
         folder.open()
         try:
             future = executor.submit(carry_out, order)
@@ -232,8 +245,122 @@ class Runner:
             self._stop.wait(TIDY_S)
 
 
-_UNKNOWN = Failure(
-    kind="WorkerMismatch",
-    problem="this version of the program cannot do this kind of job",
-    remedy="Install the same version everywhere, then ask for the job again",
-)
+def settle(ledger: Ledger, held: Held) -> State | None:
+    """Record how an attempt ended, and remove its folder.
+
+    Where the job stands now is returned, or None where this attempt no longer holds it, and nothing was kept.
+    After StoreUnavailable nothing was recorded; call it again later.
+    """
+    outcome = outcome_of(held.future)
+    wall_s = time.monotonic() - held.begun
+    host = outcome.host if isinstance(outcome, Finished) else held.row.host
+    origin = provenance(held.row, held.specification, host, wall_s)
+    try:
+        state = _record(ledger, held, outcome, origin)
+    except ContentMissing as error:  # somebody else removed what was made
+        outcome = Lost(error.problem)
+        state = _record(ledger, held, outcome, origin)
+    _note(held.row, outcome, state, wall_s)
+    held.folder.remove()
+    return state
+
+
+def outcome_of(future: Future[Outcome]) -> Outcome:
+    """How an attempt ended, also where the executor itself broke."""
+    try:
+        return future.result()
+    except CancelledError:
+        return Stopped()
+    except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
+        return Lost(f"the executor failed ({type(error).__name__})")
+
+
+def _record(ledger: Ledger, held: Held, outcome: Outcome, origin: str) -> State | None:
+    row, outputs = held.row, held.folder.folder / "outputs"
+    match outcome:
+        case Finished():
+            files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
+            return ledger.finish(row, Made(json.dumps(outcome.result, allow_nan=False), files), origin)
+        case Failed():
+            return ledger.settle(row, Event.FAIL, outcome.failure, origin)
+        case Stopped():
+            return ledger.settle(row, Event.RELEASE, lost_too_often(row, "it was stopped"), origin)
+        case _:
+            return ledger.settle(row, Event.LOSE, lost_too_often(row, outcome.reason), origin)
+
+
+def _note(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> None:
+    """One line for the log, without anything of the patient's."""
+    told = {
+        "job": row.id,
+        "kind": row.kind,
+        "attempt": row.attempt,
+        "outcome": type(outcome).__name__,
+        "state": None if state is None else state.value,
+        "wall_s": round(wall_s, 3),
+    }
+    if isinstance(outcome, Failed):
+        told |= {"failure": outcome.failure.kind, "trace": outcome.trace}
+    if isinstance(outcome, Lost | Hindered):
+        told["reason"] = outcome.reason
+    usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
+    log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=told)
+
+
+def machine() -> str:
+    """A name of this machine since it was started, the same in all its containers.
+
+    Where the kernel gives none, a name of this process: nothing is then concluded of others.
+    """
+    try:
+        return _BOOT.read_text(encoding="ascii").strip().replace("-", "")[:12]
+    except OSError:
+        return f"p{os.getpid()}x{secrets.token_hex(4)}"
+
+
+class Presence:
+    """The lock of one runner in a data directory, which the kernel lets go however the runner ends.
+
+    Runners of the same machine see at once when one of them was killed, and take its jobs back without
+    waiting for the leases. Of other machines nothing is concluded: there the leases decide.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "runners"
+        self._machine = machine()
+        self.name = f"{self._machine}-{os.getpid()}-{secrets.token_hex(4)}"
+        with disk_errors(folder):
+            self._folder.mkdir(mode=0o700, exist_ok=True)
+            hidden = self._folder / f".{self.name}"
+            self._file: IO[str] = hidden.open("x", encoding="ascii")
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+            hidden.rename(self._folder / self.name)  # locked before anyone can see it
+
+    def dead(self, names: Iterable[str]) -> list[str]:
+        """Those runners that were on this machine and are no more."""
+        mine = [name for name in names if name.startswith(f"{self._machine}-") and name != self.name]
+        with disk_errors(self._folder):
+            return [name for name in mine if not _is_locked(self._folder / name)]
+
+    def forget_dead(self) -> None:
+        """Remove what dead runners of this machine left."""
+        with disk_errors(self._folder):
+            for name in self.dead(path.name for path in self._folder.iterdir()):
+                (self._folder / name).unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Be gone."""
+        (self._folder / self.name).unlink(missing_ok=True)
+        self._file.close()
+
+
+def _is_locked(file: Path) -> bool:
+    """Whether a living process holds the file; one that is not there is held by nobody."""
+    try:
+        with file.open("r", encoding="ascii") as handle:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return False
+    except BlockingIOError:
+        return True
+    except FileNotFoundError:
+        return False

@@ -1,7 +1,7 @@
 """What the outside asks for, whether over HTTP or not: subjects, files, jobs, keys. Nothing here computes.
 
-Every function takes the owner first and sees that owner's things only; all are thread-safe and return
-within milliseconds, but for uploads and deletions.
+Every function takes the owner first and sees that owner's things only: what is not there for the owner is
+NotFound. All are thread-safe and return within milliseconds, but for uploads and deletions.
 """
 
 from __future__ import annotations
@@ -16,16 +16,20 @@ from typing import Any
 from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.jobs import State
 from scaling_service.documents.names import plain_name
-from scaling_service.service.jobs.identity import canonical
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.ledger import Ledger
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.submission import canonical_subject, check_request, check_subject, new_job
-from scaling_service.service.store import deletion, jobs, listing, marker_maps, subjects, uploads
+from scaling_service.service.jobs.submission import (
+    canonical,
+    canonical_subject,
+    check_request,
+    check_subject,
+    new_job,
+)
+from scaling_service.service.store import deletion, jobs, subjects
 from scaling_service.service.store.blobs import Incoming
 from scaling_service.service.store.errors import NotFound
-from scaling_service.service.store.paging import Page
-from scaling_service.service.store.rows import FileRow, JobRow, MarkerMapRow, SubjectRow
+from scaling_service.service.store.rows import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 from scaling_service.service.store.store import Store
 
 
@@ -40,155 +44,96 @@ class Upload:
     incoming: Incoming
 
     def write(self, chunk: bytes) -> None:
-        """Add bytes.
-
-        Raises
-        ------
-        TooLarge
-            More came than is allowed.
-        StoreFull, StoreUnavailable
-            The disk does not take them.
-        """
+        """Add bytes; TooLarge where more came than is allowed."""
         self.incoming.write(chunk)
 
     def keep(self) -> FileRow:
-        """All has come; the file is the subject's, in place of one of the same name.
-
-        Raises
-        ------
-        NotFound
-            The subject was deleted meanwhile.
-        InputError
-            It has too many files.
-        """
+        """All has come; the file is the subject's, in place of one of the same name."""
         store, most = self.service.store, self.service.settings.limit_files
         content = self.incoming.finish()
-        return uploads.attach(
-            store.database, store.blobs, self.owner, self.subject, self.name, content, most=most
-        )
+        place = (self.owner, self.subject, self.name)
+        return subjects.attach(store.database, store.blobs, *place, content, most=most)
 
 
 class Service:
-    """All that can be asked of a service.
-
-    Parameters
-    ----------
-    store : Store
-    settings : ServiceSettings
-    kinds : mapping
-        What can be computed.
-    """
+    """All that can be asked of a service."""
 
     def __init__(self, store: Store, settings: ServiceSettings, kinds: Mapping[str, Kind] = KINDS) -> None:
         self.store, self.settings, self.kinds = store, settings, kinds
+        self._database = store.database
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
 
     @classmethod
     def open(cls, settings: ServiceSettings) -> Service:
-        """The service on the data directory and database of the settings.
-
-        Raises
-        ------
-        StoreUnavailable
-            One of them does not answer.
-        """
+        """The service on the data directory and database of the settings."""
         return cls(open_store(settings), settings)
 
     # Subjects
 
     def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[SubjectRow, bool]:
-        """Keep a subject's document under the name that it gives; whether that name is new.
-
-        Raises
-        ------
-        SubjectInvalid
-            It does not follow its contract.
-        """
+        """Keep a subject's document under the name that it gives; whether that name is new."""
         name = check_subject(document)
-        return subjects.put(self.store.database, owner, name, canonical_subject(document))
+        return subjects.put(self._database, owner, name, canonical_subject(document))
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
-        """One subject; NotFound where this owner has none of that name."""
-        return subjects.get(self.store.database, owner, _known_name(subject, "subject"))
+        """One subject."""
+        return subjects.get(self._database, owner, _known_name(subject, "subject"))
 
     def subject_document(self, owner: str, subject: str) -> dict[str, Any]:
-        """A subject's document; NotFound where this owner has none of that name."""
-        document: dict[str, Any] = json.loads(self._document(owner, subject))
+        """A subject's document."""
+        text = subjects.document(self._database, owner, _known_name(subject, "subject"))
+        document: dict[str, Any] = json.loads(text)
         return document
 
     def subjects(self, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
         """An owner's subjects, newest first."""
-        return subjects.page(self.store.database, owner, cursor, limit)
+        return subjects.page(self._database, owner, cursor, limit)
 
     def delete_subject(self, owner: str, subject: str) -> None:
-        """Delete a subject, its files, and all jobs on them, for good; NotFound where there is none."""
-        deletion.delete_subject(self.store.database, self.store.blobs, owner, _known_name(subject, "subject"))
+        """Delete a subject, its files, and all jobs on them, for good."""
+        deletion.delete_subject(self._database, self.store.blobs, owner, _known_name(subject, "subject"))
 
     # Files of subjects
 
     @contextmanager
     def upload(self, owner: str, subject: str, name: str) -> Iterator[Upload]:
-        """Take a file for a subject.
-
-        Raises
-        ------
-        NotFound
-            This owner has no such subject.
-        InputError
-            The name cannot be used.
-
-        Examples
-        --------
-        ``with service.upload(owner, "S01", "walk.c3d") as upload: upload.write(chunk); upload.keep()``
-        """
+        """Take a file for a subject: ``upload.write(chunk)``, and at last ``upload.keep()``."""
         plain_name(name)
         self.subject(owner, subject)
         with self.store.incoming(self.settings.limit_upload_mb * 1_000_000) as incoming:
             yield Upload(self, owner, subject, name, incoming)
 
     def subject_files(self, owner: str, subject: str) -> list[FileRow]:
-        """A subject's files, by name; NotFound where this owner has none of that name."""
-        return uploads.files(self.store.database, owner, _known_name(subject, "subject"))
+        """A subject's files, by name."""
+        return subjects.files(self._database, owner, _known_name(subject, "subject"))
 
     def subject_file(self, owner: str, subject: str, name: str) -> tuple[FileRow, Path]:
-        """One file of a subject and where its content lies; NotFound where it is not there."""
+        """One file of a subject and where its content lies."""
         return self._one(self.subject_files(owner, subject), name)
 
     def remove_subject_file(self, owner: str, subject: str, name: str) -> None:
         """Remove a file of a subject; jobs that were asked for before keep theirs."""
         self.subject_file(owner, subject, name)
-        uploads.detach(self.store.database, self.store.blobs, owner, subject, [name])
+        subjects.detach(self._database, self.store.blobs, owner, subject, [name])
 
     # The laboratory
 
     def marker_map(self, owner: str) -> MarkerMapRow | None:
         """Which label is which marker in an owner's laboratory; None where that was never said."""
-        return marker_maps.get(self.store.database, owner)
+        return subjects.marker_map(self._database, owner)
 
-    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow:
+    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
-        return marker_maps.put(self.store.database, owner, canonical(dict(labels)))
+        subjects.put_marker_map(self._database, owner, canonical(dict(labels)))
+        return self.marker_map(owner)
 
     # Jobs
 
     def ask(self, owner: str, kind: str, request: Mapping[str, Any] | JobRequest) -> tuple[JobRow, bool]:
-        """Ask for a job, or find the one that was asked for before.
+        """Ask for a job, or find the one that was asked for before; whether this put it in the queue.
 
-        Returns
-        -------
-        job : JobRow
-            Done already where the same was computed before.
-        queued : bool
-            Whether this put it in the queue.
-
-        Raises
-        ------
-        NotFound
-            There is no such kind, or this owner has no such subject.
-        RequestInvalid, SubjectInvalid
-            What is asked for cannot be done.
-        QueueFull
-            Too many jobs of this owner are waiting.
+        RequestInvalid or SubjectInvalid where what is asked for cannot be done; QueueFull where too many
+        jobs of this owner are waiting.
         """
         row = self.kinds.get(kind)
         if row is None or row.route is None:
@@ -199,8 +144,8 @@ class Service:
         )
 
     def job(self, owner: str, job: str) -> JobRow:
-        """One job; NotFound where this owner has none of that name. ``revision`` grows with any change."""
-        return jobs.get(self.store.database, owner, _known_name(job, "job"))
+        """One job; ``revision`` grows with any change."""
+        return jobs.get(self._database, owner, _known_name(job, "job"))
 
     def jobs(
         self,
@@ -215,28 +160,28 @@ class Service:
         """An owner's jobs, newest first."""
         for what, name in (("kind", kind), ("subject", subject)):
             _known_name(name or "", what)
-        return listing.page(
-            self.store.database, owner, state=state, kind=kind, subject=subject, cursor=cursor, limit=limit
+        return jobs.page(
+            self._database, owner, state=state, kind=kind, subject=subject, cursor=cursor, limit=limit
         )
 
     def specification(self, owner: str, job: str) -> str:
         """What was asked for, as canonical JSON; its SHA-256 is the job's name."""
-        return self._documents(owner, job)[0]
+        return jobs.documents(self._database, owner, _known_name(job, "job"))[0]
 
     def result(self, owner: str, job: str) -> str | None:
         """The result as JSON; None where there is none (yet)."""
-        return self._documents(owner, job)[1]
+        return jobs.documents(self._database, owner, _known_name(job, "job"))[1]
 
     def provenance(self, owner: str, job: str) -> str | None:
         """Where the result came from, as JSON; None where there is none (yet)."""
-        return self._documents(owner, job)[2]
+        return jobs.documents(self._database, owner, _known_name(job, "job"))[2]
 
     def files(self, owner: str, job: str) -> list[FileRow]:
         """What a job made, by path."""
-        return jobs.files(self.store.database, owner, _known_name(job, "job"))
+        return jobs.files(self._database, owner, _known_name(job, "job"))
 
     def file(self, owner: str, job: str, path: str) -> tuple[FileRow, Path]:
-        """One file that a job made and where its content lies; NotFound where it is not there."""
+        """One file that a job made and where its content lies."""
         return self._one(self.files(owner, job), path)
 
     def cancel(self, owner: str, job: str) -> JobRow:
@@ -245,13 +190,13 @@ class Service:
 
     def delete_job(self, owner: str, job: str) -> None:
         """Delete a job with all that it made, for good; if it runs, it is stopped."""
-        deletion.delete_job(self.store.database, self.store.blobs, owner, _known_name(job, "job"))
+        deletion.delete_job(self._database, self.store.blobs, owner, _known_name(job, "job"))
 
     # The whole
 
     def counts(self) -> dict[State, int]:
         """Jobs of all owners by state, for monitoring."""
-        return listing.counts(self.store.database)
+        return jobs.counts(self._database)
 
     def check(self) -> dict[str, float]:
         """Whether database and disk answer; StoreUnavailable says which does not."""
@@ -260,12 +205,6 @@ class Service:
     def close(self) -> None:
         """Give all connections back."""
         self.store.close()
-
-    def _document(self, owner: str, subject: str) -> str:
-        return subjects.document(self.store.database, owner, _known_name(subject, "subject"))
-
-    def _documents(self, owner: str, job: str) -> tuple[str, str | None, str | None]:
-        return jobs.documents(self.store.database, owner, _known_name(job, "job"))
 
     def _one(self, files: list[FileRow], name: str) -> tuple[FileRow, Path]:
         for file in files:
@@ -281,13 +220,7 @@ def open_store(settings: ServiceSettings) -> Store:
 
 
 def _known_name(name: str, what: str) -> str:
-    """A name that something can have; others are told as not found before a database sees them.
-
-    Raises
-    ------
-    NotFound
-        It has control characters or halves of characters in it.
-    """
+    """A name that something can have; others are told as not found before a database sees them."""
     if not name.isprintable():
         raise NotFound(f"there is no such {what}", field=what)
     return name

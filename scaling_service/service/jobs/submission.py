@@ -1,28 +1,46 @@
-"""From a request to the job that it is: checked, its files found, named."""
+"""From a request to the job that it is: checked, its files found, named by one SHA-256.
+
+The digest is over all that the result depends on, and the owner, so that no owner can ask whether another has
+the same data.
+"""
 
 from __future__ import annotations
 
 import difflib
+import hashlib
 import json
 from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from sqlalchemy import Connection
 
+from scaling_service.capabilities.scaling.documents import code_version as released_version
 from scaling_service.capabilities.shared.job import Documents, JobRequest
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
-from scaling_service.service.jobs.identity import canonical, code_version, job_id, specification
 from scaling_service.service.jobs.kinds import Kind, Parts
-from scaling_service.service.store import subjects, uploads
+from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
-from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.rows import FileRow, JobRow
+
+_SUFFIXES = (".py", ".yaml", ".json", ".csv")  # files of the package that results can depend on
+_PAGE = "service/page/"  # the web page's sources and bundle: no result depends on them
 
 
 class RequestInvalid(InputError):
     """A request does not follow its contract."""
+
+    @classmethod
+    def of(cls, error: ValidationError, remedy: str) -> RequestInvalid:
+        """By the first of what was found."""
+        first = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in first["loc"])
+        return cls(str(first["msg"]).removeprefix("Value error, "), field=field, remedy=remedy)
 
 
 class ImagedPerson(BaseModel):
@@ -35,14 +53,9 @@ class ImagedPerson(BaseModel):
 
 
 def check_subject(content: Mapping[str, Any]) -> str:
-    """The name of the subject that a document describes.
+    """The name of the subject that a document describes, or SubjectInvalid.
 
     Without ``model`` and ``trials`` it may hold ``subject`` and ``bones`` only.
-
-    Raises
-    ------
-    SubjectInvalid
-        It does not follow its contract.
     """
     if not {"model", "trials"} & content.keys():
         try:
@@ -53,13 +66,7 @@ def check_subject(content: Mapping[str, Any]) -> str:
 
 
 def canonical_subject(content: Mapping[str, Any]) -> str:
-    """A subject's document as it is kept.
-
-    Raises
-    ------
-    SubjectInvalid
-        It holds what is no text or number of JSON.
-    """
+    """A subject's document as it is kept, or SubjectInvalid."""
     try:
         return canonical(content)
     except ValueError:
@@ -71,25 +78,15 @@ def canonical_subject(content: Mapping[str, Any]) -> str:
 
 
 def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobRequest:
-    """A request of a kind. A number in quotes, or a truth value for a number, is an error.
-
-    Raises
-    ------
-    RequestInvalid
-        It does not follow its contract; the first error is told.
-    """
+    """A request of a kind, or RequestInvalid; a number in quotes, or a truth value for a number, is one."""
     if isinstance(request, kind.request):
         return request
     try:
         # As JSON, in which a strict check still takes lists for tuples, and objects for settings.
         return kind.request.model_validate_json(json.dumps(request), strict=True)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise RequestInvalid(
-            str(first["msg"]).removeprefix("Value error, "),
-            field=".".join(str(part) for part in first["loc"]),
-            remedy="Correct it; the service's documentation shows examples",
-        ) from None
+        remedy = "Correct it; the service's documentation shows examples"
+        raise RequestInvalid.of(error, remedy) from None
 
 
 def new_job(
@@ -97,31 +94,23 @@ def new_job(
 ) -> NewJob:
     """The job that a request is, with the subjects' documents and files as they are now, and its parts.
 
-    Raises
-    ------
-    NotFound
-        This owner has no such subject.
-    SubjectInvalid
-        The document does not allow what is asked for, or a file that it names was not uploaded.
+    NotFound where this owner has no such subject; SubjectInvalid where the document does not allow what is
+    asked for, or a file that it names was not uploaded.
     """
     documents: Documents = {
         subject: json.loads(subjects.document_in(connection, owner, subject)) for subject in request.subjects
     }
-    inputs = tuple(
-        FileRow(f"{subject}/{file.name}", file.sha256, file.size)
-        for subject, named in request.needed(documents).items()
-        for file in (
-            uploads.files_in(connection, owner, subject)
-            if request.reads_every_file
-            else _found(connection, owner, subject, named)
-        )
-    )
+    inputs: list[FileRow] = []
+    for subject, named in request.needed(documents).items():
+        there = subjects.files_in(connection, owner, subject)
+        chosen = there if request.reads_every_file else _found(there, subject, named)
+        inputs += (FileRow(f"{subject}/{file.name}", file.sha256, file.size) for file in chosen)
     hashes = {file.name: file.sha256 for file in inputs}
     try:
-        told = request.model_dump(mode="json")
-        text = specification(name, told, documents, hashes, code_version(), owner)
+        text = specification(name, request.model_dump(mode="json"), documents, hashes, code_version(), owner)
     except ValueError:
         raise RequestInvalid("a text in it is none", remedy="Send it as UTF-8") from None
+    parts = [] if made_of is None else [(made_of.kind, part) for part in made_of.requests(request)]
     return NewJob(
         id=job_id(text),
         owner=owner,
@@ -129,16 +118,14 @@ def new_job(
         code_version=code_version(),
         specification=text,
         subjects=request.subjects,
-        inputs=inputs,
-        parts=()
-        if made_of is None
-        else tuple(new_job(connection, owner, made_of.kind, part) for part in made_of.requests(request)),
+        inputs=tuple(inputs),
+        parts=tuple(new_job(connection, owner, kind, part) for kind, part in parts),
     )
 
 
-def _found(connection: Connection, owner: str, subject: str, named: Mapping[str, str]) -> list[FileRow]:
+def _found(uploaded: list[FileRow], subject: str, named: Mapping[str, str]) -> list[FileRow]:
     """The uploaded files of these names, each once."""
-    there = {file.name: file for file in uploads.files_in(connection, owner, subject)}
+    there = {file.name: file for file in uploaded}
     for field, name in named.items():
         if name not in there:
             close = difflib.get_close_matches(name, there, n=1, cutoff=0.75)  # suffixes are alike
@@ -147,3 +134,82 @@ def _found(connection: Connection, owner: str, subject: str, named: Mapping[str,
                 f"'{name}' was not uploaded for subject '{subject}'", field=field, remedy=guess
             )
     return [there[name] for name in dict.fromkeys(named.values())]
+
+
+def canonical(document: Any) -> str:
+    """JSON in the one form that equal documents share: sorted keys, no spaces.
+
+    ValueError is raised where a number is not finite, or a text holds half a character.
+
+    Examples
+    --------
+    >>> canonical({"b": 1.0, "a": ["µ", None]})
+    '{"a":["µ",null],"b":1.0}'
+    """
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    text.encode()  # UnicodeEncodeError, which is a ValueError
+    return text
+
+
+def specification(
+    kind: str,
+    request: Mapping[str, Any],
+    documents: Mapping[str, Any],
+    inputs: Mapping[str, str],
+    code: str,
+    owner: str,
+) -> str:
+    """The canonical JSON of a job: its request with every default, documents and SHA-256 of each input."""
+    told = {"kind": kind, "request": request, "documents": documents, "inputs": inputs}
+    return canonical(told | {"code_version": code, "owner": owner})
+
+
+def job_id(text: str) -> str:
+    """The SHA-256 of a specification, in hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def provenance(row: JobRow, specification: str, host: str | None, wall_s: float) -> str:
+    """What is needed to get a result again, as JSON; the time on the clock is that of the last attempt."""
+    told = json.loads(specification)
+    settings = told["request"].get("settings", {})
+    return canonical(
+        {
+            "code_version": code_version(),
+            "asked_code_version": told["code_version"],
+            "kind": row.kind,
+            "request": told["request"],
+            "seed": settings.get("seed") if isinstance(settings, dict) else None,
+            "input_hashes": told["inputs"],
+            "host": host,
+            "worker": row.worker,
+            "attempts": row.attempt,
+            "losses": row.losses,
+            "wall_s": round(wall_s, 3),
+        }
+    )
+
+
+@cache
+def code_version() -> str:
+    """The released version, and the first digits of the SHA-256 of the package's files.
+
+    The files are read once in a process, so that it tells what the process started with.
+    """
+    digest = hashlib.sha256()
+    for name, file in sorted(_files(files("scaling_service"), "")):
+        content = file.read_bytes()
+        digest.update(f"{len(name)}:{name}:{len(content)}:".encode() + content)
+    return f"{released_version()}+{digest.hexdigest()[:12]}"
+
+
+def _files(folder: Traversable, path: str) -> list[tuple[str, Traversable]]:
+    found: list[tuple[str, Traversable]] = []
+    for entry in folder.iterdir():
+        name = f"{path}{entry.name}"
+        if entry.is_dir():
+            apart = entry.name.startswith(("__", ".")) or f"{name}/" == _PAGE
+            found += [] if apart else _files(entry, f"{name}/")
+        elif name.endswith(_SUFFIXES):
+            found.append((name, entry))
+    return found

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
+import select
 import signal
 import tempfile
 import traceback
@@ -15,19 +17,17 @@ from typing import Any
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
-from scaling_service.service.jobs.outcomes import failure_of
-from scaling_service.service.sandbox import lifeline, limits
+from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.outcomes import failure_of
 
 RESULT = "result.json"
 SECRETS = "SCALING_SERVICE_"
 """Environment variables that begin so are for the service, not for what parses foreign bytes."""
 
-_NICENESS = 10
-"""Chosen: a computation gives way to whoever answers requests on the same processors."""
+_NICENESS = 10  # chosen: a computation gives way to whoever answers requests on the same processors
 
 _HINDRANCES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
-_LONGEST = 2000
-"""Characters of a text in a message. Chosen: a message must fit the pipe's buffer whole."""
+_LONGEST = 2000  # characters of a text in a message. Chosen: a message must fit the pipe's buffer whole.
 
 Progress = Callable[[str, float], None]
 Work = Callable[[Path, Progress], Any]
@@ -36,27 +36,19 @@ Work = Callable[[Path, Progress], Any]
 
 @dataclass(frozen=True, slots=True)
 class Child:
-    """A call that a process of its own makes.
-
-    Parameters
-    ----------
-    work : callable
-    folder : Path
-        Of the attempt; it has ``outputs`` and ``tmp``.
-    limits : Limits
-    """
+    """A call that a process of its own makes, in an attempt's folder with ``outputs`` and ``tmp``."""
 
     work: Work
     folder: Path
-    limits: limits.Limits
+    limits: Limits
 
-    def __call__(self, messages: int, line: int) -> None:
+    def __call__(self, messages: int, lifeline: int) -> None:
         """Do the work and end this process with everything that it started."""
         os.setsid()
         os.nice(_NICENESS)
-        lifeline.bind(line)
+        _bind(lifeline)
         _alone_in(self.folder)
-        limits.apply(self.limits)
+        self.limits.apply()
         _tell(messages, self._answer(lambda what, share: _tell(messages, {"progress": [what[:200], share]})))
         os.killpg(os.getpgrp(), signal.SIGKILL)
 
@@ -66,27 +58,42 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            return _explained(error, self.folder, self.limits)
+            return self._explained(error)
         return {"finished": True}
 
+    def _explained(self, error: BaseException) -> dict[str, Any]:
+        for cause in _chain(error):
+            number = cause.errno if isinstance(cause, OSError) else None
+            if number in _HINDRANCES:
+                return {"hindered": os.strerror(number or 0)}
+            if number == errno.EFBIG:
+                return self._failed(self.limits.exceeded("limit_file_mb"))
+            out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
+            if number == errno.ENOMEM or out_of_memory:
+                return self._failed(self.limits.exceeded("limit_memory_mb"))
+        if isinstance(error, InputError):
+            return self._failed(error)
+        unexpected = Failure(
+            kind="ProgramError",
+            problem=f"the program failed on this job ({type(error).__name__})",
+            remedy="Report it with the number of the job; the service's log says where it happened",
+        )
+        return {"failure": unexpected.model_dump(), "trace": places(error)}
 
-def _explained(error: BaseException, folder: Path, bounds: limits.Limits) -> dict[str, Any]:
-    for cause in _chain(error):
-        number = cause.errno if isinstance(cause, OSError) else None
-        if number in _HINDRANCES:
-            return {"hindered": os.strerror(number or 0)}
-        if number == errno.EFBIG:
-            return _failed(limits.too_large_file(bounds), folder)
-        if number == errno.ENOMEM or (isinstance(cause, MemoryError) and not isinstance(error, InputError)):
-            return _failed(limits.out_of_memory(bounds), folder)
-    if isinstance(error, InputError):
-        return _failed(error, folder)
-    unexpected = Failure(
-        kind="ProgramError",
-        problem=f"the program failed on this job ({type(error).__name__})",
-        remedy="Report it with the number of the job; the service's log says where it happened",
-    )
-    return {"failure": unexpected.model_dump(), "trace": _places(error)}
+    def _failed(self, error: InputError) -> dict[str, Any]:
+        """The failure without the places on this machine, which mean nothing to a client."""
+        told = failure_of(error).model_dump()
+        for name, text in told.items():
+            for place in (self.folder / "inputs", self.folder / "outputs", self.folder):
+                text = text and text.replace(f"{place}/", "").replace(str(place), "")
+            told[name] = text and text[:_LONGEST]
+        return {"failure": told}
+
+
+def places(error: BaseException) -> str:
+    """Where it broke: lines of code only, for a message may hold what stands in a patient's file."""
+    lines = [f"{f.filename}:{f.lineno} {f.name}" for f in traceback.extract_tb(error.__traceback__)]
+    return " < ".join(reversed(lines))[:_LONGEST]
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
@@ -97,22 +104,19 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
         seen = seen.__cause__ or seen.__context__
 
 
-def _failed(error: InputError, folder: Path) -> dict[str, Any]:
-    told = failure_of(error).model_dump()
-    return {"failure": {k: None if v is None else _plain(v, folder)[:_LONGEST] for k, v in told.items()}}
+def _bind(lifeline: int) -> None:
+    """Have the kernel kill this process group when the writing end of a pipe closes.
 
-
-def _plain(text: str, folder: Path) -> str:
-    """A text without the places on this machine, which mean nothing to a client."""
-    for place in (folder / "inputs", folder / "outputs", folder):
-        text = text.replace(f"{place}/", "").replace(str(place), "")
-    return text
-
-
-def _places(error: BaseException) -> str:
-    """Where it broke: lines of code only, for a message may hold what stands in a patient's file."""
-    lines = [f"{f.filename}:{f.lineno} {f.name}" for f in traceback.extract_tb(error.__traceback__)]
-    return " < ".join(reversed(lines))[:_LONGEST]
+    No thread of ours has to run for that, so it also ends a process that is stuck in a library: SIGKILL is
+    sent in place of SIGIO (fcntl(2), "Signal-driven I/O").
+    """
+    fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
+    fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+    watch = select.poll()
+    watch.register(lifeline, select.POLLHUP)
+    if watch.poll(0):  # it was closed before the kernel was asked
+        os.killpg(os.getpgrp(), signal.SIGKILL)
 
 
 def _alone_in(folder: Path) -> None:

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,23 +21,23 @@ from scaling_service.service.sandbox import forkserver
 PRELOAD = "scaling_service.service.sandbox.warm"
 _ROOT = Path(__file__).resolve().parents[3]
 
-_GONE_S = 10.0
-"""Chosen: SIGKILL takes effect at once, unless the machine itself is stuck."""
+_GONE_S = 10.0  # chosen: SIGKILL takes effect at once, unless the machine itself is stuck
 
 Call = Callable[[int, int], None]
 """Runs in the child with the descriptors of its pipe for messages and of its lifeline."""
+
+
+def python(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment of a process of ours that finds this very package."""
+    path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH")]))
+    return [sys.executable, "-m", module, *arguments], {**os.environ, "PYTHONPATH": path}
 
 
 @dataclass(slots=True)
 class Launched:
     """A child that was asked for: the reading ends of its pipes, and the lifeline that it hangs on.
 
-    Parameters
-    ----------
-    messages, status : int
-        Descriptors to read; both end when child and server are gone.
-    lifeline : int
-        The child is killed when this is closed.
+    Both pipes end when child and server are gone; the child is killed when the lifeline is closed.
     """
 
     messages: int
@@ -52,13 +53,7 @@ class Launched:
 
 
 class Launcher:
-    """One fork server of this process.
-
-    Parameters
-    ----------
-    preload : str
-        Module that the server imports first.
-    """
+    """One fork server of this process, which imports the module ``preload`` first."""
 
     def __init__(self, preload: str = PRELOAD) -> None:
         self._preload = preload
@@ -69,16 +64,12 @@ class Launcher:
     def start(self) -> None:
         """Start the server, so that it is warm when the first child is asked for."""
         with self._lock:
-            if self._server is None or self._server.poll() is not None:
-                self._start()
+            self._alive()
 
     def launch(self, call: Call) -> Launched:
         """Start a child; it makes the call as soon as the server is warm.
 
-        Raises
-        ------
-        OSError
-            The machine gives no more processes or descriptors.
+        OSError is raised where the machine gives no more processes or descriptors.
         """
         messages, status, lifeline = os.pipe(), os.pipe(), os.pipe()
         given = (messages[1], status[1], lifeline[0])
@@ -103,28 +94,28 @@ class Launcher:
 
     def _ask(self, descriptors: list[int]) -> None:
         with self._lock:
-            if self._server is None or self._server.poll() is not None:
-                self._start()
-            assert self._socket is not None
-            try:
-                socket.send_fds(self._socket, [forkserver.REQUEST], descriptors)
-            except (BrokenPipeError, ConnectionError):  # killed since it was looked at
-                self._start()
-                socket.send_fds(self._socket, [forkserver.REQUEST], descriptors)
+            with suppress(ConnectionError):  # killed since it was looked at
+                socket.send_fds(self._alive(), [forkserver.REQUEST], descriptors)
+                return
+            self._end()
+            socket.send_fds(self._alive(), [forkserver.REQUEST], descriptors)
 
-    def _start(self) -> None:
-        self._end()
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH")]))
-        with theirs:
-            self._server = subprocess.Popen(
-                [sys.executable, "-m", forkserver.__name__, str(theirs.fileno()), self._preload],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C at a terminal is for the service, which then ends it
-                env={**os.environ, "PYTHONPATH": path},
-            )
-        self._socket = ours
+    def _alive(self) -> socket.socket:
+        """The way to the server, which is started where it does not run."""
+        if self._socket is None or self._server is None or self._server.poll() is not None:
+            self._end()
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                command, environment = python(forkserver.__name__, str(theirs.fileno()), self._preload)
+                self._server = subprocess.Popen(
+                    command,
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    start_new_session=True,  # Ctrl-C at a terminal is for the service, which then ends it
+                    env=environment,
+                )
+            self._socket = ours
+        return self._socket
 
     def _end(self) -> None:
         if self._socket is not None:

@@ -10,6 +10,7 @@ import signal
 import stat
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +18,10 @@ from pydantic import ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
-from scaling_service.service.jobs.outcomes import (
-    Failed,
-    Finished,
-    Hindered,
-    Lost,
-    Outcome,
-    Stopped,
-    failure_of,
-)
-from scaling_service.service.sandbox import limits
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
 from scaling_service.service.sandbox.launcher import Launched, Launcher, launcher
+from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
 
@@ -36,42 +29,21 @@ TICK_S = 0.1
 """Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
 
 _LOOK_AT_DISK_S = 1.0
-_LONGEST_LINE = 1 << 16
-"""Bytes. A child that sends a longer line is not ours any more."""
-
-_LARGEST_RESULT = 64 << 20
-"""Bytes. Chosen: far above any document, far below the memory of a machine."""
-
+_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
+_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
 _MOST_FILES = 10_000
-_LONGEST_PATH = 512
-"""Characters, as in the table of files."""
+_LONGEST_PATH = 512  # characters, as in the table of files
 
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
 
 
 def supervise(
-    child: Child,
-    *,
-    stop: Callable[[], bool],
-    progress: Progress,
-    launch: Launcher | None = None,
+    child: Child, *, stop: Callable[[], bool], progress: Progress, launch: Launcher | None = None
 ) -> Outcome:
-    """Have work done in a limited process, and wait for its end.
+    """Have work done in a limited process, and wait for its end, whatever that is.
 
-    Parameters
-    ----------
-    child : Child
-    stop : callable
-        Asked ten times a second whether to stop.
-    progress : callable
-        Told what is being done and the share that is done.
-    launch : Launcher, optional
-        This process's own unless given.
-
-    Returns
-    -------
-    Outcome
-        Whatever happens; nothing is raised but for defects.
+    ``stop`` is asked ten times a second whether to stop; ``progress`` is told what is being done and the
+    share that is done.
     """
     try:
         launched = (launch or launcher()).launch(child)
@@ -106,11 +78,11 @@ def _follow(
         if stop():
             return Stopped()
         if now - begun > child.limits.wall_s:
-            return Failed(failure_of(limits.out_of_time(child.limits)))
+            return Failed.of(child.limits.exceeded("limit_wall_s"))
         if now - looked > _LOOK_AT_DISK_S:
             looked = now
             if _written(child.folder) > child.limits.output_bytes:
-                return Failed(failure_of(limits.too_much_output(child.limits)))
+                return Failed.of(child.limits.exceeded("limit_output_mb"))
 
 
 class _Lines:
@@ -127,10 +99,9 @@ class _Lines:
         self.broken = len(self._rest) > _LONGEST_LINE
         messages: list[dict[str, Any]] = []
         for line in whole:
-            try:
+            message = None
+            with suppress(ValueError):
                 message = json.loads(line)
-            except ValueError:
-                message = None
             if not isinstance(message, dict):
                 self.broken = True
                 return messages
@@ -153,12 +124,12 @@ def _understood(answer: dict[str, Any], child: Child) -> Outcome:
         if "hindered" in answer:
             return Hindered(_clean(answer["hindered"])[:200])
         if _written(child.folder) > child.limits.output_bytes:
-            return Failed(failure_of(limits.too_much_output(child.limits)))
+            return Failed.of(child.limits.exceeded("limit_output_mb"))
         return Finished(_result(child.folder / RESULT), _files(child.folder / "outputs"))
     except StoreUnavailable as error:
         return Hindered(error.problem)
     except InputError as error:
-        return Failed(failure_of(error))
+        return Failed.of(error)
     except (ValidationError, ValueError, TypeError, RecursionError, OSError) as error:
         return Lost(f"its answer cannot be read ({type(error).__name__})")
 
@@ -193,17 +164,19 @@ def _clean(text: object) -> str:
 
 
 def _written(folder: Path) -> int:
-    """Bytes that the child wrote so far."""
-    result = folder / RESULT
-    whole = limits.size_of(folder / "outputs") + limits.size_of(folder / "tmp")
-    return whole + (result.lstat().st_size if result.is_file() else 0)
+    """Bytes that the child wrote so far, whatever else happens to the files meanwhile."""
+    total = 0
+    for path in (folder / RESULT, *(folder / "outputs").rglob("*"), *(folder / "tmp").rglob("*")):
+        with suppress(OSError):  # removed since it was listed
+            total += path.lstat().st_size
+    return total
 
 
-def _ending(status: bytes, bounds: limits.Limits) -> Outcome:
+def _ending(status: bytes, limits: Limits) -> Outcome:
     """What the exit of a child that gave no answer means."""
     code = int(status) if status.strip() else None
     if code == -signal.SIGXCPU:
-        return Failed(failure_of(limits.out_of_cpu(bounds)))
+        return Failed.of(limits.exceeded("limit_cpu_s"))
     if code is not None and -code in _CRASHES:
         return Failed(
             Failure(

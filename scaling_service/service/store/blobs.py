@@ -1,4 +1,9 @@
-"""Content on disk, each once, named by its SHA-256."""
+"""Content, each once, named by its SHA-256: the files on disk, and the rows that refer to them.
+
+Writer and collector both lock the content's row first and touch its file while they hold it. Whoever comes
+second sees what the first one did: the writer puts its file in place again, the collector finds a reference
+and leaves the file alone.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +11,25 @@ import fcntl
 import hashlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from sqlalchemy import Connection, delete, exists, or_, select
+
+from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import ContentMissing, TooLarge, disk_errors
+from scaling_service.service.store.tables import REFERENCES, blobs
 
 _CHUNK = 1 << 20
 """Bytes held at once. Chosen: large enough that disks run at full speed, small beside a process."""
 
-_PRIVATE = 0o700
-"""Only the service's own user may look: the files are of patients."""
+_PRIVATE = 0o700  # only the service's own user may look: the files are of patients
+_AT_ONCE = 100  # contents removed in one transaction. Chosen: others wait for some ms only.
+
+_UNREFERRED = ~or_(*(exists().where(table.c.sha256 == blobs.c.sha256) for table in REFERENCES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +51,7 @@ class Incoming:
         fcntl.flock(self._file, fcntl.LOCK_EX)
 
     def write(self, chunk: bytes) -> None:
-        """Add bytes.
-
-        Raises
-        ------
-        TooLarge
-            More than the limit came.
-        StoreFull, StoreUnavailable
-            The disk does not take them.
-        """
+        """Add bytes; TooLarge where more than the limit came."""
         self._size += len(chunk)
         if self._size > self._limit:
             raise TooLarge(
@@ -60,13 +63,7 @@ class Incoming:
             self._file.write(chunk)
 
     def finish(self) -> Content:
-        """All has come: put it safely on disk.
-
-        Raises
-        ------
-        StoreFull, StoreUnavailable
-            The disk does not take it.
-        """
+        """All has come: put it safely on disk."""
         with disk_errors(self._scratch.parent):
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -80,18 +77,7 @@ class Incoming:
 
 
 class Blobs:
-    """The folders of contents and of scratch.
-
-    Parameters
-    ----------
-    folder : Path
-        The data directory; made if it is not there.
-
-    Raises
-    ------
-    StoreUnavailable
-        It cannot be made or written to.
-    """
+    """The folders of contents and of scratch in a data directory, which is made if it is not there."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -104,12 +90,7 @@ class Blobs:
 
     @contextmanager
     def incoming(self, limit: int) -> Iterator[Incoming]:
-        """Take an upload of at most ``limit`` bytes; what is not kept in time leaves no trace.
-
-        Examples
-        --------
-        ``with blobs.incoming(limit) as upload: upload.write(chunk); content = upload.finish(); …``
-        """
+        """Take an upload of at most ``limit`` bytes; what is not kept in time leaves no trace."""
         with disk_errors(self.folder):
             upload = Incoming(self.uploads / secrets.token_hex(16), limit)
         try:
@@ -122,16 +103,9 @@ class Blobs:
         return self._blobs / sha256[:2] / sha256[2:]
 
     def place(self, content: Content) -> None:
-        """Put content in place. Call it within the transaction that holds the lock of its row.
+        """Put content in place, within the transaction that holds the lock of its row.
 
         Repeating it after a transaction that failed is harmless.
-
-        Raises
-        ------
-        ContentMissing
-            It is neither in scratch nor in place.
-        StoreUnavailable
-            The disk does not take it.
         """
         target = self.path(content.sha256)
         with disk_errors(self.folder):
@@ -145,18 +119,12 @@ class Blobs:
                 raise _gone(content.sha256)
 
     def remove(self, sha256: str) -> None:
-        """Remove content. Call it within the transaction that holds the lock of its row."""
+        """Remove content, within the transaction that holds the lock of its row."""
         with disk_errors(self.folder):
             self.path(sha256).unlink(missing_ok=True)
 
     def open(self, sha256: str) -> BinaryIO:
-        """Content, to be read.
-
-        Raises
-        ------
-        ContentMissing
-            It is not there.
-        """
+        """Content, to be read; ContentMissing where it is not there."""
         with disk_errors(self.folder):
             try:
                 return self.path(sha256).open("rb")
@@ -164,13 +132,7 @@ class Blobs:
                 raise _gone(sha256) from None
 
     def copy(self, sha256: str, target: Path) -> None:
-        """Copy content to a file and check on the way that it is what its name says.
-
-        Raises
-        ------
-        ContentMissing
-            It is not there, or was damaged on disk.
-        """
+        """Copy content to a file and check on the way that it is what its name says."""
         digest = hashlib.sha256()
         with self.open(sha256) as source, disk_errors(target.parent), target.open("xb") as copy:
             while chunk := source.read(_CHUNK):
@@ -191,17 +153,17 @@ class Blobs:
 
     def remove_dead_uploads(self) -> int:
         """Remove uploads whose writer is gone, wherever it was killed; how many there were."""
-        return sum(_removed_if_dead(file) for file in self.uploads.iterdir())
+        removed = 0
+        for path in self.uploads.iterdir():
+            with suppress(BlockingIOError, FileNotFoundError), path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink(missing_ok=True)
+                removed += 1
+        return removed
 
 
 def prepare(path: Path) -> Content:
-    """A finished file in scratch, synced and named by its content.
-
-    Raises
-    ------
-    StoreFull, StoreUnavailable
-        The disk does not take it.
-    """
+    """A finished file in scratch, synced and named by its content."""
     with disk_errors(path.parent), path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         os.fsync(file.fileno())
@@ -217,18 +179,58 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _removed_if_dead(file: Path) -> bool:
-    try:
-        with file.open("rb") as handle:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            file.unlink(missing_ok=True)
-            return True
-    except (BlockingIOError, FileNotFoundError):
-        return False
-
-
 def _gone(sha256: str) -> ContentMissing:
     return ContentMissing(
         f"the stored content {sha256[:12]}… is not there",
         remedy="Upload the file again, or restore the data directory from a backup",
     )
+
+
+def keep(connection: Connection, files: Blobs, contents: Iterable[Content]) -> None:
+    """Lock the rows of contents and put the files in place; references follow in the same transaction.
+
+    They are locked in the order of their digests, so that two writers never wait for each other in a circle.
+    """
+    for content in sorted(contents, key=lambda c: c.sha256):
+        _lock(connection, content.sha256, {"size": content.size})
+        files.place(content)
+
+
+def release(database: Database, files: Blobs, digests: Iterable[str]) -> int:
+    """Remove those contents that nothing refers to any more; the number removed."""
+    removed = 0
+    with database.write() as connection:
+        for sha256 in sorted(set(digests)):
+            this = select(blobs.c.sha256).where(blobs.c.sha256 == sha256)
+            if connection.scalar(this.with_for_update()) is None:
+                continue
+            # A statement of its own: it sees what those who held the lock before have committed.
+            if connection.scalar(this.where(_UNREFERRED)) is not None:
+                connection.execute(delete(blobs).where(blobs.c.sha256 == sha256))
+                files.remove(sha256)
+                removed += 1
+    return removed
+
+
+def collect(database: Database, files: Blobs) -> int:
+    """Remove all content that nothing refers to; the number of files removed.
+
+    Files without a row were put in place by a transaction that then failed, or by one that is about to
+    commit it: making the row first waits for that.
+    """
+    with database.read() as connection:
+        unused = list(connection.scalars(select(blobs.c.sha256).where(_UNREFERRED)))
+        listed = set(connection.scalars(select(blobs.c.sha256)))
+    unlisted = [sha256 for sha256 in files.stored() if sha256 not in listed]
+    for sha256 in unlisted:
+        with database.write() as connection:
+            _lock(connection, sha256, {})
+    unused += unlisted
+    return sum(release(database, files, unused[k : k + _AT_ONCE]) for k in range(0, len(unused), _AT_ONCE))
+
+
+def _lock(connection: Connection, sha256: str, size: dict[str, int]) -> None:
+    """Make the content's row or lock the one that is there."""
+    changed = {"touched_us": NowUs()} | size
+    made = insert_for(connection)(blobs).values({"sha256": sha256, "size": 0} | changed)
+    connection.execute(made.on_conflict_do_update(index_elements=[blobs.c.sha256], set_=changed))

@@ -1,41 +1,73 @@
-"""A connection that reads or writes, and what its errors mean."""
+"""A connection that reads or writes, what its errors mean, and one clock for all machines.
+
+The clock is the database's, in microseconds since 1970: workers on several machines compare leases with it,
+so a machine whose own clock is wrong takes no job from another.
+"""
 
 from __future__ import annotations
 
+import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+from sqlalchemy import URL, BigInteger, Connection, Engine, create_engine, event, make_url, text
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import ArgumentError, DBAPIError, DisconnectionError, NoSuchModuleError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.functions import FunctionElement
 
 from scaling_service.core.errors import DependencyMissing, InputError
 from scaling_service.service.store.errors import StoreUnavailable, full, of_sqlite
-from scaling_service.service.store.sqlite_file import SqliteFile
 
 CONNECT_S = 5
 """Chosen: a PostgreSQL that does not answer by then is told of as unavailable, and tried again later."""
 
+BUSY_S = 10.0
+"""How long a writer waits for another. Chosen: the longest write, a cascading delete, takes well under it."""
+
+US_PER_S = 1_000_000
+
 _POSTGRES_FULL = "53100"  # disk_full: PostgreSQL manual, appendix A
+
+_PRAGMAS = (
+    "PRAGMA journal_mode=WAL",  # readers never wait for writers
+    "PRAGMA synchronous=FULL",  # what a client was told is kept survives a power failure
+    "PRAGMA foreign_keys=ON",
+    "PRAGMA secure_delete=ON",  # deleted content is overwritten
+)
+
+
+class NowUs(FunctionElement[int]):
+    """Time of the database when the statement runs (µs; SQLite's clock has a resolution of 1 ms)."""
+
+    name = "now_us"
+    type = BigInteger()
+    inherit_cache = True
+
+
+@compiles(NowUs, "sqlite")
+def _sqlite(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+    # 2440587.5: the Julian day of 1970-01-01 (Meeus 1998, Astronomical Algorithms, chapter 7).
+    return "CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS INTEGER) * 1000"
+
+
+@compiles(NowUs, "postgresql")
+def _postgresql(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+    return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000000 AS BIGINT)"
+
+
+def insert_for(connection: Connection) -> Any:
+    """The ``insert`` of a connection's own dialect, which knows what to do on conflicts."""
+    return postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
 
 
 class Database:
-    """A pool of connections to SQLite or PostgreSQL.
-
-    Parameters
-    ----------
-    url : str or URL
-        ``sqlite:////path`` or ``postgresql://user:password@host/name``.
-
-    Raises
-    ------
-    InputError
-        It is no URL of one of the two.
-    DependencyMissing
-        The driver of PostgreSQL is not installed.
-    """
+    """A pool of connections to ``sqlite:////path`` or ``postgresql://user:password@host/name``."""
 
     def __init__(self, url: str | URL) -> None:
         self._engine = _engine(_checked(url))
@@ -43,13 +75,7 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
-        """A transaction that sees one moment and changes nothing.
-
-        Raises
-        ------
-        StoreUnavailable
-            The database does not answer.
-        """
+        """A transaction that sees one moment and changes nothing."""
         with database_errors(), self._engine.connect() as connection, connection.begin():
             yield connection
 
@@ -58,11 +84,6 @@ class Database:
         """A transaction that is kept whole at the end, or not at all where an error leaves it.
 
         On SQLite there is one writer at a time; the others wait.
-
-        Raises
-        ------
-        StoreUnavailable
-            The database does not answer, or is full or read-only; nothing was changed.
         """
         with database_errors(), self._engine.connect() as connection:
             chosen = connection.execution_options(writes=True)
@@ -98,6 +119,49 @@ class Database:
     def close(self) -> None:
         """Give all connections back."""
         self._engine.dispose()
+
+
+class SqliteFile:
+    """The file of a SQLite database: never made by chance, and opened anew where it was changed.
+
+    A disk that failed is mounted again, or a backup is put in place, while the service runs. Connections that
+    are open still see the file that was there before. The methods listen to a pool of SQLAlchemy's.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def make(self) -> None:
+        """Make an empty file, unless there is one."""
+        os.close(os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+
+    def connect(self) -> sqlite3.Connection:
+        """Open the file; where it is gone, perhaps with its disk, none is made in its place."""
+        return sqlite3.connect(
+            f"file:{quote(str(self._path))}?mode=rw",
+            timeout=BUSY_S,
+            uri=True,
+            check_same_thread=False,  # a pool's connection has one user at a time
+            isolation_level=None,  # transactions are begun by the caller
+        )
+
+    def connected(self, raw: Any, record: Any) -> None:
+        """Remember which file it is, and how it is used."""
+        record.info["file"] = self._identity()
+        for pragma in _PRAGMAS:
+            raw.execute(pragma)
+
+    def check(self, _raw: Any, record: Any, _proxy: Any) -> None:
+        """Have the file opened anew where another stands under its name now."""
+        if record.info["file"] != self._identity():
+            raise DisconnectionError
+
+    def _identity(self) -> tuple[int, int] | None:
+        try:
+            found = self._path.stat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
 
 
 def _checked(text_url: str | URL) -> URL:
@@ -146,9 +210,8 @@ def database_errors() -> Iterator[None]:
     try:
         yield
     except PoolTimeout as error:
-        raise StoreUnavailable(
-            "all connections to the database are busy", remedy="Try again later"
-        ) from error
+        busy = StoreUnavailable("all connections to the database are busy", remedy="Try again later")
+        raise busy from error
     except DBAPIError as error:
         known = of_sqlite(error.orig) or _of_postgres(error)
         if known is None:
@@ -162,10 +225,9 @@ def _of_postgres(error: DBAPIError) -> StoreUnavailable | None:
         return full()
     # Classes 08 connection, 53 resources, 57 operator intervention, 25006 read-only, 40 rolled back; or none
     # at all where the server was not reached (PostgreSQL manual, appendix A).
-    lost = error.connection_invalidated or (
-        state is None and type(error.orig).__module__.startswith("psycopg")
-    )
-    if lost or (state or "").startswith(("08", "53", "57", "25006", "40", "58")):
+    unreached = state is None and type(error.orig).__module__.startswith("psycopg")
+    refused = (state or "").startswith(("08", "53", "57", "25006", "40", "58"))
+    if error.connection_invalidated or unreached or refused:
         return StoreUnavailable(
             "the database does not answer now",
             field="database_url",

@@ -10,14 +10,12 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Iterable, Sequence
-from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Select, delete, exists, select, union
+from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 
-from scaling_service.service.store import parts, references
-from scaling_service.service.store.blobs import Blobs
-from scaling_service.service.store.clock import US_PER_S, NowUs
-from scaling_service.service.store.database import Database
+from scaling_service.service.store import parts
+from scaling_service.service.store.blobs import Blobs, release
+from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.errors import needed
 from scaling_service.service.store.jobs import no_job
 from scaling_service.service.store.subjects import no_subject
@@ -31,9 +29,7 @@ from scaling_service.service.store.tables import (
     subjects,
 )
 
-_AT_ONCE = 200
-"""Jobs deleted in one transaction. Chosen: others wait for some ms only."""
-
+_AT_ONCE = 200  # jobs deleted in one transaction. Chosen: others wait for some ms only.
 _DAY_S = 86_400
 _PATIENCE_S = 2.0
 """How long readers of the log are waited for. Chosen: every reading transaction is far shorter."""
@@ -44,12 +40,7 @@ _TABLES = ("jobs", "job_subjects", "job_parts", "subjects", "blobs", *(table.nam
 def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
     """Delete a job with all that it made, and what it alone is made of; workers notice and stop.
 
-    Raises
-    ------
-    NotFound
-        This owner has no such job.
-    InUse
-        It is a part of one that is not over.
+    NotFound where this owner has no such job, InUse where it is a part of one that is not over.
     """
     with database.write() as connection:
         mine = select(jobs.c.id).where(jobs.c.id == job, jobs.c.owner == owner).with_for_update()
@@ -63,34 +54,30 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
 
 
 def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
-    """Delete a subject, its files, and every job that rests on its data.
-
-    Raises
-    ------
-    NotFound
-        This owner has no such subject.
-    """
+    """Delete a subject, its files, and every job that rests on its data; NotFound where there is none."""
     with database.write() as connection:
         found, digests = _delete_subject(connection, owner, identity)
     erase(database, blobs, found, digests)
 
 
 def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
-    """Delete jobs that ended longer ago than so many days, and subjects untouched for as long.
+    """Delete jobs that ended longer ago than so many days, and subjects untouched for as long; how many.
 
     A subject on whose data a kept job rests stays, and so does what a kept job is made of.
-
-    Returns
-    -------
-    jobs, subjects : int
-        How many were deleted.
     """
     before = NowUs() - round(days * _DAY_S * US_PER_S)
     over = jobs.c.state.in_(parts.OVER)
     old_jobs = select(jobs.c.id).where(over, jobs.c.finished_us < before, jobs.c.part == 0)
     used = exists().where(job_subjects.c.owner == subjects.c.owner, job_subjects.c.subject == subjects.c.id)
     old_subjects = select(subjects.c.owner, subjects.c.id).where(subjects.c.updated_us < before, ~used)
-    gone_jobs = _expire_jobs(database, blobs, old_jobs)
+    gone_jobs, found = 0, [""]
+    while found:
+        with database.write() as connection:
+            found = list(connection.scalars(old_jobs.limit(_AT_ONCE).with_for_update()))
+            gone, digests = _delete_jobs(connection, found)
+        if found:
+            erase(database, blobs, gone, digests)
+            gone_jobs += len(gone)
     with database.write() as connection:
         stale = connection.execute(old_subjects.with_for_update()).all()
         digests = [d for owner, identity in stale for d in _delete_subject(connection, owner, identity)[1]]
@@ -104,7 +91,7 @@ def erase(database: Database, blobs: Blobs, gone: Iterable[str], digests: Iterab
     for job in gone:
         for folder in blobs.work.glob(f"{job}.*"):
             shutil.rmtree(folder, ignore_errors=True)
-    references.release(database, blobs, digests)
+    release(database, blobs, digests)
     remove_traces(database)
 
 
@@ -124,27 +111,13 @@ def remove_traces(database: Database) -> bool:
         time.sleep(0.02)
 
 
-def _expire_jobs(database: Database, blobs: Blobs, old: Select[Any]) -> int:
-    total = 0
-    while True:
-        with database.write() as connection:
-            found = list(connection.scalars(old.limit(_AT_ONCE).with_for_update()))
-            gone, digests = _delete_jobs(connection, found)
-        if not found:
-            return total
-        erase(database, blobs, gone, digests)
-        total += len(gone)
-
-
 def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
     """The jobs that went with it, and the contents that nothing of it refers to any more."""
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     if connection.scalar(select(subjects.c.id).where(mine).with_for_update()) is None:
         raise no_subject(identity)
-    resting = select(job_subjects.c.job).where(
-        job_subjects.c.owner == owner, job_subjects.c.subject == identity
-    )
-    found = list(connection.scalars(resting))
+    resting = (job_subjects.c.owner == owner) & (job_subjects.c.subject == identity)
+    found = list(connection.scalars(select(job_subjects.c.job).where(resting)))
     gone, digests = _delete_jobs(connection, found)
     held: ColumnElement[bool] = (subject_files.c.owner == owner) & (subject_files.c.subject == identity)
     digests += connection.scalars(select(subject_files.c.sha256).where(held))
@@ -160,16 +133,9 @@ def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str
         for k in range(0, len(found), _AT_ONCE):
             some = found[k : k + _AT_ONCE]
             made_of += parts.of(connection, some)
-            digests += _delete_rows(connection, some)
+            referred = (select(t.c.sha256).where(t.c.job.in_(some)) for t in (job_inputs, job_files))
+            digests += connection.scalars(union(*referred))
+            connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
         found = parts.unneeded(connection, made_of)
         gone += found
     return gone, digests
-
-
-def _delete_rows(connection: Connection, some: Sequence[str]) -> list[str]:
-    """Delete rows of a few hundred jobs at most; the contents that they referred to."""
-    digests = connection.scalars(
-        union(*(select(table.c.sha256).where(table.c.job.in_(some)) for table in (job_inputs, job_files)))
-    ).all()
-    connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
-    return list(digests)

@@ -39,36 +39,32 @@ class StoreTooNew(InputError):
     """The tables were made by a later version of the program."""
 
 
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""The disk or the user's share of it is full."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)  # the disk or the user's share of it is full
 
 NO_ACCESS = (
-    errno.EROFS,
-    errno.ENOENT,
-    errno.ENOTDIR,
-    errno.EACCES,
-    errno.EPERM,
-    errno.EIO,
-    errno.ESTALE,
-    errno.ENXIO,
-    errno.EMFILE,
+    *(errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM),
+    *(errno.EIO, errno.ESTALE, errno.ENXIO, errno.EMFILE),
 )
 """The disk cannot be written to, or does not answer."""
 
-_SQLITE_NO_ROOM = "SQLITE_FULL"
+_SQLITE_NO_FILE = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
 
 
-def of_disk(error: OSError, place: Path) -> StoreUnavailable | None:
-    """The store's word for an error of the disk, or None where it is of another kind."""
-    if error.errno in NO_ROOM:
-        return full(place)
-    if error.errno in NO_ACCESS:
-        return StoreUnavailable(
-            f"the data directory cannot be used: {error.strerror}",
-            file=place,
-            remedy="Make the disk writable again; the service goes on by itself",
-        )
-    return None
+@contextmanager
+def disk_errors(place: Path) -> Iterator[None]:
+    """Let errors of the disk leave as the store's: StoreFull or StoreUnavailable."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            raise full(place) from error
+        if error.errno in NO_ACCESS:
+            raise StoreUnavailable(
+                f"the data directory cannot be used: {error.strerror}",
+                file=place,
+                remedy="Make the disk writable again; the service goes on by itself",
+            ) from error
+        raise
 
 
 def full(place: Path | None = None) -> StoreFull:
@@ -83,36 +79,14 @@ def full(place: Path | None = None) -> StoreFull:
 def of_sqlite(error: BaseException | None) -> StoreUnavailable | None:
     """The store's word for an error of SQLite that concerns its file and not the statement."""
     name = getattr(error, "sqlite_errorname", "")
-    if name == _SQLITE_NO_ROOM:
+    if name == "SQLITE_FULL":
         return full()
-    if isinstance(error, sqlite3.OperationalError | sqlite3.DatabaseError) and name.startswith(
-        ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
-    ):
+    if isinstance(error, sqlite3.DatabaseError) and name.startswith(_SQLITE_NO_FILE):
         return StoreUnavailable(
             f"the database cannot be used now ({name})",
             remedy="Look at the disk that holds the data directory; the service goes on by itself",
         )
     return None
-
-
-@contextmanager
-def disk_errors(place: Path) -> Iterator[None]:
-    """Let errors of the disk leave as the store's.
-
-    Raises
-    ------
-    StoreFull
-        There is no room.
-    StoreUnavailable
-        The disk cannot be written to or read.
-    """
-    try:
-        yield
-    except OSError as error:
-        known = of_disk(error, place)
-        if known is None:
-            raise
-        raise known from error
 
 
 def needed(job: str) -> InUse:

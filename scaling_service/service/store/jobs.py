@@ -1,4 +1,4 @@
-"""Rows of jobs: made, read, changed under a lock."""
+"""Rows of jobs: made, read, listed, changed under a lock."""
 
 from __future__ import annotations
 
@@ -6,44 +6,30 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Table, insert, select, update
+from sqlalchemy import Connection, Select, Table, func, insert, select, update
 
-from scaling_service.service.store.clock import NowUs
-from scaling_service.service.store.database import Database
+from scaling_service.documents.jobs import State
+from scaling_service.service.store.database import Database, NowUs
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.rows import JOB_COLUMNS, FileRow, JobRow, job_row
+from scaling_service.service.store.rows import FileRow, JobRow, Page, job_row, read_page
 from scaling_service.service.store.tables import job_files, job_inputs, job_subjects, jobs
 
-SHOWN = tuple(jobs.c[name] for name in JOB_COLUMNS)
+SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns of a job that are small
 
 
 @dataclass(frozen=True, slots=True)
 class NewJob:
-    """What a job is from its beginning.
+    """What a job is from its beginning."""
 
-    Parameters
-    ----------
-    id : str
-        The SHA-256 of what follows, made by the caller.
-    specification : str
-        Canonical JSON.
-    subjects : tuple of str
-        Whose data it rests on.
-    inputs : tuple of FileRow
-        Path in the folder of inputs, and content.
-    parts : tuple of NewJob
-        What it is made of.
-    """
-
-    id: str
+    id: str  # the SHA-256 of the specification, made by the caller
     owner: str
     kind: str
     code_version: str
-    specification: str
-    subjects: tuple[str, ...]
-    inputs: tuple[FileRow, ...]
-    parts: tuple[NewJob, ...] = ()
+    specification: str  # canonical JSON
+    subjects: tuple[str, ...]  # whose data it rests on
+    inputs: tuple[FileRow, ...]  # path in the folder of inputs, and content
+    parts: tuple[NewJob, ...] = ()  # what it is made of
 
 
 def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) -> None:
@@ -76,71 +62,48 @@ def add_files(connection: Connection, job: str, files: Iterable[FileRow]) -> Non
 
 def seen(connection: Connection, job: str) -> JobRow | None:
     """A job as this transaction sees it; None if there is none."""
-    found = connection.execute(select(*SHOWN).where(jobs.c.id == job)).mappings().one_or_none()
-    return None if found is None else job_row(found)
+    return first(connection, select(*SHOWN).where(jobs.c.id == job))
 
 
 def locked(connection: Connection, job: str, owner: str | None = None) -> JobRow | None:
     """A job that nobody else can change before this write transaction ends; None if there is none."""
     statement = select(*SHOWN).where(jobs.c.id == job).with_for_update()
-    if owner is not None:
-        statement = statement.where(jobs.c.owner == owner)
+    return first(connection, statement if owner is None else statement.where(jobs.c.owner == owner))
+
+
+def first(connection: Connection, statement: Select[Any]) -> JobRow | None:
+    """The one job that a statement finds, if any."""
     found = connection.execute(statement).mappings().one_or_none()
     return None if found is None else job_row(found)
 
 
 def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
     """Write columns of a job that is locked; its revision grows."""
-    connection.execute(
-        update(jobs)
-        .where(jobs.c.id == job)
-        .values(**{"updated_us": NowUs()} | dict(values), revision=jobs.c.revision + 1)
-    )
+    written = {"updated_us": NowUs()} | dict(values) | {"revision": jobs.c.revision + 1}
+    connection.execute(update(jobs).where(jobs.c.id == job).values(written))
 
 
 def get(database: Database, owner: str, job: str) -> JobRow:
-    """One job.
-
-    Raises
-    ------
-    NotFound
-        This owner has no such job.
-    """
+    """One job; NotFound where this owner has none of that name."""
     with database.read() as connection:
-        statement = select(*SHOWN).where(jobs.c.id == job, jobs.c.owner == owner)
-        found = connection.execute(statement).mappings().one_or_none()
+        found = first(connection, select(*SHOWN).where(jobs.c.id == job, jobs.c.owner == owner))
     if found is None:
         raise no_job(job)
-    return job_row(found)
+    return found
 
 
 def documents(database: Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
-    """A job's specification, result and provenance as JSON texts.
-
-    Raises
-    ------
-    NotFound
-        This owner has no such job.
-    """
+    """A job's specification, result and provenance as JSON texts; NotFound as in :func:`get`."""
+    wanted = select(jobs.c.specification, jobs.c.result, jobs.c.provenance)
     with database.read() as connection:
-        found = connection.execute(
-            select(jobs.c.specification, jobs.c.result, jobs.c.provenance).where(
-                jobs.c.id == job, jobs.c.owner == owner
-            )
-        ).one_or_none()
+        found = connection.execute(wanted.where(jobs.c.id == job, jobs.c.owner == owner)).one_or_none()
     if found is None:
         raise no_job(job)
     return found.specification, found.result, found.provenance
 
 
 def files(database: Database, owner: str, job: str) -> list[FileRow]:
-    """What a job made, by path.
-
-    Raises
-    ------
-    NotFound
-        This owner has no such job.
-    """
+    """What a job made, by path; NotFound as in :func:`get`."""
     get(database, owner, job)
     return _files(database, job_files, job)
 
@@ -155,14 +118,43 @@ def no_job(job: str) -> NotFound:
     return NotFound(f"there is no job '{job[:64]}'", field="job", remedy="List the jobs")
 
 
-def _files(database: Database, table: Table, job: str) -> list[FileRow]:
+def page(
+    database: Database,
+    owner: str,
+    *,
+    state: State | None = None,
+    kind: str | None = None,
+    subject: str | None = None,
+    cursor: str | None = None,
+    limit: int = 50,
+) -> Page[JobRow]:
+    """An owner's jobs, newest first, of one state, kind or subject where given."""
+    if subject is None:
+        order = (jobs.c.created_us, jobs.c.id)
+        statement = select(*SHOWN).where(jobs.c.owner == owner)
+    else:
+        order = (job_subjects.c.created_us, job_subjects.c.job)
+        statement = select(*SHOWN).join(job_subjects, job_subjects.c.job == jobs.c.id)
+        statement = statement.where(job_subjects.c.owner == owner, job_subjects.c.subject == subject)
+    if state is not None:
+        statement = statement.where(jobs.c.state == state.value)
+    if kind is not None:
+        statement = statement.where(jobs.c.kind == kind)
     with database.read() as connection:
-        rows = connection.execute(
-            select(table.c.path, table.c.sha256, table.c.size)
-            .where(table.c.job == job)
-            .order_by(table.c.path)
-        )
-        return [FileRow(*row) for row in rows]
+        return read_page(connection, statement, order, cursor, limit, job_row)
+
+
+def counts(database: Database) -> dict[State, int]:
+    """Jobs of all owners by state, for monitoring."""
+    with database.read() as connection:
+        rows = connection.execute(select(jobs.c.state, func.count()).group_by(jobs.c.state)).all()
+    return dict.fromkeys(State, 0) | {State(state): number for state, number in rows}
+
+
+def _files(database: Database, table: Table, job: str) -> list[FileRow]:
+    wanted = select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
+    with database.read() as connection:
+        return [FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]
 
 
 def _add_files(connection: Connection, table: Table, job: str, files: Iterable[FileRow]) -> None:

@@ -6,36 +6,24 @@ import hashlib
 import hmac
 import secrets
 
-from sqlalchemy import Connection, RowMapping, insert, select, update
-from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy import Connection, insert, select, update
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.store.clock import NowUs
-from scaling_service.service.store.database import Database
+from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.rows import KeyRow
 from scaling_service.service.store.tables import api_keys, owners
 
-PREFIX = "scs"
-"""Starts every key, so that a key found in a text is known for one."""
+PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
-_SHOWN = (api_keys.c.id, api_keys.c.owner, api_keys.c.label, api_keys.c.created_us, api_keys.c.revoked_us)
+_SHOWN = tuple(api_keys.c[name] for name in KeyRow.__dataclass_fields__)
 _LONGEST = 200
 
 
 def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str]:
-    """Make a key of an owner; several keys of one owner see the same things.
+    """Make a key of an owner, and its secret; several keys of one owner see the same things.
 
-    Returns
-    -------
-    key : KeyRow
-    secret : str
-        To be shown once; only its SHA-256 is kept. (Its 256 random bits need no slow hash.)
-
-    Raises
-    ------
-    InputError
-        The owner's name or the label is empty or too long.
+    The secret is to be shown once; only its SHA-256 is kept. (Its 256 random bits need no slow hash.)
     """
     for field, value, least in (("owner", owner, 1), ("label", label, 0)):
         if not least <= len(value.strip()) or len(value) > _LONGEST or not value.isprintable():
@@ -46,13 +34,10 @@ def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str
     token = f"{PREFIX}_{identity}_{secret}"
     with database.write() as connection:
         ensure_owner(connection, owner)
-        connection.execute(
-            insert(api_keys).values(
-                id=identity, owner=owner, label=label, secret_sha256=_digest(token), created_us=NowUs()
-            )
-        )
-        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).mappings().one()
-    return _key(row), token
+        made = {"id": identity, "owner": owner, "label": label, "secret_sha256": _digest(token)}
+        connection.execute(insert(api_keys).values(made | {"created_us": NowUs()}))
+        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).one()
+    return KeyRow(*row), token
 
 
 def owner_of(database: Database, token: str) -> str | None:
@@ -74,7 +59,7 @@ def every(database: Database) -> list[KeyRow]:
     """All keys, revoked ones too, oldest first."""
     with database.read() as connection:
         rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id))
-        return [_key(row) for row in rows.mappings()]
+        return [KeyRow(*row) for row in rows]
 
 
 def any_valid(database: Database) -> bool:
@@ -85,31 +70,18 @@ def any_valid(database: Database) -> bool:
 
 
 def revoke(database: Database, identity: str) -> None:
-    """Let a key open nothing any more.
-
-    Raises
-    ------
-    NotFound
-        There is no such key that is valid.
-    """
+    """Let a key open nothing any more; NotFound where there is no such key that is valid."""
+    valid = (api_keys.c.id == identity) & api_keys.c.revoked_us.is_(None)
     with database.write() as connection:
-        done = connection.execute(
-            update(api_keys)
-            .where(api_keys.c.id == identity, api_keys.c.revoked_us.is_(None))
-            .values(revoked_us=NowUs())
-        )
+        done = connection.execute(update(api_keys).where(valid).values(revoked_us=NowUs()))
     if done.rowcount == 0:
         raise NotFound(f"there is no valid key '{identity}'", field="key", remedy="List the keys")
 
 
 def ensure_owner(connection: Connection, owner: str) -> None:
     """Make the owner's row if it is not there."""
-    chosen = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
-    connection.execute(chosen(owners).values(name=owner, served_us=0).on_conflict_do_nothing())
-
-
-def _key(row: RowMapping) -> KeyRow:
-    return KeyRow(**row)
+    made = insert_for(connection)(owners).values(name=owner, served_us=0)
+    connection.execute(made.on_conflict_do_nothing())
 
 
 def _digest(token: str) -> str:

@@ -24,22 +24,10 @@ _VERSION_TABLE = "alembic_version"
 
 
 def upgrade(database: Database, folder: Path) -> None:
-    """Make or change the tables as this version of the program needs them.
+    """Make or change the tables as this version of the program needs them; a failure changes nothing.
 
-    Programs that start at the same moment wait for the first; a failure changes nothing.
-
-    Parameters
-    ----------
-    database : Database
-    folder : Path
-        Where the lock file is held for SQLite.
-
-    Raises
-    ------
-    StoreTooNew
-        A later version of the program has been here.
-    StoreUnavailable
-        The database or the folder does not answer.
+    Programs that start at the same moment wait for the first; on SQLite by a lock file in the folder.
+    StoreTooNew is raised where a later version of the program has been here.
     """
     with _alone(database, folder), database.write() as connection:
         _refuse_later(connection)

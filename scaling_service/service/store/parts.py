@@ -6,29 +6,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, exists, func, insert, literal, select
-from sqlalchemy.dialects import postgresql, sqlite
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.store.database import Database
+from scaling_service.service.store.database import Database, insert_for
 from scaling_service.service.store.rows import FileRow
 from scaling_service.service.store.tables import job_files, job_parts, jobs
 
 OVER = tuple(state.value for state in State if state.is_over)
-_SETTLED = tuple(state.value for state in State if not state.is_over and state is not State.WAITING)
+_SETTLED = [state for state in State if not state.is_over and state is not State.WAITING]
 """States of a whole that counts on its parts being over."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartRow:
-    """How a part ended.
-
-    Parameters
-    ----------
-    specification : str
-        Canonical JSON.
-    result, failure : str, optional
-        JSON.
-    """
+    """How a part ended: its specification, and its result or failure, as JSON."""
 
     state: State
     specification: str
@@ -38,9 +29,8 @@ class PartRow:
 
 def link(connection: Connection, whole: str, parts: Sequence[str]) -> None:
     """Say what a job is made of; what is said already stays."""
-    chosen = postgresql.insert if connection.dialect.name == "postgresql" else sqlite.insert
     rows = [{"whole": whole, "part": part, "position": k} for k, part in enumerate(parts)]
-    connection.execute(chosen(job_parts).on_conflict_do_nothing(), rows)
+    connection.execute(insert_for(connection)(job_parts).on_conflict_do_nothing(), rows)
 
 
 def of(connection: Connection, wholes: Iterable[str]) -> list[str]:
@@ -51,32 +41,23 @@ def of(connection: Connection, wholes: Iterable[str]) -> list[str]:
 
 def waiting_for(connection: Connection, part: str) -> list[str]:
     """The jobs that wait for a part, sorted by name."""
-    wanted = (
-        select(job_parts.c.whole)
-        .join(jobs, jobs.c.id == job_parts.c.whole)
-        .where(job_parts.c.part == part, jobs.c.state == State.WAITING.value)
-    )
-    return sorted(connection.scalars(wanted))
+    return _wholes(connection, part, [State.WAITING])
 
 
 def is_needed(connection: Connection, part: str) -> bool:
     """Whether it belongs to a job that is not over."""
-    return _has_whole(connection, part, tuple(state.value for state in State if not state.is_over))
+    return bool(_wholes(connection, part, [state for state in State if not state.is_over]))
 
 
 def is_counted_on(connection: Connection, part: str) -> bool:
     """Whether it belongs to a job that no longer waits and is not over: it must stay as it ended."""
-    return _has_whole(connection, part, _SETTLED)
+    return bool(_wholes(connection, part, _SETTLED))
 
 
-def _has_whole(connection: Connection, part: str, states: Sequence[str]) -> bool:
-    wanted = (
-        select(job_parts.c.whole)
-        .join(jobs, jobs.c.id == job_parts.c.whole)
-        .where(job_parts.c.part == part, jobs.c.state.in_(states))
-        .limit(1)
-    )
-    return connection.scalar(wanted) is not None
+def _wholes(connection: Connection, part: str, states: Iterable[State]) -> list[str]:
+    wanted = select(job_parts.c.whole).join(jobs, jobs.c.id == job_parts.c.whole)
+    chosen = jobs.c.state.in_([state.value for state in states])
+    return sorted(connection.scalars(wanted.where(job_parts.c.part == part, chosen)))
 
 
 def ended(connection: Connection, whole: str) -> tuple[int, int]:
@@ -93,10 +74,8 @@ def ended(connection: Connection, whole: str) -> tuple[int, int]:
 
 def unneeded(connection: Connection, parts: Iterable[str]) -> list[str]:
     """Those that no job is made of any more."""
-    wanted = select(jobs.c.id).where(
-        jobs.c.id.in_(list(parts)), ~exists().where(job_parts.c.part == jobs.c.id)
-    )
-    return list(connection.scalars(wanted))
+    left = jobs.c.id.in_(list(parts)) & ~exists().where(job_parts.c.part == jobs.c.id)
+    return list(connection.scalars(select(jobs.c.id).where(left)))
 
 
 def ends(database: Database, whole: str) -> list[PartRow]:

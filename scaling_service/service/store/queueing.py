@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, Select, func, select, update
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.store.clock import US_PER_S, NowUs
-from scaling_service.service.store.database import Database
-from scaling_service.service.store.jobs import SHOWN
+from scaling_service.service.store.database import US_PER_S, Database, NowUs
+from scaling_service.service.store.jobs import SHOWN, first
 from scaling_service.service.store.rows import JobRow, job_row
 from scaling_service.service.store.tables import jobs, owners
 
-_LEASED = tuple(state.value for state in State if state.is_leased)
+_LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
+_QUEUED = jobs.c.state == State.QUEUED.value
 
 
 def next_queued(connection: Connection) -> JobRow | None:
@@ -23,57 +24,51 @@ def next_queued(connection: Connection) -> JobRow | None:
     owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
     the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
-    for owner in _waiting(connection):
-        found = (
-            connection.execute(
-                select(*SHOWN)
-                .where(jobs.c.owner == owner, jobs.c.state == State.QUEUED.value)
-                .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
-                .limit(1)
-                .with_for_update(skip_locked=True)
-            )
-            .mappings()
-            .one_or_none()
+    for owner in connection.scalars(_waiting()).all():
+        oldest = (
+            select(*SHOWN)
+            .where(jobs.c.owner == owner, _QUEUED)
+            .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
+            .limit(1)
+            .with_for_update(skip_locked=True)
         )
+        found = first(connection, oldest)
         if found is not None:
             connection.execute(update(owners).where(owners.c.name == owner).values(served_us=NowUs()))
-            return job_row(found)
+            return found
     return None
 
 
-def _waiting(connection: Connection) -> list[str]:
+def _waiting() -> Select[tuple[str]]:
     """Owners with a queued job, the next to be served first."""
+    mine = jobs.c.owner == owners.c.name
     # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
-    waits = (
-        select(jobs.c.id)
-        .where(jobs.c.owner == owners.c.name, jobs.c.state == State.QUEUED.value)
-        .limit(1)
-        .correlate(owners)
-        .scalar_subquery()
-    )
-    running = (
-        select(func.count())
-        .where(jobs.c.owner == owners.c.name, jobs.c.state.in_(_LEASED))
-        .correlate(owners)
-        .scalar_subquery()
-    )
-    return list(
-        connection.scalars(
-            select(owners.c.name)
-            .where(waits.is_not(None))
-            .order_by(running, owners.c.served_us, owners.c.name)
-        )
-    )
+    waits = select(jobs.c.id).where(mine, _QUEUED).limit(1).correlate(owners).scalar_subquery()
+    running = select(func.count()).where(mine, _LEASED).correlate(owners).scalar_subquery()
+    wanted = select(owners.c.name).where(waits.is_not(None))
+    return wanted.order_by(running, owners.c.served_us, owners.c.name)
 
 
-def lease_end(seconds: float) -> NowUs:
+def waiting_at_least(connection: Connection, owner: str, number: int) -> bool:
+    """Whether an owner has that many jobs queued or more."""
+    some = select(jobs.c.id).where(jobs.c.owner == owner, _QUEUED).limit(number)
+    return (connection.scalar(select(func.count()).select_from(some.subquery())) or 0) >= number
+
+
+def anything_queued(database: Database) -> bool:
+    """Whether a job waits."""
+    with database.read() as connection:
+        return connection.scalar(select(jobs.c.id).where(_QUEUED).limit(1)) is not None
+
+
+def lease_end(seconds: float) -> Any:
     """The moment so many seconds from now, by the database's clock."""
-    return NowUs() + round(seconds * US_PER_S)  # type: ignore[return-value]
+    return NowUs() + round(seconds * US_PER_S)
 
 
 def expired(connection: Connection) -> list[str]:
     """Jobs whose worker did not renew its lease in time."""
-    wanted = select(jobs.c.id).where(jobs.c.state.in_(_LEASED), jobs.c.lease_until_us < NowUs())
+    wanted = select(jobs.c.id).where(_LEASED, jobs.c.lease_until_us < NowUs())
     return list(connection.scalars(wanted.order_by(jobs.c.lease_until_us)))
 
 
@@ -86,71 +81,46 @@ def is_expired(connection: Connection, row: JobRow) -> bool:
 def held(database: Database, worker: str) -> dict[str, JobRow]:
     """The jobs that a worker holds."""
     with database.read() as connection:
-        rows = connection.execute(
-            select(*SHOWN).where(jobs.c.worker == worker, jobs.c.state.in_(_LEASED))
-        ).mappings()
+        rows = connection.execute(select(*SHOWN).where(jobs.c.worker == worker, _LEASED)).mappings()
         return {row.id: row for row in map(job_row, rows)}
+
+
+def held_by(connection: Connection, workers: Iterable[str]) -> list[str]:
+    """The jobs that some workers hold."""
+    return list(connection.scalars(select(jobs.c.id).where(jobs.c.worker.in_(list(workers)), _LEASED)))
+
+
+def holders(database: Database) -> list[str]:
+    """All workers that hold jobs."""
+    with database.read() as connection:
+        found = connection.scalars(select(jobs.c.worker).where(_LEASED).distinct())
+        return [worker for worker in found if worker is not None]
+
+
+def running_attempts(database: Database) -> set[tuple[str, int]]:
+    """Every job and attempt that some worker holds."""
+    with database.read() as connection:
+        rows = connection.execute(select(jobs.c.id, jobs.c.attempt).where(_LEASED))
+        return {(row.id, row.attempt) for row in rows}
 
 
 def renew(database: Database, worker: str, seconds: float) -> None:
     """Hold all of a worker's jobs for longer; those that it lost meanwhile stay lost."""
+    held = update(jobs).where(jobs.c.worker == worker, _LEASED)
     with database.write() as connection:
-        connection.execute(
-            update(jobs)
-            .where(jobs.c.worker == worker, jobs.c.state.in_(_LEASED))
-            .values(lease_until_us=lease_end(seconds))
-        )
+        connection.execute(held.values(lease_until_us=lease_end(seconds)))
 
 
 def report(database: Database, worker: str, told: Iterable[tuple[str, int, float, str]]) -> None:
-    """Write progress.
-
-    Parameters
-    ----------
-    told : iterable
-        Job, attempt, share of the whole (0 to 1), what is being done.
-    """
+    """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
+    running = update(jobs).where(jobs.c.worker == worker, jobs.c.state == State.RUNNING.value)
     with database.write() as connection:
         for job, attempt, share, what in told:
             connection.execute(
-                update(jobs)
-                .where(
-                    jobs.c.id == job,
-                    jobs.c.attempt == attempt,
-                    jobs.c.worker == worker,
-                    jobs.c.state == State.RUNNING.value,
-                )
-                .values(
+                running.where(jobs.c.id == job, jobs.c.attempt == attempt).values(
                     progress_share=share,
                     progress_what=what[:200],
                     updated_us=NowUs(),
                     revision=jobs.c.revision + 1,
                 )
             )
-
-
-def running_attempts(database: Database) -> set[tuple[str, int]]:
-    """Every job and attempt that some worker holds."""
-    with database.read() as connection:
-        rows = connection.execute(select(jobs.c.id, jobs.c.attempt).where(jobs.c.state.in_(_LEASED)))
-        return {(row.id, row.attempt) for row in rows}
-
-
-def held_by(connection: Connection, workers: Iterable[str]) -> list[str]:
-    """The jobs that some workers hold."""
-    wanted = select(jobs.c.id).where(jobs.c.worker.in_(list(workers)), jobs.c.state.in_(_LEASED))
-    return list(connection.scalars(wanted))
-
-
-def holders(database: Database) -> list[str]:
-    """All workers that hold jobs."""
-    with database.read() as connection:
-        wanted = select(jobs.c.worker).where(jobs.c.state.in_(_LEASED)).distinct()
-        return [worker for worker in connection.scalars(wanted) if worker is not None]
-
-
-def anything_queued(database: Database) -> bool:
-    """Whether a job waits."""
-    with database.read() as connection:
-        wanted = select(jobs.c.id).where(jobs.c.state == State.QUEUED.value).limit(1)
-        return connection.scalar(wanted) is not None

@@ -10,46 +10,25 @@ from pathlib import Path
 
 from sqlalchemy import URL, Connection, text
 
-from scaling_service.service.store import deletion, queueing, references
-from scaling_service.service.store.blobs import Blobs, Incoming, sync_folder
-from scaling_service.service.store.database import Database
+from scaling_service.service.store import deletion, queueing
+from scaling_service.service.store.blobs import Blobs, Incoming, collect, sync_folder
+from scaling_service.service.store.database import Database, SqliteFile
 from scaling_service.service.store.errors import disk_errors, full
 from scaling_service.service.store.migrate import upgrade
-from scaling_service.service.store.sqlite_file import SqliteFile
 
 SQLITE_NAME = "store.sqlite"
 
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """Rows and files of a service.
-
-    Parameters
-    ----------
-    database : Database
-    blobs : Blobs
-    """
+    """Rows and files of a service."""
 
     database: Database
     blobs: Blobs
 
     @classmethod
     def open(cls, folder: Path, database_url: str | None = None) -> Store:
-        """Open a data directory, making it and the tables where needed.
-
-        Parameters
-        ----------
-        folder : Path
-        database_url : str, optional
-            SQLite in the folder unless given.
-
-        Raises
-        ------
-        InputError
-            The URL cannot be used.
-        StoreUnavailable
-            The folder cannot be written to, or the database does not answer.
-        """
+        """Open a data directory, made with its tables where needed; SQLite in it unless a URL is given."""
         blobs = Blobs(folder.absolute())
         here = blobs.folder / SQLITE_NAME
         if database_url is None:
@@ -76,13 +55,7 @@ class Store:
         return self.blobs.incoming(limit)
 
     def tidy(self) -> None:
-        """Remove what nobody refers to: contents, dead uploads, folders of attempts that are over.
-
-        Raises
-        ------
-        StoreUnavailable
-            Nothing is lost; call it again later.
-        """
+        """Remove what nobody refers to: contents, dead uploads, folders of attempts that are over."""
         with disk_errors(self.blobs.folder):
             self.blobs.remove_dead_uploads()
             found = list(self.blobs.work.iterdir())
@@ -90,21 +63,13 @@ class Store:
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
-        references.collect(self.database, self.blobs)
+        collect(self.database, self.blobs)
         deletion.remove_traces(self.database)
 
     def check(self) -> dict[str, float]:
-        """Whether rows can be read and files written now.
+        """Look whether rows can be read and files written now; StoreUnavailable says which does not answer.
 
-        Returns
-        -------
-        dict
-            ``database_s`` and ``disk_s``, the time that each took, and ``free_bytes``.
-
-        Raises
-        ------
-        StoreUnavailable
-            Which of the two does not answer, and why.
+        ``database_s`` and ``disk_s`` are the time that each took; ``free_bytes`` are left on the disk.
         """
         begun = time.perf_counter()
         with self.read() as connection:
@@ -118,24 +83,14 @@ class Store:
                 free = shutil.disk_usage(self.blobs.folder).free
             finally:
                 probe.unlink(missing_ok=True)
-        return {
-            "database_s": between - begun,
-            "disk_s": time.perf_counter() - between,
-            "free_bytes": float(free),
-        }
+        disk_s = time.perf_counter() - between
+        return {"database_s": between - begun, "disk_s": disk_s, "free_bytes": float(free)}
 
     def require_room(self, least: int) -> None:
-        """Check that so many bytes are free on the disk.
-
-        Raises
-        ------
-        StoreFull
-            There are fewer.
-        """
-        folder = self.blobs.folder
-        with disk_errors(folder):
-            if shutil.disk_usage(folder).free < least:
-                raise full(folder)
+        """Raise StoreFull where fewer bytes are free on the disk."""
+        with disk_errors(self.blobs.folder):
+            if shutil.disk_usage(self.blobs.folder).free < least:
+                raise full(self.blobs.folder)
 
     def close(self) -> None:
         """Give all connections back."""

@@ -1,31 +1,24 @@
-"""Subjects, always of one owner."""
+"""Subjects, their files, and the labels that a laboratory gives to markers."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, select, update
 
-from scaling_service.service.store.clock import NowUs
-from scaling_service.service.store.database import Database
+from scaling_service.core.errors import InputError
+from scaling_service.service.store.blobs import Blobs, Content, keep, release
+from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.paging import Page, cursor_of, newest_first
-from scaling_service.service.store.rows import SubjectRow
-from scaling_service.service.store.tables import subjects
+from scaling_service.service.store.rows import FileRow, MarkerMapRow, Page, SubjectRow, read_page
+from scaling_service.service.store.tables import marker_maps, subject_files, subjects
 
 _SHOWN = tuple(subjects.c[name] for name in SubjectRow.__dataclass_fields__)
 
 
 def put(database: Database, owner: str, identity: str, document: str) -> tuple[SubjectRow, bool]:
-    """Keep a subject's document; files that were uploaded before stay.
-
-    Returns
-    -------
-    row : SubjectRow
-    new : bool
-        Whether there was none of that name.
-    """
+    """Keep a subject's document, and whether its name is new; files that were uploaded before stay."""
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     with database.write() as connection:
         ensure_owner(connection, owner)
@@ -41,43 +34,29 @@ def put(database: Database, owner: str, identity: str, document: str) -> tuple[S
                     owner=owner, id=identity, document=document, created_us=NowUs(), updated_us=NowUs()
                 )
             )
-        return _row(connection.execute(select(*_SHOWN).where(mine)).one()), new
+        return SubjectRow(*connection.execute(select(*_SHOWN).where(mine)).one()), new
 
 
 def get(database: Database, owner: str, identity: str) -> SubjectRow:
-    """One subject.
-
-    Raises
-    ------
-    NotFound
-        This owner has none of that name.
-    """
+    """One subject; NotFound where this owner has none of that name."""
+    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     with database.read() as connection:
-        found = connection.execute(
-            select(*_SHOWN).where(subjects.c.owner == owner, subjects.c.id == identity)
-        ).one_or_none()
+        found = connection.execute(select(*_SHOWN).where(mine)).one_or_none()
     if found is None:
         raise no_subject(identity)
-    return _row(found)
+    return SubjectRow(*found)
 
 
 def document(database: Database, owner: str, identity: str) -> str:
-    """A subject's document as it was put.
-
-    Raises
-    ------
-    NotFound
-        This owner has none of that name.
-    """
+    """A subject's document as it was put; NotFound where this owner has none of that name."""
     with database.read() as connection:
         return document_in(connection, owner, identity)
 
 
 def document_in(connection: Connection, owner: str, identity: str) -> str:
     """:func:`document` within a transaction."""
-    found = connection.scalar(
-        select(subjects.c.document).where(subjects.c.owner == owner, subjects.c.id == identity)
-    )
+    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
+    found = connection.scalar(select(subjects.c.document).where(mine))
     if found is None:
         raise no_subject(identity)
     return str(found)
@@ -85,20 +64,105 @@ def document_in(connection: Connection, owner: str, identity: str) -> str:
 
 def page(database: Database, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
     """An owner's subjects, newest first."""
-    wanted = newest_first(
-        select(*_SHOWN).where(subjects.c.owner == owner), subjects.c.created_us, subjects.c.id, cursor, limit
-    )
+    mine = select(*_SHOWN).where(subjects.c.owner == owner)
+    order = (subjects.c.created_us, subjects.c.id)
     with database.read() as connection:
-        rows = [_row(row) for row in connection.execute(wanted)]
-    more = len(rows) > limit
-    shown = tuple(rows[:limit])
-    return Page(shown, cursor_of(shown[-1].created_us, shown[-1].id) if more else None)
-
-
-def _row(row: Row[Any]) -> SubjectRow:
-    return SubjectRow(**row._mapping)
+        return read_page(connection, mine, order, cursor, limit, lambda row: SubjectRow(**row))
 
 
 def no_subject(identity: str) -> NotFound:
     """The error for a subject that this owner has not."""
     return NotFound(f"there is no subject '{identity}'", field="subject", remedy="Upload its document first")
+
+
+def attach(
+    database: Database, blobs: Blobs, owner: str, identity: str, name: str, content: Content, *, most: int
+) -> FileRow:
+    """Keep an upload as a subject's file, of which it may have ``most``; one of the same name is replaced."""
+    row = FileRow(name, content.sha256, content.size)
+    mine = _files_of(owner, identity)
+    with database.write() as connection:
+        _touch(connection, owner, identity)
+        replaced = connection.scalars(
+            delete(subject_files).where(mine, subject_files.c.name == name).returning(subject_files.c.sha256)
+        ).all()
+        if (connection.scalar(select(func.count()).select_from(subject_files).where(mine)) or 0) >= most:
+            raise InputError(
+                f"subject '{identity}' has {most} files already, which is the most",
+                field="name",
+                remedy="Remove files that are not needed",
+            )
+        keep(connection, blobs, [content])
+        connection.execute(
+            insert(subject_files).values(
+                owner=owner, subject=identity, name=name, sha256=row.sha256, size=row.size, updated_us=NowUs()
+            )
+        )
+    release(database, blobs, set(replaced) - {row.sha256})
+    return row
+
+
+def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: Iterable[str]) -> None:
+    """Remove files of a subject, or none where one is not there; jobs keep their own reference."""
+    gone: list[str] = []
+    with database.write() as connection:
+        for name in names:
+            found = connection.scalar(
+                delete(subject_files)
+                .where(_files_of(owner, identity), subject_files.c.name == name)
+                .returning(subject_files.c.sha256)
+            )
+            if found is None:
+                raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
+            gone.append(found)
+        _touch(connection, owner, identity)
+    release(database, blobs, gone)
+
+
+def files(database: Database, owner: str, identity: str) -> list[FileRow]:
+    """A subject's files, by name; NotFound where this owner has no such subject."""
+    get(database, owner, identity)
+    with database.read() as connection:
+        return files_in(connection, owner, identity)
+
+
+def files_in(connection: Connection, owner: str, identity: str) -> list[FileRow]:
+    """:func:`files` within a transaction."""
+    rows = connection.execute(
+        select(subject_files.c.name, subject_files.c.sha256, subject_files.c.size)
+        .where(_files_of(owner, identity))
+        .order_by(subject_files.c.name)
+    )
+    return [FileRow(*row) for row in rows]
+
+
+def _files_of(owner: str, identity: str) -> ColumnElement[bool]:
+    return and_(subject_files.c.owner == owner, subject_files.c.subject == identity)
+
+
+def _touch(connection: Connection, owner: str, identity: str) -> None:
+    """Lock the subject's row and note the change."""
+    done = connection.execute(
+        update(subjects)
+        .where(subjects.c.owner == owner, subjects.c.id == identity)
+        .values(updated_us=NowUs(), revision=subjects.c.revision + 1)
+    )
+    if done.rowcount == 0:
+        raise no_subject(identity)
+
+
+def marker_map(database: Database, owner: str) -> MarkerMapRow | None:
+    """Which label is which marker in an owner's laboratory; None where that was never said."""
+    wanted = select(marker_maps.c.document, marker_maps.c.updated_us).where(marker_maps.c.owner == owner)
+    with database.read() as connection:
+        found = connection.execute(wanted).one_or_none()
+    return None if found is None else MarkerMapRow(*found)
+
+
+def put_marker_map(database: Database, owner: str, document: str) -> None:
+    """Keep an owner's map, as JSON, in place of the one before."""
+    kept = {"document": document, "updated_us": NowUs()}
+    with database.write() as connection:
+        ensure_owner(connection, owner)
+        made = insert_for(connection)(marker_maps).values({"owner": owner} | kept)
+        connection.execute(made.on_conflict_do_update(index_elements=[marker_maps.c.owner], set_=kept))

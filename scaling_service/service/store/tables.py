@@ -151,5 +151,4 @@ job_parts = Table(
 )
 """What a job is made of. A part may belong to several wholes, and goes with the last of them."""
 
-REFERENCES = (subject_files, job_inputs, job_files)
-"""Tables that keep content alive."""
+REFERENCES = (subject_files, job_inputs, job_files)  # tables that keep content alive

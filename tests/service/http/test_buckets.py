@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.service.http.buckets import MOST_CALLERS, Buckets
+from scaling_service.service.http.callers import MOST_CALLERS, Buckets
 
 
 @given(

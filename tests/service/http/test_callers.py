@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import requests
 
-from scaling_service.service.http.asking import example_of
+from scaling_service.service.http.jobs import example_of
 from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.store import keys
 from tests.service.http.served import Served, serving, settings_in

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.service.http.tickets import LIFETIME_S, Tickets
+from scaling_service.service.http.callers import LIFETIME_S, Tickets
 from tests.service.http.served import Served
 from tests.service.http.test_subjects import person
 

@@ -15,7 +15,7 @@ import pytest
 import requests
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.store import sqlite_file
+from scaling_service.service.store import database
 from tests.service.http.served import Served, serving, settings_in
 from tests.service.http.test_subjects import person
 from tests.service.jobs.services import all_done, running, until
@@ -112,7 +112,7 @@ def test_a_disk_that_fails_and_is_mounted_again(tmp_path: Path) -> None:
 
 
 def test_a_database_that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sqlite_file, "BUSY_S", 0.5)  # s: the test does not wait for the usual ten
+    monkeypatch.setattr(database, "BUSY_S", 0.5)  # s: the test does not wait for the usual ten
     settings = settings_in(tmp_path, lease_s=1.0)
     with serving(settings, TINY) as served, running(served.service):
         jobs = asked(served, 6)

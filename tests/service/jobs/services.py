@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.executors import MakeExecutor
+from scaling_service.service.jobs.attempts import MakeExecutor
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import Service, open_store
 from scaling_service.service.jobs.settings import ServiceSettings
@@ -68,9 +68,9 @@ def all_done(service: Service) -> bool:
 RUNNING = """
 import sys
 from scaling_service.service.sandbox.launcher import Launcher
-from scaling_service.service.jobs import launcher
+from scaling_service.service.sandbox import launcher
 launcher._LAUNCHER = Launcher("tests.service.jobs.tiny")  # warm at once: tiny jobs need little
-from scaling_service.service.jobs.logs import log_as_json
+from scaling_service.service.jobs.process import log_as_json
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import open_store
 from scaling_service.service.jobs.settings import ServiceSettings

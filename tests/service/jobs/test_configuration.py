@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.service.jobs.configuration import SettingsRefused, load_settings, shown
+from scaling_service.service.jobs.settings import SettingsRefused, load_settings, shown
 
 
 def test_chosen_wins_over_environment_over_file_over_default(

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.executors import MakeExecutor, executor_maker
+from scaling_service.service.jobs.attempts import MakeExecutor, executor_maker
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.store.errors import StoreUnavailable
@@ -98,7 +98,7 @@ def test_a_scheduler_that_does_not_answer_is_told(
     settings: ServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("scaling_service.service.jobs.executors._CONNECT_S", 0.5)
+    monkeypatch.setattr("scaling_service.service.jobs.attempts._CONNECT_S", 0.5)
     make = executor_maker(settings.model_copy(update={"dask_address": "tcp://127.0.0.1:9"}))
     with pytest.raises(StoreUnavailable, match="scheduler does not answer"):
         make()

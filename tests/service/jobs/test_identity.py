@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.capabilities.scaling.job import ScalingRequest
-from scaling_service.service.jobs.identity import _files, canonical, code_version, job_id, specification
 from scaling_service.service.jobs.kinds import KINDS
+from scaling_service.service.jobs.submission import _files, canonical, code_version, job_id, specification
 
 BASE = {
     "kind": "scaling",

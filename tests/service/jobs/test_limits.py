@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from scaling_service.service.jobs.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.sandbox.child import Child, Work
 from scaling_service.service.sandbox.launcher import Launcher
 from scaling_service.service.sandbox.limits import Limits
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.sandbox.supervisor import supervise
 from tests.service.jobs import tasks
 

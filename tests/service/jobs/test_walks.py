@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.ledger import Made
 from scaling_service.service.jobs.machine import Event
-from scaling_service.service.store import jobs, listing
+from scaling_service.service.store import jobs
 from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
 from tests.service.jobs.test_ledger import WHY, ask, ledger_of
@@ -57,7 +57,7 @@ class Walk:
         self.results[attempt.id] += state is State.DONE
 
     def check(self) -> None:
-        rows = {row.id: row for row in listing.page(self.store.database, self.owner).items}
+        rows = {row.id: row for row in jobs.page(self.store.database, self.owner).items}
         assert set(rows) == self.asked
         for job, row in rows.items():
             assert self.results[job] == (row.state is State.DONE)

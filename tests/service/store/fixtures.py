@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.service.store import uploads
+from scaling_service.service.store import subjects
 from scaling_service.service.store.rows import FileRow
 from scaling_service.service.store.store import Store
 from tests.service.store.postgres import server
@@ -39,4 +39,6 @@ def upload(store: Store, owner: str, subject: str, name: str, content: bytes) ->
     """Keep bytes as a subject's file."""
     with store.incoming(1 << 30) as incoming:
         incoming.write(content)
-        return uploads.attach(store.database, store.blobs, owner, subject, name, incoming.finish(), most=1000)
+        return subjects.attach(
+            store.database, store.blobs, owner, subject, name, incoming.finish(), most=1000
+        )

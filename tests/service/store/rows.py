@@ -8,9 +8,9 @@ from typing import Any
 from sqlalchemy import insert
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.store import jobs, references
+from scaling_service.service.store import blobs, jobs
 from scaling_service.service.store.blobs import prepare
-from scaling_service.service.store.clock import NowUs
+from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.jobs import NewJob
 from scaling_service.service.store.keys import ensure_owner
 from scaling_service.service.store.rows import FileRow
@@ -39,7 +39,7 @@ def add_job(
                 scratch = store.blobs.uploads / hashlib.sha256(path.encode()).hexdigest()
                 scratch.write_bytes(content)
                 contents[path] = prepare(scratch)
-            references.keep(connection, store.blobs, contents.values())
+            blobs.keep(connection, store.blobs, contents.values())
             jobs.add_files(connection, identity, [FileRow(p, c.sha256, c.size) for p, c in contents.items()])
             columns = {"state": State.DONE.value, "finished_us": NowUs()} | columns
         if columns:

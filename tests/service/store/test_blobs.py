@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.service.store import references, subjects, uploads
+from scaling_service.service.store import blobs, subjects
 from scaling_service.service.store.blobs import Blobs, Content, prepare
 from scaling_service.service.store.errors import ContentMissing, TooLarge
 from scaling_service.service.store.store import Store
@@ -71,7 +71,7 @@ def test_a_file_that_a_failed_transaction_left_is_collected(store: Store) -> Non
         incoming.write(b"orphan")
         content = incoming.finish()
         with store.write() as connection:
-            references.keep(connection, store.blobs, [content])
+            blobs.keep(connection, store.blobs, [content])
             connection.rollback()  # as if killed after the rename
     assert store.blobs.path(content.sha256).exists()
     store.tidy()
@@ -82,9 +82,9 @@ def test_collecting_may_be_cut_short_after_the_file_is_gone(store: Store) -> Non
     """The row says that the content is there; the next upload of it puts it back."""
     subjects.put(store.database, "lab", "S01", "{}")
     row = upload(store, "lab", "S01", "a", b"content")
-    uploads.detach(store.database, store.blobs, "lab", "S01", ["a"])
+    subjects.detach(store.database, store.blobs, "lab", "S01", ["a"])
     with store.write() as connection:
-        references._lock(connection, row.sha256, row.size)  # as if the collector's commit never came
+        blobs._lock(connection, row.sha256, {"size": row.size})  # as if the collector's commit never came
     upload(store, "lab", "S01", "a", b"content")
     store.tidy()
     assert store.blobs.path(row.sha256).read_bytes() == b"content"
@@ -124,13 +124,13 @@ def test_nothing_that_is_referred_to_is_collected_beside_writers(store: Store) -
                 row = upload(store, "lab", name, "a", str(k % 3).encode())
                 assert store.blobs.path(row.sha256).read_bytes() == str(k % 3).encode()
                 if k % 2:
-                    uploads.detach(store.database, store.blobs, "lab", name, ["a"])
+                    subjects.detach(store.database, store.blobs, "lab", name, ["a"])
         except BaseException as error:  # noqa: BLE001 (told below, in the main thread)
             troubles.append(error)
 
     def collect() -> None:
         while not over.is_set():
-            references.collect(store.database, store.blobs)
+            blobs.collect(store.database, store.blobs)
 
     threads = [threading.Thread(target=write, args=(name,)) for name in names]
     collector = threading.Thread(target=collect)
@@ -142,5 +142,5 @@ def test_nothing_that_is_referred_to_is_collected_beside_writers(store: Store) -
     collector.join()
     assert troubles == []
     for name in names:
-        for file in uploads.files(store.database, "lab", name):
+        for file in subjects.files(store.database, "lab", name):
             assert hashlib.sha256(store.blobs.path(file.sha256).read_bytes()).hexdigest() == file.sha256

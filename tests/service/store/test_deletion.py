@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from scaling_service.service.store import deletion, jobs, subjects, uploads
-from scaling_service.service.store.clock import US_PER_S, NowUs
+from scaling_service.service.store import deletion, jobs, subjects
+from scaling_service.service.store.database import US_PER_S, NowUs
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import jobs as job_table
@@ -60,7 +60,7 @@ def test_a_deleted_job_leaves_no_trace_of_itself(sqlite_store: Store) -> None:
     deletion.delete_job(sqlite_store.database, sqlite_store.blobs, "lab", job)
     kept = traces(sqlite_store.blobs.folder)
     assert len(kept) == 2  # the subject's own file, and its document in the database
-    uploads.detach(sqlite_store.database, sqlite_store.blobs, "lab", "S01", ["walk.trc"])
+    subjects.detach(sqlite_store.database, sqlite_store.blobs, "lab", "S01", ["walk.trc"])
     subjects.put(sqlite_store.database, "lab", "S01", "{}")
     deletion.remove_traces(sqlite_store.database)
     assert traces(sqlite_store.blobs.folder) == []
@@ -72,7 +72,7 @@ def test_what_others_refer_to_stays(store: Store) -> None:
     deletion.delete_subject(store.database, store.blobs, "lab", "S01")
     with pytest.raises(NotFound):
         subjects.get(store.database, "lab", "S01")
-    (file,) = uploads.files(store.database, "other", "S01")
+    (file,) = subjects.files(store.database, "other", "S01")
     assert store.blobs.path(file.sha256).read_bytes() == b"shared" * 3000
     assert [f.name for f in jobs.files(store.database, "other", other)] == ["report.html"]
 

@@ -9,7 +9,7 @@ from sqlalchemy import select
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import State
-from scaling_service.service.store import jobs, keys, listing, subjects, uploads
+from scaling_service.service.store import jobs, keys, subjects
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import api_keys
@@ -69,13 +69,13 @@ def test_owners_do_not_see_each_other(store: Store) -> None:
         upload(store, owner, "S01", f"{owner}.trc", owner.encode())
     job = add_job(store, "lab", "{}", subjects=("S01",), outputs={"a": b"a"})
     assert subjects.document(store.database, "other", "S01") == '"other"'
-    assert [file.name for file in uploads.files(store.database, "other", "S01")] == ["other.trc"]
+    assert [file.name for file in subjects.files(store.database, "other", "S01")] == ["other.trc"]
     for look in (jobs.get, jobs.documents, jobs.files):
         with pytest.raises(NotFound):
             look(store.database, "other", job)
-    assert listing.page(store.database, "other").items == ()
-    assert listing.page(store.database, "other", subject="S01").items == ()
-    assert [row.id for row in listing.page(store.database, "lab", subject="S01").items] == [job]
+    assert jobs.page(store.database, "other").items == ()
+    assert jobs.page(store.database, "other", subject="S01").items == ()
+    assert [row.id for row in jobs.page(store.database, "lab", subject="S01").items] == [job]
 
 
 def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
@@ -88,7 +88,7 @@ def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
     ):
         found, cursor = list[str](), None
         while True:
-            page = listing.page(store.database, "lab", cursor=cursor, limit=7, **filters)  # type: ignore[arg-type]
+            page = jobs.page(store.database, "lab", cursor=cursor, limit=7, **filters)  # type: ignore[arg-type]
             found += [row.id for row in page.items]
             cursor = page.following
             if cursor is None:
@@ -98,16 +98,16 @@ def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
 
 def test_a_page_stays_where_it_was_while_jobs_arrive(sqlite_store: Store) -> None:
     names = add_many(sqlite_store, "lab", 10)
-    first = listing.page(sqlite_store.database, "lab", limit=4)
+    first = jobs.page(sqlite_store.database, "lab", limit=4)
     add_job(sqlite_store, "lab", "new")
-    second = listing.page(sqlite_store.database, "lab", cursor=first.following, limit=4)
+    second = jobs.page(sqlite_store.database, "lab", cursor=first.following, limit=4)
     assert [row.id for row in second.items] == names[::-1][4:8]
 
 
 @pytest.mark.parametrize("wrong", [{"cursor": "x"}, {"cursor": "%%"}, {"limit": 0}, {"limit": 501}])
 def test_wrong_pages_are_refused(sqlite_store: Store, wrong: dict[str, object]) -> None:
     with pytest.raises(InputError):
-        listing.page(sqlite_store.database, "lab", **wrong)  # type: ignore[arg-type]
+        jobs.page(sqlite_store.database, "lab", **wrong)  # type: ignore[arg-type]
 
 
 def test_a_subject_has_so_many_files_at_most(sqlite_store: Store) -> None:
@@ -118,12 +118,12 @@ def test_a_subject_has_so_many_files_at_most(sqlite_store: Store) -> None:
             content = incoming.finish()
             attach = (sqlite_store.database, sqlite_store.blobs, "lab", "S01", f"{k}", content)
             if k < 2:
-                uploads.attach(*attach, most=2)
+                subjects.attach(*attach, most=2)
             else:
                 with pytest.raises(InputError, match="2 files already"):
-                    uploads.attach(*attach, most=2)
+                    subjects.attach(*attach, most=2)
     with sqlite_store.incoming(10) as incoming:  # one of the same name is replaced all the same
-        uploads.attach(
+        subjects.attach(
             sqlite_store.database, sqlite_store.blobs, "lab", "S01", "1", incoming.finish(), most=2
         )
-    assert [file.size for file in uploads.files(sqlite_store.database, "lab", "S01")] == [1, 0]
+    assert [file.size for file in subjects.files(sqlite_store.database, "lab", "S01")] == [1, 0]

@@ -11,17 +11,7 @@ from scaling_service.documents.jobs import Failure
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """There is a result.
-
-    Parameters
-    ----------
-    result : object
-        JSON-ready.
-    files : tuple of (str, str, int)
-        Path below the folder of outputs, SHA-256 and size of each file, all safely on disk.
-    host : str
-        Where it was computed.
-    """
+    """There is a result, JSON-ready, with path, SHA-256 and size of each file, all safely on disk."""
 
     result: Any
     files: tuple[tuple[str, str, int], ...] = ()
@@ -33,8 +23,12 @@ class Failed:
     """There is none, and this is why; trying again would end the same way."""
 
     failure: Failure
-    trace: str = ""
-    """Where the program broke, for the log: places in the code, never values."""
+    trace: str = ""  # where the program broke, for the log: places in the code, never values
+
+    @classmethod
+    def of(cls, error: InputError) -> Failed:
+        """By an error that a user can act on."""
+        return cls(failure_of(error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +55,5 @@ Outcome: TypeAlias = Finished | Failed | Lost | Hindered | Stopped
 
 def failure_of(error: InputError) -> Failure:
     """An error that a user can act on, as it travels."""
-    return Failure(
-        kind=type(error).__name__,
-        problem=error.problem,
-        file=error.file,
-        field=error.field,
-        remedy=error.remedy,
-    )
+    told = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
+    return Failure(kind=type(error).__name__, **told)

@@ -1,15 +1,20 @@
-"""The OpenAPI document for people: one page without scripts, which works where there is no internet."""
+"""The document of all routes (OpenAPI 3.1), for programs and, as a page without scripts, for people."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from scaling_service.documents.service import Problem
 
 router = APIRouter(include_in_schema=False)
 
@@ -34,6 +39,64 @@ _TITLES = {
     "monitoring": "Monitoring",
 }
 
+_SECURITY = {"key": {"type": "http", "scheme": "bearer", "description": "An API key of the service."}}
+_ANYWHERE: list[dict[str, list[str]]] = [{"key": []}, {}]
+"""A key, or nothing: on the machine itself, while the service has no key."""
+
+
+def json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
+    """The part of a route's description that tells of its body, which the route reads itself.
+
+    The example runs as it stands; the body follows one of the models, which :func:`install` is told, too.
+    """
+    choices = [{"$ref": f"#/components/schemas/{model.__name__}"} for model in models]
+    schema = choices[0] if len(choices) == 1 else {"anyOf": choices}
+    content = {"schema": schema, "examples": {"example": {"value": example}}}
+    return {"requestBody": {"required": True, "content": {"application/json": content}}}
+
+
+def install(app: FastAPI, models: Iterable[type[BaseModel]]) -> None:
+    """Have the application describe itself, once; models are beyond what the routes' signatures tell."""
+    described: list[type[BaseModel]] = sorted({Problem, *models}, key=lambda model: model.__name__)
+
+    def document() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            app.openapi_schema = _made(app, described)
+        return app.openapi_schema
+
+    app.openapi = document  # type: ignore[method-assign]
+
+
+def _made(app: FastAPI, models: Sequence[type[BaseModel]]) -> dict[str, Any]:
+    found = get_openapi(
+        title=app.title,
+        version=app.version,
+        description=app.description,
+        routes=app.routes,
+        tags=app.openapi_tags,
+    )
+    _, more = models_json_schema(
+        [(model, "validation") for model in models], ref_template="#/components/schemas/{model}"
+    )
+    components = found.setdefault("components", {})
+    components["schemas"] = _merged(components.get("schemas", {}), more["$defs"])
+    components["securitySchemes"] = _SECURITY
+    for name in ("HTTPValidationError", "ValidationError"):  # problems take their place
+        components["schemas"].pop(name, None)
+    for path, operations in found["paths"].items():
+        if path.startswith("/v1/"):
+            for operation in operations.values():
+                operation["security"] = _ANYWHERE
+    return found
+
+
+def _merged(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """Schemas by name; what has one name must be one thing."""
+    for name in known.keys() & more.keys():
+        if known[name].get("properties", {}).keys() != more[name].get("properties", {}).keys():
+            raise ValueError(f"two models are called {name}")
+    return known | more
+
 
 @router.get("/docs", response_class=HTMLResponse)
 async def docs(request: Request) -> HTMLResponse:
@@ -43,15 +106,7 @@ async def docs(request: Request) -> HTMLResponse:
 
 
 def rendered(document: Mapping[str, Any], server: str) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    document : mapping
-        OpenAPI.
-    server : str
-        Where the examples go to.
-    """
+    """The page of an OpenAPI document; its examples go to the server."""
     body = "".join(_sections(document, server))
     title = escape(document["info"]["title"])
     about = "".join(f"<p>{escape(part)}</p>" for part in document["info"]["description"].split("\n\n"))

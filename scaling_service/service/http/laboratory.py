@@ -1,0 +1,122 @@
+"""Routes of what a laboratory has: the names that are used, its labels of markers, an example to try."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+
+from scaling_service.bones.whole import BONES
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.documents.service import (
+    CoordinateWord,
+    ExampleList,
+    MarkerMap,
+    MarkerMapDocument,
+    MarkerWord,
+    MethodWord,
+    ModelWord,
+    Vocabulary,
+)
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.service.http.bodies import read_as, writing
+from scaling_service.service.http.callers import Desk, Owner
+from scaling_service.service.http.documentation import json_body
+from scaling_service.service.http.problems import described
+from scaling_service.service.http.subjects import moment
+from scaling_service.service.jobs.example import MOST, Examples
+from scaling_service.service.store.rows import MarkerMapRow
+
+router = APIRouter(prefix="/v1", tags=["subjects"])
+
+DOCUMENTS = (MarkerMap,)  # what a map of labels follows
+
+EXAMPLE: dict[str, Any] = {"labels": {"RKN": "RLFE", "LKN": "LLFE"}}
+
+_FEET = {"calcn_r", "calcn_l"}  # segments that the ground's forces act on
+
+Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than one make a cohort.")]
+
+
+@router.post(
+    "/examples",
+    status_code=HTTPStatus.CREATED,
+    responses=described(409, 413, 507) | {200: {"model": ExampleList, "description": "They were there"}},
+)
+async def put_examples(
+    request: Request, response: Response, owner: Owner, persons: Persons = 1
+) -> ExampleList:
+    """Put the built-in example among the caller's subjects.
+
+    It is a virtual person with recordings of standing, hip and knee movements and walking, with bones and
+    image markers. In the recordings two things are hidden for a discovery to find. It takes seconds.
+    """
+    examples: Examples = request.app.state.examples
+    names, new = await writing(examples.put, owner, persons)
+    response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
+    return ExampleList(subjects=names)
+
+
+@router.get("/vocabulary", responses=described())
+def get_vocabulary(owner: Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
+    """List the built-in models with their markers, the methods, and the bones that can be given."""
+    return vocabulary()
+
+
+@router.get("/marker-map", responses=described())
+def get_marker_map(owner: Owner, service: Desk) -> MarkerMapDocument:
+    """Look at the laboratory's marker map: which label is which marker. It is empty until one is given."""
+    return _document(service.marker_map(owner))
+
+
+@router.put(
+    "/marker-map", responses=described(400, 408, 413, 415, 507), openapi_extra=json_body(EXAMPLE, MarkerMap)
+)
+async def put_marker_map(request: Request, owner: Owner, service: Desk) -> MarkerMapDocument:
+    """Keep the laboratory's marker map, in place of the one before.
+
+    It is one for each owner of keys. Give its `labels` with a request for a proof, and they are proposed.
+    """
+    remedy = "Give texts of 1 to 200 letters, label first, under `labels`"
+    given = await read_as(MarkerMap, request, remedy)
+    return _document(await writing(service.put_marker_map, owner, given.labels))
+
+
+def _document(row: MarkerMapRow | None) -> MarkerMapDocument:
+    if row is None:
+        return MarkerMapDocument(labels={}, updated_at=None)
+    return MarkerMapDocument(labels=json.loads(row.document), updated_at=moment(row.updated_us))
+
+
+@cache
+def vocabulary() -> Vocabulary:
+    """All names that come with the product."""
+    return Vocabulary(
+        models=[_model(builtin(name)) for name in BUILTIN_NAMES],
+        methods=[
+            MethodWord(name=name, meaning=m.title, starts_from=m.needs, needs_images=m.needs_images)
+            for name, m in METHODS.items()
+        ],
+        bones=list(BONES),
+    )
+
+
+def _model(model: BodyModel) -> ModelWord:
+    return ModelWord(
+        name=model.name,
+        segments=list(model.segment_names),
+        markers=[
+            MarkerWord(name=m.name, segment=m.segment, anatomical=m.anatomical)
+            for m in model.markers
+            if m.weight > 0.0
+        ],
+        coordinates=[
+            CoordinateWord(name=c.name, unit="deg" if c.kind == "rotation" else "m")
+            for c in model.coordinates
+        ],
+        feet=set(model.segment_names) >= _FEET,
+    )

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
+from pydantic import BaseModel
 
 from scaling_service.service.http import (
     contents,
@@ -63,7 +64,12 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     ):
         app.include_router(router)
     problems.install(app)
-    models = {*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS, *jobs.models(service.kinds)}
+    models: set[type[BaseModel]] = {
+        *subjects.DOCUMENTS,
+        *laboratory.DOCUMENTS,
+        *contents.DOCUMENTS,
+        *jobs.models(service.kinds),
+    }
     documentation.install(app, models)
     app.add_middleware(problems.Shield)
     app.add_middleware(monitoring.Watching, registry=app.state.registry)

@@ -22,11 +22,11 @@ from scaling_service.capabilities.intake.command import proof
 from scaling_service.capabilities.landmarks.command import landmarks
 from scaling_service.capabilities.motion.command import ik
 from scaling_service.capabilities.scaling.command import compare, demo, scale
-from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.cli.keys import app as keys
 from scaling_service.cli.serve import serve
 from scaling_service.cli.service_data import data, settings
 from scaling_service.core.errors import InputError
+from scaling_service.documents.writing import code_version
 from scaling_service.studies.command import reproduce
 
 EXIT_INPUT = 2

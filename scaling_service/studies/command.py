@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.capabilities.cohort.progress import watched
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import console_of_results
+from scaling_service.documents.writing import check_folder
 from scaling_service.studies.document import Beside, StudyDocument
 from scaling_service.studies.futamure.screen import run_futamure
 from scaling_service.studies.muller2017.screen import run_muller2017

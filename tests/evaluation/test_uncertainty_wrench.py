@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.uncertainty.jacobian import LAGS, wre
 from scaling_service.capabilities.dynamics.uncertainty.noise import LowPass
 from scaling_service.capabilities.dynamics.uncertainty.points import HALO, PointBody, second_difference
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
 from scaling_service.model.massive import Six

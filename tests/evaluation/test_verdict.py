@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.verdict import judge
-from scaling_service.capabilities.scaling.comparison.verdict_evidence import (
+from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     Following,
     MethodEvidence,
     Verdict,
 )
+from scaling_service.capabilities.scaling.comparison.verdict import judge
 
 RIGHT = frozenset({"hip_r", "knee_r", "ankle_r"})
 BOTH = RIGHT | {"hip_l", "knee_l", "ankle_l"}

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.judging import evidence_of, usual_lengths
+from scaling_service.capabilities.scaling.comparison.evidence import evidence_of, usual_lengths
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.model.images import ImageEvidence
 

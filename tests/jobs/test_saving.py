@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.comparison.segments import geometry
+from scaling_service.capabilities.scaling.comparison.geometry import geometry
 from scaling_service.capabilities.scaling.run import Results
-from scaling_service.capabilities.scaling.saving import check_folder, save
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
+from scaling_service.documents.writing import check_folder
 from scaling_service.files.osim import read_osim
 from scaling_service.files.sto import motion_values, read_sto
 from scaling_service.model.document import from_document

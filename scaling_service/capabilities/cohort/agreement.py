@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.cohort.subject_summary import TRUTH, SubjectSummary
-from scaling_service.capabilities.scaling.comparison.agreement import Agreement, agreement
+from scaling_service.numerics.statistics.agreement import Agreement, agreement
 
 IMAGED = "EB"
 """The reference of lengths and joint centres (Puchaud 2019, section 2.3): nothing in it is fitted."""

@@ -11,8 +11,8 @@ from scaling_service.capabilities.cohort.scalars import too_few
 from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.complete import Panel, panels
 from scaling_service.numerics.statistics.cycles import Curves
-from scaling_service.numerics.statistics.panels import Panel, panels
 from scaling_service.numerics.statistics.waveforms import (
     WaveformComparison,
     WaveformSettings,

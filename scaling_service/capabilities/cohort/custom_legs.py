@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
-from scaling_service.capabilities.scaling.methods.joints import with_centre
-from scaling_service.capabilities.scaling.methods.placement import moved
+from scaling_service.capabilities.scaling.methods.placement import moved, with_centre
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import generic_person
 

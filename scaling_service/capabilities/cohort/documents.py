@@ -13,10 +13,10 @@ from scaling_service.capabilities.cohort.curves import CurveComparison
 from scaling_service.capabilities.cohort.groups import GroupComparison
 from scaling_service.capabilities.cohort.scalars import ScalarComparison
 from scaling_service.capabilities.cohort.statistics import GATE_MAX_M, GATE_RMS_M, CohortStatistics
-from scaling_service.capabilities.scaling.comparison.agreement import Estimate
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.panels import Panel
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.agreement import Estimate
+from scaling_service.numerics.statistics.complete import Panel
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import PairedCurves
 
 _MM, _DEG = 1e3, 180.0 / math.pi

@@ -9,7 +9,7 @@ from typing import Any
 from scaling_service.capabilities.cohort.request import MemberRequest, MemberResult
 from scaling_service.capabilities.cohort.scaling_items import NothingPossible
 from scaling_service.capabilities.cohort.subject_item import SubjectItem
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

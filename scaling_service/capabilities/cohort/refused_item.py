@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scaling_service.capabilities.cohort.scaling_items import Done
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,14 +26,12 @@ from scaling_service.capabilities.cohort.scaling_items import (
 )
 from scaling_service.capabilities.cohort.subject_item import RECORD, SubjectItem
 from scaling_service.capabilities.cohort.tables import TABLES, table
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
 from scaling_service.capabilities.scaling.run import check_methods
-from scaling_service.capabilities.scaling.saving import all_or_nothing, check_folder, write_json
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import REPORT, all_or_nothing, check_folder, code_version, write_json
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 

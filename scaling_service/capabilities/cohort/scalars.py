@@ -10,7 +10,7 @@ import numpy as np
 
 from scaling_service.capabilities.cohort.groups import GroupComparison, compare_groups
 from scaling_service.capabilities.cohort.subject_summary import MethodSummary, SubjectSummary
-from scaling_service.numerics.statistics.panels import Panel, panels
+from scaling_service.numerics.statistics.complete import Panel, panels
 
 Values = Mapping[str, Mapping[str, float]]
 """Subject to method to value."""

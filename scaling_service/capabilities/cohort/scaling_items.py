@@ -15,11 +15,12 @@ from scaling_service.capabilities.cohort.executors import tell
 from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
 from scaling_service.capabilities.cohort.subject_summary import SubjectSummary
 from scaling_service.capabilities.cohort.summaries import Truth, summarise
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
-from scaling_service.capabilities.scaling.run import Progress, check_methods, run
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.run import check_methods, run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.virtual.subject import VirtualSettings, demo_session
@@ -156,7 +157,7 @@ def possible_methods(
     for name in methods or METHODS:
         if METHODS[name].needs_images and not imaged:
             left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"
-        elif isinstance(METHODS[name], Optimised) and not subject.calibration:
+        elif METHODS[name].needs_movements and not subject.calibration:
             left_out[name] = "no calibration trial"
     return tuple(name for name in methods or METHODS if name not in left_out), left_out
 

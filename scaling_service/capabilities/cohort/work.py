@@ -20,7 +20,7 @@ from scaling_service.capabilities.cohort.run import batch
 from scaling_service.capabilities.cohort.scaling_items import Item, Outcome
 from scaling_service.capabilities.cohort.subject_item import RECORD, Record
 from scaling_service.capabilities.scaling.request import named_files
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.core.serial import Serial
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.names import DOCUMENT, PARTS

@@ -13,10 +13,9 @@ from scaling_service.capabilities.consistent.run import consistent as compute
 from scaling_service.capabilities.consistent.saving import FILE_NAME, save_consistent
 from scaling_service.capabilities.dynamics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import console_of_results, introduce, progress_bar, say
+from scaling_service.documents.writing import REPORT, check_folder
 
 
 def consistent(

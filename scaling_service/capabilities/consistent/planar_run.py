@@ -20,10 +20,10 @@ from scaling_service.capabilities.dynamics.inertia_table import with_inertia
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import blamed_on, load
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.core.progress import Progress
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical
 from scaling_service.model.forces import GroundForces, SegmentLoads
 from scaling_service.model.subject import Subject

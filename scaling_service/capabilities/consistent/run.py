@@ -18,11 +18,11 @@ from scaling_service.capabilities.dynamics.frames import judged_frames
 from scaling_service.capabilities.dynamics.inverse_dynamics import check_weight, inverse_dynamics
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.progress import Progress
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values

@@ -23,10 +23,9 @@ from scaling_service.capabilities.consistent.report import ConsistentData, Trial
 from scaling_service.capabilities.consistent.run import ConsistentResults, factors_of
 from scaling_service.capabilities.dynamics.model_files import write_massive_model
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.provenance import repair_notes
+from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.massive import total_mass

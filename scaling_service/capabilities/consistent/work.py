@@ -8,7 +8,7 @@ from typing import Any
 from scaling_service.capabilities.consistent.request import ConsistentRequest
 from scaling_service.capabilities.consistent.run import consistent
 from scaling_service.capabilities.consistent.saving import save_consistent
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

@@ -24,9 +24,9 @@ from scaling_service.capabilities.datasets.downloads import (
     remote_url,
 )
 from scaling_service.capabilities.datasets.files import image_markers, source_note
-from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.scaling.saving import all_or_nothing, check_folder
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
+from scaling_service.documents.writing import all_or_nothing, check_folder
 
 _MB = 1e6
 

@@ -10,9 +10,9 @@ from scaling_service.capabilities.discovery.run import discover as compute
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.screen import show
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.documents.writing import check_folder
 
 
 def discover(

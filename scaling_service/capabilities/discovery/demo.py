@@ -8,8 +8,8 @@ from scaling_service.capabilities.discovery.document import HiddenDocument
 from scaling_service.capabilities.discovery.run import DiscoverResults, run
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.progress import Progress
 from scaling_service.virtual.hidden import RECORDED, Hidden, hidden_session
 from scaling_service.virtual.subject import VirtualSettings
 

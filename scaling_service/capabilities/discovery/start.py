@@ -16,11 +16,11 @@ from scaling_service.capabilities.discovery.settings import AS_MEASURED, Discove
 from scaling_service.capabilities.dynamics.inertia_table import Massive, with_inertia
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN
 from scaling_service.capabilities.scaling import run as tasks
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.progress import Progress
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject

@@ -8,8 +8,8 @@ from typing import Any
 from scaling_service.capabilities.discovery.request import DiscoverRequest
 from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.discovery.saving import save_discovery
-from scaling_service.capabilities.playback.results import scene_of_discovery
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.discovery.scene import scene_of_discovery
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 _COMPUTING, _WRITING = 0.9, 0.07

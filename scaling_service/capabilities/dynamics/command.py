@@ -17,10 +17,9 @@ from scaling_service.capabilities.dynamics.report.data import told
 from scaling_service.capabilities.dynamics.run import dynamics as compute
 from scaling_service.capabilities.dynamics.saving import FILE_NAME, save_dynamics
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, OWN, UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import console_of_results, introduce, progress_bar, say
+from scaling_service.documents.writing import REPORT, check_folder
 
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 _FORCES, _MOMENTS = ("fx", "fy", "fz"), ("mx", "my", "mz")

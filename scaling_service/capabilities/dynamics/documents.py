@@ -27,8 +27,9 @@ from scaling_service.capabilities.dynamics.inertia.result import InertialIdentif
 from scaling_service.capabilities.dynamics.run import DynamicsResults
 from scaling_service.capabilities.dynamics.trial import TrialDynamics
 from scaling_service.capabilities.dynamics.uncertainty.total import WrenchUncertainty
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
 from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.provenance import repair_notes
+from scaling_service.documents.writing import code_version
 from scaling_service.model.massive import total_mass
 from scaling_service.model.trial import Repair
 

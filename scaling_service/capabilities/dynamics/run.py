@@ -13,9 +13,9 @@ from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, Dy
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.trial import TrialDynamics, trial_dynamics
 from scaling_service.capabilities.dynamics.verdict import verdict_of
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.model.subject import Subject
 
 _PREPARING = 0.3

@@ -14,8 +14,7 @@ from scaling_service.capabilities.dynamics.report.page import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults
 from scaling_service.capabilities.dynamics.trial import TrialDynamics
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
 

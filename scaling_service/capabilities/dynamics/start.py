@@ -13,11 +13,11 @@ from scaling_service.capabilities.dynamics.settings import AS_IT_IS as AS_IT_IS
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as tasks
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.core.progress import Progress
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces

@@ -8,8 +8,8 @@ from typing import Any
 from scaling_service.capabilities.dynamics.request import DynamicsRequest
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
-from scaling_service.capabilities.playback.residuals import write_residuals
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.capabilities.dynamics.scene import write_residuals
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

@@ -13,11 +13,11 @@ from rich.table import Table
 
 from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.text import few
+from scaling_service.documents.writing import check_folder
 from scaling_service.model.anatomy.markers import strip_prefix
 
 _COLOURS = {"error": "red", "warning": "yellow"}

@@ -8,7 +8,7 @@ from typing import Any
 
 from scaling_service.capabilities.intake.request import ProofRequest
 from scaling_service.capabilities.intake.run import prove
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

@@ -14,9 +14,9 @@ from rich.table import Table
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
 from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.documents.writing import check_folder
 
 
 class Units(StrEnum):

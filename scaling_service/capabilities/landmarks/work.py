@@ -8,7 +8,7 @@ from typing import Any
 
 from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
 from scaling_service.capabilities.scaling.request import LandmarksRequest
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

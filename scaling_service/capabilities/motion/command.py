@@ -13,11 +13,11 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.recordings import ik as compute
 from scaling_service.capabilities.motion.result import MotionDocument
 from scaling_service.capabilities.motion.saving import FILE_NAME, save_motions
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import console_of_results, progress_bar, say, understood
 from scaling_service.core.errors import InputError
 from scaling_service.core.text import few
+from scaling_service.documents.writing import check_folder
 
 
 def ik(

@@ -11,10 +11,10 @@ from pathlib import Path
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.result import MotionResult
 from scaling_service.capabilities.motion.run import track_all
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
 from scaling_service.model.builtin import BUILTIN_NAMES

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.poses import SegmentPoses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
 from scaling_service.documents.results import Provenance
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.capabilities.motion.poses import segment_poses
 from scaling_service.capabilities.motion.result import MotionResult, TrackedTrial
 from scaling_service.capabilities.motion.uncertainty import coordinate_sd
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 

@@ -11,9 +11,9 @@ from scaling_service.capabilities.motion.motion_files import write_motion, write
 from scaling_service.capabilities.motion.poses import SegmentPoses
 from scaling_service.capabilities.motion.recordings import Tracked, processing_of
 from scaling_service.capabilities.motion.result import MotionDocument, TrackedTrial, trial_document
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.hashes import input_hashes
+from scaling_service.capabilities.subject.provenance import repair_notes
+from scaling_service.documents.writing import all_or_nothing, code_version, write_json
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
 

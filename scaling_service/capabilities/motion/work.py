@@ -9,8 +9,8 @@ from typing import Any
 from scaling_service.capabilities.motion.recordings import ik
 from scaling_service.capabilities.motion.request import MotionRequest
 from scaling_service.capabilities.motion.saving import save_motions
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import read_model
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES

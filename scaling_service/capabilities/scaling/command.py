@@ -11,11 +11,12 @@ from scaling_service.capabilities.discovery.command import find_hidden
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling.demo import run_demo
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.saving import check_folder, save
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar, show
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.documents.results import ComparisonDocument
+from scaling_service.documents.writing import check_folder
 
 
 def demo(

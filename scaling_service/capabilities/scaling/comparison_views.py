@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
-from scaling_service.capabilities.scaling.comparison.angle_differences import difference
+from scaling_service.capabilities.scaling.comparison.curves import CycleCurves, gait_curves
+from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
 from scaling_service.capabilities.scaling.comparisons import (
     AngleDifference,
     AngleEntry,
@@ -21,12 +23,9 @@ from scaling_service.capabilities.scaling.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
-from scaling_service.capabilities.scaling.curves import gait_curves
-from scaling_service.capabilities.scaling.judging import joint_angles
-from scaling_service.capabilities.scaling.report.data import CycleCurves
 from scaling_service.capabilities.scaling.run import Results
-from scaling_service.capabilities.scaling.saving import write_json
 from scaling_service.documents.results import ComparisonDocument, Provenance
+from scaling_service.documents.writing import write_json
 from scaling_service.model.results import Array
 
 Row = list[str | float | None]
@@ -160,3 +159,39 @@ def _origin(document: ComparisonDocument) -> dict[str, Any]:
 
 def _number(value: float) -> float | None:
     return round(float(value), 4) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Of two curves, over the frames in which both are known; NaN where there are none.
+
+    ``rms``, ``mean``, ``largest``: in the curves' unit; ``mean`` is first minus second.
+    """
+
+    frames: int
+    rms: float
+    mean: float
+    largest: float
+
+
+def difference(first: Array, second: Array) -> Difference:
+    """The difference of two curves.
+
+    ``first``, ``second`` ((n_frames,)): naN where not known.
+
+    Examples
+    --------
+    >>> found = difference(np.array([1.0, 2.0, np.nan]), np.array([4.0, -2.0, 0.0]))
+    >>> found.frames, round(found.rms, 6), found.mean, found.largest
+    (2, 3.535534, 0.5, 4.0)
+    """
+    apart = first - second
+    known = apart[np.isfinite(apart)]
+    if not known.size:
+        return Difference(0, np.nan, np.nan, np.nan)
+    return Difference(
+        int(known.size),
+        float(np.sqrt(np.mean(known**2))),
+        float(known.mean()),
+        float(np.abs(known).max()),
+    )

@@ -16,8 +16,8 @@ from scaling_service.capabilities.scaling.comparison_views import (
     segment_length_view,
     write_view,
 )
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.scaling.work import compared
+from scaling_service.core.progress import Progress
 
 
 def kinematic_error(request: KinematicErrorRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

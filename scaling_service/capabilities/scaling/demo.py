@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from itertools import count
 
-from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
-from scaling_service.capabilities.scaling.run import Progress, Results, Scaling, run
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    angle_errors,
+    centre_errors,
+    length_errors,
+)
+from scaling_service.capabilities.scaling.run import Results, Scaling, run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.virtual.subject import VirtualSubject, demo_session
@@ -22,17 +27,8 @@ def run_demo(
 ) -> tuple[Results, TruthDocument]:
     """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
 
-    Parameters
-    ----------
-    settings : Settings
-        Its seed decides the person.
-    progress : callable, optional
-
-    Returns
-    -------
-    results : Results
-    truth : TruthDocument
-        Distances are taken on the gait trials, which no method was fitted to.
+    ``settings``: its seed decides the person.
+    Returns ``truth``: distances are taken on the gait trials, which no method was fitted to.
     """
     report = progress or _silent
     steps = count()

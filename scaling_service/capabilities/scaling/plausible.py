@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.capabilities.motion.kinematic_error import KinematicError
 
 FOLLOWED_M = 0.04
 """Mean distance between measured and model markers beyond which something is mixed up (OpenSim 4
@@ -24,16 +24,8 @@ def doubts(
 ) -> tuple[str, ...]:
     """What a reader should look at before believing any number.
 
-    Parameters
-    ----------
-    errors, lengths : mapping
-        Method to trial to error, and method to length (``femur_r`` …) to m.
-    height_m : float, optional
-
-    Returns
-    -------
-    tuple of str
-        One plain sentence each.
+    ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
+    Returns one plain sentence each.
     """
     return (*_lost(errors), *(() if height_m is None else _sizes(lengths, height_m)))
 

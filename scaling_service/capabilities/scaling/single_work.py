@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.scaling.single_request import OneMethodRequest
 from scaling_service.capabilities.scaling.work import scaled
+from scaling_service.core.progress import Progress
 
 
 def work(request: OneMethodRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

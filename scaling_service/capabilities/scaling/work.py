@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.playback.results import scene_of_results
 from scaling_service.capabilities.scaling.request import OfRecordings, ScalingRequest
-from scaling_service.capabilities.scaling.run import Progress, Results, compare
+from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.scaling.scene import scene_of_results
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument
 

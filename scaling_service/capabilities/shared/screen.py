@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from scaling_service.capabilities.scaling.run import Progress as Report
+from scaling_service.core.progress import Progress as Report
 from scaling_service.documents.results import ComparisonDocument, LengthEstimate, MethodResult, Provenance
 
 _WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)

@@ -18,8 +18,14 @@ import numpy as np
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible
 from scaling_service.numerics.statistics.cycles import Curves
-from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest, curve_test
+from scaling_service.numerics.statistics.permutation_tests import (
+    CurveTest,
+    PairedT,
+    RepeatedMeasuresF,
+    curve_test,
+    orders,
+    signs,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +79,10 @@ class PairedCurves:
 class WaveformComparison:
     """A curve compared between methods over a cohort.
 
-    Parameters
-    ----------
-    quantity : str
-    subjects, methods : tuples of str
-    mean, sd : mapping
-        Method to its curve over subjects, shape (n_nodes,), in the quantity's unit.
-    anova : CurveTest
-        Between all methods; between two it is the square of their t.
-    pairs : tuple of PairedCurves
-        Empty unless ``anova`` is significant: the post hoc tests are gated by it, as in the paper.
-    n_pairs : int
-        By which alpha was divided.
+    ``mean``, ``sd``: method to its curve over subjects, shape (n_nodes,), in the quantity's unit.
+    ``anova``: between all methods; between two it is the square of their t.
+    ``pairs``: empty unless ``anova`` is significant: the post hoc tests are gated by it, as in the paper.
+    ``n_pairs``: by which alpha was divided.
     """
 
     quantity: str

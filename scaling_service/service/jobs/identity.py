@@ -10,7 +10,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from scaling_service.capabilities.scaling.documents import code_version as released_version
+from scaling_service.documents.writing import code_version as released_version
 
 _SUFFIXES = (".py", ".yaml", ".json", ".csv")
 """Files of the package that results can depend on."""

@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 
 from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import FAINT
 from scaling_service.studies.claims import claims_section
 from scaling_service.studies.futamure.document import FutamureDocument, RecordingEntry, SquatterEntry
 

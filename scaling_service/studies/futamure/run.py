@@ -16,13 +16,11 @@ from scaling_service.capabilities.consistent.estimate import consistent as ident
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.loading import blamed_on, recordings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.document import ClaimEntry
 from scaling_service.studies.futamure.claims import answers

@@ -15,11 +15,9 @@ from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import AS_IT_IS, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, WrenchUncertainty
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.document import ClaimEntry
 from scaling_service.studies.muller2017.claims import answers

@@ -12,9 +12,8 @@ from scaling_service.capabilities.cohort.report.quantities import p_words, quant
 from scaling_service.capabilities.cohort.statistics import CohortStatistics
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
-from scaling_service.report.methods import method_columns
+from scaling_service.report.methods import FAINT, method_columns, styles
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import FAINT, styles
 from scaling_service.studies.claims import claims_section
 from scaling_service.studies.document import Beside, StudyDocument
 

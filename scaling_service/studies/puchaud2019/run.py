@@ -14,12 +14,10 @@ from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.scaling_items import CohortRun, VirtualPerson, run_cohort
 from scaling_service.capabilities.cohort.statistics import CohortStatistics, cohort_statistics
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.studies.document import Beside, ClaimEntry, StudyDocument
 from scaling_service.studies.puchaud2019 import tables
 from scaling_service.studies.puchaud2019.claims import answers

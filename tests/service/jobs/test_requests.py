@@ -11,7 +11,7 @@ import pytest
 from pydantic import ValidationError
 
 from scaling_service.capabilities.cohort.request import BatchRequest
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.request import ScalingRequest
 from scaling_service.capabilities.scaling.single_request import LinearRequest, OptimisedRequest
 from scaling_service.service.jobs.kinds import KINDS, Late
@@ -20,7 +20,7 @@ from scaling_service.service.jobs.kinds import KINDS, Late
 def test_every_method_can_be_asked_for_where_it_belongs() -> None:
     linear = set(get_args(LinearRequest.model_fields["method"].annotation))
     optimised = set(get_args(OptimisedRequest.model_fields["method"].annotation))
-    assert optimised == {name for name, method in METHODS.items() if isinstance(method, Optimised)}
+    assert optimised == {name for name, method in METHODS.items() if method.needs_movements}
     assert linear == METHODS.keys() - optimised
 
 

@@ -8,11 +8,10 @@ import numpy as np
 
 from scaling_service.capabilities.cohort.curves import CurveComparison
 from scaling_service.capabilities.cohort.report.quantities import p_words
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.report.blocks import Block, Grid, Row, Table, Text
-from scaling_service.report.figures import Figure
+from scaling_service.report.figures import Figure, cycle_figure, ranges, stretches
 from scaling_service.report.methods import method_legend, words
-from scaling_service.report.waves import cycle_figure, ranges, stretches
 
 
 def angle_blocks(curves: Sequence[CurveComparison]) -> Iterator[Block]:

@@ -11,8 +11,7 @@ import plotly.graph_objects as go
 from scaling_service.capabilities.cohort.scalars import ScalarComparison
 from scaling_service.report.blocks import Cell, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
-from scaling_service.report.methods import method_columns, words
-from scaling_service.report.palette import INK, styles
+from scaling_service.report.methods import INK, method_columns, styles, words
 
 _JITTER = (
     0.28  # chosen: of the distance between two methods, so that dots of one value do not hide each other

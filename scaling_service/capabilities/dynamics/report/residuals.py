@@ -11,8 +11,8 @@ from scaling_service.capabilities.dynamics.document import TrialDynamicsDocument
 from scaling_service.capabilities.dynamics.report.data import DynamicsData, ResidualCurves
 from scaling_service.report.blocks import Block, Cell, Grid, Heading, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart
+from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Section
-from scaling_service.report.palette import FAINT
 
 AXES = (("x, forward", "#0072B2", "solid"), ("y, up", "#D55E00", "dash"), ("z, right", "#009E73", "dot"))
 """Name, colour and dash of each axis; colours of Okabe & Ito 2008."""

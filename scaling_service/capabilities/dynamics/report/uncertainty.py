@@ -11,8 +11,8 @@ from scaling_service.capabilities.dynamics.document import TrialDynamicsDocument
 from scaling_service.capabilities.dynamics.report.data import COMPONENTS, DynamicsData
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart
+from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Section
-from scaling_service.report.palette import FAINT, INK
 
 _PLATE = "#0072B2"
 _FROM_TO = (1e-4, 100.0)  # %; chosen: from below any plate's noise to the whole body weight

@@ -9,23 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.scaling.clinical.angles import SIDES, ClinicalCycles
-from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_gait
-from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, typical_score
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.clinical.gait import (
+    VARIABLES,
+    ClinicalGait,
+    typical_score,
+)
 from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy.conventional import ANGLES
 from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.cycles import NODES
 
-CYCLES_TABLE = "clinical_angles.csv"
 _OVER_TIME = "_clinical.csv"
-
-
-def clinical_of(scaling: Scaling, results: Results) -> ClinicalGait:
-    """What one method's model says in a gait laboratory's terms."""
-    session = results.session
-    fitted = {trial.name for trial in session.calibration}
-    return clinical_gait(scaling.calibration.model, scaling.motions, session.dynamic, fitted)
 
 
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:

@@ -1,9 +1,13 @@
-"""What a gait laboratory reads from one model's motions: angles, cycles, profile and score."""
+"""What a gait laboratory reads from one model's motions: angles over cycles, their profile and score."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import yaml
 
 from scaling_service.capabilities.scaling.clinical.angles import (
     SIDES,
@@ -12,41 +16,155 @@ from scaling_service.capabilities.scaling.clinical.angles import (
     clinical_angles,
     clinical_cycles,
 )
-from scaling_service.capabilities.scaling.clinical.gait_profile import (
-    GaitProfile,
-    Reference,
-    gait_profile,
-    schwartz2008,
-)
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.core.errors import InputError
+from scaling_service.model.anatomy.conventional import PELVIS
 from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Motion
+from scaling_service.model.reference import reference_folder
+from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
+
+VARIABLES = (
+    "pelvis_anterior_tilt",
+    "pelvis_obliquity_up",
+    "pelvis_internal_rotation",
+    "hip_flexion",
+    "hip_adduction",
+    "hip_internal_rotation",
+    "knee_flexion",
+    "ankle_dorsiflexion",
+    "foot_internal_progression",
+)
+"""The nine angles of the score, in the order of the profile."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """One angle of a reference population over the gait cycle.
+
+    ``mean``, ``sd`` ((n_nodes,), rad): equally spaced from 0 to 100 %; ``sd`` is between persons.
+    """
+
+    mean: Array
+    sd: Array
+
+    @property
+    def typical(self) -> float:
+        """RMS distance of the population's members from its mean, rad."""
+        return float(np.sqrt(np.mean(self.sd**2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """The curves of a reference population.
+
+    ``bands``: angle to its band, all of one length.
+    """
+
+    source: str
+    population: str
+    bands: Mapping[str, Band]
+
+
+@dataclass(frozen=True, slots=True)
+class GaitProfile:
+    """How far a gait is from the reference, for one person.
+
+    ``variable_scores``: side to angle to its Gait Variable Score, rad: the Movement Analysis Profile.
+    ``side_scores``: side to its Gait Profile Score over nine variables, rad; a side that lacks one has none.
+    ``score`` (rad): of both sides: six variables of each, and the pelvis' as in the cycles of the left (Baker
+        2009).
+    """
+
+    variable_scores: Mapping[Side, Mapping[str, float]]
+    side_scores: Mapping[Side, float]
+    score: float | None
+
+
+@cache
+def schwartz2008() -> Reference:
+    """Walking at free speed of children and adolescents (Schwartz et al. 2008, J Biomech 41:1639)."""
+    text = (reference_folder() / "gait_bands_schwartz2008.yaml").read_text(encoding="utf-8")
+    document = yaml.safe_load(text)
+    bands = {
+        name: Band(np.radians(curve["mean"]), np.radians(curve["sd"]))
+        for name, curve in document["curves"].items()
+    }
+    return Reference(document["source"], document["population"], bands)
+
+
+def gait_variable_score(cycles: Array, mean: Array) -> float:
+    """RMS difference from a reference's mean over the cycle, averaged over cycles.
+
+    ``cycles`` ((n_cycles, n_nodes), rad): cycles with NaN do not count.
+    ``mean`` ((n_reference_nodes,), rad): every reference node is one of the cycles' nodes: 51 and 101, or
+        equally many.
+    Returns float, rad: naN without a cycle.
+    Raises InputError: nodes that do not fall on each other.
+
+    Examples
+    --------
+    >>> round(gait_variable_score(np.full((2, 101), 0.3), np.full(51, 0.2)), 9)
+    0.1
+    """
+    step, rest = divmod(cycles.shape[1] - 1, len(mean) - 1)
+    if rest or not step:
+        raise InputError(
+            f"a curve of {cycles.shape[1]} nodes has none at those of a reference of {len(mean)}",
+            field="reference",
+            remedy=f"Give curves of {len(mean)} nodes, or of a whole multiple of its intervals",
+        )
+    whole = cycles[np.isfinite(cycles).all(axis=1)]
+    if not len(whole):
+        return float("nan")
+    return float(np.sqrt(np.mean((whole[:, ::step] - mean) ** 2, axis=1)).mean())
+
+
+def gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Reference) -> GaitProfile:
+    """Scores of both sides.
+
+    ``curves``: side to angle to its cycles, (n_cycles, n_nodes), rad. Sides, angles and cycles may be
+    missing.
+    """
+    scores = {
+        side: {
+            name: gait_variable_score(angles[name], reference.bands[name].mean)
+            for name in VARIABLES
+            if name in angles and np.isfinite(angles[name]).all(axis=1).any()
+        }
+        for side, angles in curves.items()
+    }
+    complete = {side: by for side, by in scores.items() if len(by) == len(VARIABLES)}
+    both = None
+    if "r" in complete and "l" in complete:
+        once = [score for name, score in complete["r"].items() if name not in PELVIS]
+        both = _rms([*once, *complete["l"].values()])
+    return GaitProfile(scores, {side: _rms(list(by.values())) for side, by in complete.items()}, both)
+
+
+def typical_score(reference: Reference) -> float:
+    """RMS distance of the reference's members from its mean over the nine variables, rad."""
+    return _rms([reference.bands[name].typical for name in VARIABLES])
+
+
+def _rms(scores: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(scores))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClinicalGait:
     """The conventional angles of one model of one person.
 
-    Parameters
-    ----------
-    recordings : mapping
-        Trial to its angles, of every trial that the model follows.
-    cycles : mapping
-        Side to its gait cycles; sides without one are absent.
-    profile : GaitProfile
-        Over these cycles.
-    reference : Reference
-        What the profile is compared with.
-    held_out : bool
-        Whether the cycles are from trials that were not fitted.
-    left_out : tuple of str
-        Which angles are not there and why.
-    doubtful : tuple of str
-        Which are there but rest on little.
-    reason : str
-        Why there is no cycle, one sentence without a full stop; empty where there is one.
+    ``recordings``: trial to its angles, of every trial that the model follows.
+    ``cycles``: side to its gait cycles; sides without one are absent.
+    ``profile``: over these cycles.
+    ``reference``: what the profile is compared with.
+    ``held_out``: whether the cycles are from trials that were not fitted.
+    ``left_out``: which angles are not there and why.
+    ``doubtful``: which are there but rest on little.
+    ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
     recordings: Mapping[str, ClinicalAngles]
@@ -59,20 +177,20 @@ class ClinicalGait:
     reason: str = ""
 
 
+def clinical_of(scaling: Scaling, results: Results) -> ClinicalGait:
+    """What one method's model says in a gait laboratory's terms."""
+    fitted = {trial.name for trial in results.session.calibration}
+    return clinical_gait(scaling.calibration.model, scaling.motions, results.session.dynamic, fitted)
+
+
 def clinical_gait(
     model: BodyModel, motions: Mapping[str, Motion], trials: Sequence[Trial], fitted: Container[str] = ()
 ) -> ClinicalGait:
     """The conventional angles of a model over its motions, and over the gait cycles that the markers show.
 
-    Parameters
-    ----------
-    model : BodyModel
-    motions : mapping
-        Trial to motion; trials without one are passed over.
-    trials : sequence of Trial
-        Processed: gait cycles are found in their markers.
-    fitted : container of str
-        Trials that the model was fitted to: their cycles count only where no other trial shows one.
+    ``motions``: trial to motion; trials without one are passed over.
+    ``trials``: processed: gait cycles are found in their markers.
+    ``fitted``: trials that the model was fitted to: their cycles count only where no other trial shows one.
     """
     followed = [trial for trial in trials if trial.name in motions]
     recordings = {trial.name: clinical_angles(model, motions[trial.name]) for trial in followed}

@@ -23,6 +23,7 @@ from scaling_service.numerics.signals.filters import runs
 
 Cycle = tuple[float, float]
 Side = Literal["r", "l"]
+SIDES: tuple[Side, ...] = ("r", "l")
 
 _FEET = ("HEE", "LM", "MM")
 """Heel, as Zeni et al. 2008; else the malleoli, which the method's authors did not test."""
@@ -63,16 +64,10 @@ at 100 Hz over which the default smoothing has fewer neighbours on one side."""
 class GaitCycles:
     """The strides of one leg in one recording.
 
-    Parameters
-    ----------
-    cycles : tuple of (start_s, end_s)
-        From each contact of the foot to its next one, on the recording's clock.
-    contacts : tuple of float, s
-        All that were found; a stride needs two with nothing hidden between them.
-    marker : str
-        The foot's marker that was followed; empty where there is none.
-    reason : str
-        Why there is no cycle, one sentence without a full stop; empty where there is one.
+    ``cycles``: from each contact of the foot to its next one, on the recording's clock.
+    ``contacts`` (float, s): all that were found; a stride needs two with nothing hidden between them.
+    ``marker``: the foot's marker that was followed; empty where there is none.
+    ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
     cycles: tuple[Cycle, ...]
@@ -81,30 +76,13 @@ class GaitCycles:
     reason: str = ""
 
 
-def gait_cycles(trial: Trial, side: Side) -> tuple[Cycle, ...]:
-    """The strides of one leg, (start_s, end_s) each; empty where the recording shows none.
-
-    :func:`find_gait_cycles` says why there is none.
-    """
-    return find_gait_cycles(trial, side).cycles
-
-
 def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     """The strides of one leg from its foot's way before the pelvis.
 
-    Parameters
-    ----------
-    trial : Trial
-        Processed: m, Y up. Labels are the built-in models' names or any known alias. It may go along any
-        horizontal direction.
-    side : 'r' or 'l'
+    ``trial``: processed: m, Y up. Labels are the built-in models' names or any known alias. It may go along
+        any horizontal direction.
+    ``side``: 'r' or 'l'.
 
-    Returns
-    -------
-    GaitCycles
-
-    Notes
-    -----
     A contact is the instant at which the heel (else a malleolus) is furthest ahead of the sacrum (Zeni et
     al. 2008), between frames by a parabola. Over ground, ahead is where the pelvis goes. As a foot
     stands still while the body passes over it, a stride then carries the pelvis further than the foot

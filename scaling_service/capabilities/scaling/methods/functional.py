@@ -7,17 +7,23 @@ expressed in ground in one posture, the standing one: the segments' poses are mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.posture import Cluster, Posture
+from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
 from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
+from scaling_service.model.anatomy.centres import Points
+from scaling_service.model.anatomy.frames import femur_frame
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.knee_axes import Tilt, tilt_of
+from scaling_service.model.neutral import marker_position, model_values
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.geometry.functional import (
     Poses,
@@ -26,8 +32,104 @@ from scaling_service.numerics.geometry.functional import (
     rotation_axis,
     rotation_centre,
 )
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import MIN_POINTS
+from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
+
+FOREIGN_M = 0.03
+"""RMS misfit of a cluster beyond which a label is another marker's. Chosen: skin deforms a segment's
+markers by 4 to 16 mm (fluoroscopy of six knees, PMC8631460); exchanged epicondyles leave 40 mm and more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cluster:
+    """The markers of one segment where they are in the posture: ``local`` is (n_markers, 3), m."""
+
+    segment: str
+    labels: tuple[str, ...]
+    local: Array
+
+    def poses(self, trial: Trial) -> Poses:
+        """How the segment has moved since the posture.
+
+        NaN in frames that show fewer than three of its markers, or markers that do not fit each other.
+
+        References
+        ----------
+        Soderkvist & Wedin 1993, J Biomech 26:1473-1477.
+        """
+        measured = trial.selected(self.labels).markers
+        rotation, position = fit_rigid(self.local, measured)
+        gaps = np.einsum("nij,mj->nmi", rotation, self.local) + position[:, None] - measured
+        squared = np.where(seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
+        foreign = squared > FOREIGN_M**2 * np.maximum(seen(gaps).sum(axis=1), 1)
+        rotation[foreign], position[foreign] = np.nan, np.nan
+        return Poses(rotation, position)
+
+    def shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
+        """Those of its labels that at least one of the trials shows."""
+        found = {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen(t.markers)))}
+        return tuple(label for label in self.labels if label in found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posture:
+    """A person in one posture.
+
+    ``points``: label to its place in ground, (3,), m.
+    ``carriers``: segment to the labels on it.
+    """
+
+    points: Mapping[str, Array]
+    carriers: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(
+        cls, model: BodyModel, extra: Mapping[str, str], static: Trial | None, trials: Sequence[Trial]
+    ) -> Posture:
+        """The mean of the static trial; without one, the frame of the others that shows most markers.
+
+        ``extra``: further labels, and the segment that each sits on.
+        """
+        carriers: dict[str, list[str]] = {}
+        for marker in model.markers:
+            if marker.weight > 0.0:
+                carriers.setdefault(marker.segment, []).append(marker.name)
+        for label, segment in extra.items():
+            if label not in model.marker_names:
+                carriers.setdefault(segment, []).append(label)
+        labels = [label for own in carriers.values() for label in own]
+        points = _mean(static, labels) if static is not None else _fullest(trials, labels)
+        return cls(
+            points, {name: tuple(label for label in own if label in points) for name, own in carriers.items()}
+        )
+
+    def cluster(self, segment: str) -> Cluster:
+        """The markers of a segment; it may be too few of them."""
+        labels = self.carriers.get(segment, ())
+        return Cluster(segment, labels, np.array([self.points[label] for label in labels]).reshape(-1, 3))
+
+    def as_trial(self) -> Trial:
+        """The posture as a recording of one frame."""
+        labels = tuple(self.points)
+        places = np.array([self.points[label] for label in labels]).reshape(1, -1, 3)
+        return Trial("posture", np.zeros(1), labels, places, 1.0)
+
+
+def _mean(trial: Trial, labels: Sequence[str]) -> dict[str, Array]:
+    places = trial.selected(labels).markers
+    shown = ever(seen(places))
+    return {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
+
+
+def _fullest(trials: Sequence[Trial], labels: Sequence[str]) -> dict[str, Array]:
+    every = np.concatenate(
+        [np.full((1, len(labels), 3), np.nan), *(t.selected(labels).markers for t in trials)]
+    )
+    shown = seen(every)
+    frame = int(np.argmax(shown.sum(axis=1)))
+    return {label: every[frame, k] for k, label in enumerate(labels) if shown[frame, k]}
+
 
 HIP_RANGE_DEG = 20.0
 """About two directions, for a hip moved in one plane has a line of centres. The least range of motion for
@@ -45,16 +147,10 @@ SHARPEST = 0.5
 class FunctionalJoints:
     """What functional movements say of a person's joints.
 
-    Parameters
-    ----------
-    posture : Posture
-        In which centres and axes are given.
-    hips : mapping
-        ``r`` or ``l`` to the hip centre, (3,), m, of the pelvis.
-    knees : mapping
-        ``r`` or ``l`` to the knee axis of the thigh, unit (3,), either way round.
-    notes : tuple of str
-        How each was found, and why others were not.
+    ``posture``: in which centres and axes are given.
+    ``hips``: ``r`` or ``l`` to the hip centre, (3,), m, of the pelvis.
+    ``knees``: ``r`` or ``l`` to the knee axis of the thigh, unit (3,), either way round.
+    ``notes``: how each was found, and why others were not.
     """
 
     posture: Posture
@@ -78,15 +174,8 @@ def functional_joints(
 
     A side that its recordings do not determine is left out, with the reason among the notes.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Functional movements. For each joint those are used in which it moves enough.
-
-    Raises
-    ------
-    TrialUnusable
-        Nothing of what was asked for can be found on either side.
+    ``trials``: functional movements. For each joint those are used in which it moves enough.
+    Raises TrialUnusable: nothing of what was asked for can be found on either side.
     """
     hips, of_hips = _both_sides("hip", posture, trials) if settings.hip_centre == "functional" else _NOTHING
     knees, of_knees = _both_sides("knee", posture, trials) if settings.knee_axis == "functional" else _NOTHING
@@ -188,3 +277,82 @@ _SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Arra
     "knee": (_knee, "functional axis", "the epicondyles"),
 }
 """How a joint is sought, what is sought, and what stands in where it is not found."""
+
+
+def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
+    """What the session's functional movements say, None where the settings do not ask for it.
+
+    Raises SubjectInvalid: the model is not of the built-in legs' kind: an ``.osim`` file keeps its own
+        joints.
+    Raises TrialUnusable: nothing of what was asked for can be found.
+    """
+    if not settings.uses_movements:
+        return None
+    names = session.model.segment_names
+    own_file = session.subject.model.lower().endswith(".osim")
+    if own_file or not any({"pelvis", f"femur_{s}", f"tibia_{s}"} <= set(names) for s in "rl"):
+        raise SubjectInvalid(
+            "functional hip centres and knee axes are for built-in leg models: the joints of another model "
+            "stay where it has them",
+            field="model",
+            remedy="Choose a built-in leg model, or take regression and epicondyles",
+        )
+    posture = Posture.of(session.model, session.subject.extra_markers, session.static, session.calibration)
+    return functional_joints(posture, session.calibration, settings)
+
+
+def with_functional(
+    model: BodyModel, joints: FunctionalJoints, points: Points, settings: CalibrationSettings
+) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
+    """The scaled model with its joints where the movements have them.
+
+    A hip centre is put where it lies among the pelvis' markers, fitted as inverse kinematics fits
+    them. A knee axis is taken in the thigh's frame of the ISB, which is the built-in models'.
+
+    ``points``: landmarks and hip centres in the posture, (1, 3) each, m.
+    Returns ``tilts``: knee to the turns of its axis about x and y of the thigh, rad; ``notes``: axes that
+        were not believed.
+    """
+    notes = []
+    for side, centre in joints.hips.items():
+        model = with_centre(model, f"femur_{side}", _in_pelvis(model, joints, centre))
+    tilts: dict[str, Tilt] = {}
+    for side, axis in joints.knees.items():
+        joint = model.segment(f"tibia_{side}").joint_name
+        tilt, doubt = _tilt(points, axis, side, settings)
+        if tilt is None:
+            notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
+        else:
+            model, tilts[joint] = with_axis(model, joint, tilt), tilt
+    return model, tilts, tuple(notes)
+
+
+def _in_pelvis(model: BodyModel, joints: FunctionalJoints, centre: Array) -> Vector:
+    cluster, values = joints.posture.cluster("pelvis"), model_values(model)
+    known = [name for name in cluster.labels if name in model.marker_names]
+    local = [marker_position(model.marker(name), values) for name in known]
+    rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
+    x, y, z = (float(v) for v in rotation.T @ (centre - position))
+    return (x, y, z)
+
+
+def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> tuple[Tilt | None, str]:
+    """The axis' turns about x and y of the thigh, or why it is not believed."""
+    names = [f"hip_{side}", f"{side.upper()}LFE", f"{side.upper()}MFE"]
+    missing = [name for name in names if name not in points or not np.isfinite(points[name]).all()]
+    if missing:
+        return None, f"{', '.join(missing)} not known in the posture, so the thigh has no frame"
+    hip, lateral, medial = (points[name] for name in names)
+    femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
+    direction = femur.rotation[0].T @ axis
+    tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    if _beyond(np.degrees(tilt), (settings.axis_bound_x_deg, settings.axis_bound_y_deg)):
+        return None, (
+            f"the functional axis is turned by {np.degrees(tilt[0]):.0f} deg about x and "
+            f"{np.degrees(tilt[1]):.0f} deg about y, more than any person's"
+        )
+    return tilt, ""
+
+
+def _beyond(degrees: Sequence[float] | Array, bounds: Sequence[float]) -> bool:
+    return any(abs(angle) > bound for angle, bound in zip(degrees, bounds, strict=True))

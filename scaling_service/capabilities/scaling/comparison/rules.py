@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from scaling_service.capabilities.scaling.comparison.verdict_evidence import (
+from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     Finding,
     Gate,

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
-from scaling_service.capabilities.scaling.methods.placement import moved, place_on
+from scaling_service.capabilities.scaling.methods.placement import moved, place_on, with_axis, with_centre
+from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame
@@ -26,6 +26,7 @@ from scaling_service.model.images import ImageEvidence, ImagePose
 from scaling_service.model.knee_axes import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
@@ -48,18 +49,9 @@ class _Leg:
 def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
     """Replace joint centres, knee axes and markers of a marker-based model by what images show.
 
-    Parameters
-    ----------
-    start : Calibration
-        The marker-based model (MB): it stays where nothing was imaged.
-    evidence : ImageEvidence
-    standing : Trial, optional
-        Where the image shows no marker, those of imaged segments are placed from this trial.
-
-    Raises
-    ------
-    SubjectInvalid
-        The model is not of the built-in leg's kind, or no leg is imaged whole.
+    ``start``: the marker-based model (MB): it stays where nothing was imaged.
+    ``standing``: where the image shows no marker, those of imaged segments are placed from this trial.
+    Raises SubjectInvalid: the model is not of the built-in leg's kind, or no leg is imaged whole.
     """
     clock = time.perf_counter()
     model, notes = start.model, [*start.warnings]
@@ -269,3 +261,34 @@ def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> 
 def _vector(values: Array) -> Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageBased:
+    """Joint centres, knee axes and markers from images, the rest from markers."""
+
+    title: str = "joint centres, knee axes and markers from images"
+    needs: str | None = "MB"
+    needs_images: bool = True
+    needs_movements: bool = False
+    fits_lengths: bool = False
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,  # noqa: ARG002 (all methods are called alike; nothing is fitted here)
+        progress: object,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Replace what was imaged in the start's model."""
+        assert start is not None
+        if session.images is None:
+            raise SubjectInvalid(
+                "there are no bones to scale from",
+                field="bones",
+                remedy="Give `bones:` in the subject file, or choose a marker-based method",
+            )
+        return image_based(start, session.images, session.static)
+
+
+EB = ImageBased()

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
-from scaling_service.capabilities.scaling.methods.functional_model import joints_of, with_functional
+from scaling_service.capabilities.scaling.methods.functional import (
+    FunctionalJoints,
+    joints_of,
+    with_functional,
+)
 from scaling_service.capabilities.scaling.methods.placement import (
     add_markers,
     frames_around,
     place_markers,
     place_tracking_markers,
 )
-from scaling_service.capabilities.scaling.sizes.points import person_points
+from scaling_service.capabilities.scaling.sizes.points import (
+    person_points,
+    with_sacrum,
+    with_virtual_landmarks,
+)
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
-from scaling_service.capabilities.scaling.sizes.virtual_markers import with_sacrum, with_virtual_landmarks
 from scaling_service.capabilities.subject.calibration_settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
@@ -46,13 +52,9 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     and knee axes come from the functional movements; a side that these do not determine keeps
     regression and epicondyles, and a warning says why.
 
-    Raises
-    ------
-    TrialUnusable
-        No recording, or none of the measurements can be taken, or no side's movements determine a joint
-        that was asked for.
-    SubjectInvalid
-        A setting that is not for this kind of model.
+    Raises TrialUnusable: no recording, or none of the measurements can be taken, or no side's movements
+        determine a joint that was asked for.
+    Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
     standing = _standing(session)
@@ -160,10 +162,7 @@ def _standing(session: Session) -> Trial:
 def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
     """Factors by an OpenSim scale set-up: the same as its ScaleTool gives.
 
-    Raises
-    ------
-    TrialUnusable
-        A marker pair cannot be measured, or a length is zero.
+    Raises TrialUnusable: a marker pair cannot be measured, or a length is zero.
     """
     factors = {s: [1.0, 1.0, 1.0] for s in model.segment_names}
     for step in setup.order:
@@ -211,3 +210,27 @@ def _pair_factor(
             )
         ratios.append(person / generic)
     return float(np.mean(ratios))
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerBased:
+    """Linear scaling from marker distances."""
+
+    title: str = "segment sizes from marker distances"
+    needs: str | None = None
+    needs_images: bool = False
+    needs_movements: bool = False
+    fits_lengths: bool = False
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,  # noqa: ARG002 (all methods are called alike; this one needs no first guess)
+        settings: CalibrationSettings,
+        progress: object,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Scale the session's model from its standing trial."""
+        return linear(session, settings)
+
+
+MB = MarkerBased()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.plausible import doubts
+from scaling_service.capabilities.scaling.comparison.geometry import doubts
 
 
 def _error(mean: float) -> KinematicError:

@@ -13,7 +13,7 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
 from scaling_service.capabilities.scaling.run import Results, Scaling, run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.virtual.subject import VirtualSubject, demo_session
@@ -30,19 +30,13 @@ def run_demo(
     ``settings``: its seed decides the person.
     Returns ``truth``: distances are taken on the gait trials, which no method was fitted to.
     """
-    report = progress or _silent
-    steps = count()
-
-    def preparing(what: str) -> None:
-        report(what, _BONES * min(1.0, next(steps) / _STEPS))
-
-    session, person = demo_session(settings.seed, images=True, progress=preparing)
-    results = run(
-        Loaded(session),
-        None,
-        settings,
-        progress=lambda what, share: report(what, _BONES + (1 - _BONES) * share),
+    report, steps = progress or silent, count()
+    session, person = demo_session(
+        settings.seed,
+        images=True,
+        progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
     )
+    results = run(Loaded(session), None, settings, progress=part_of(report, _BONES, 1 - _BONES))
     lengths = {name: round(1e3 * value, 4) for name, value in segment_lengths(person.model).items()}
     errors = {method: _errors(scaling, results, person) for method, scaling in results.scalings.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
@@ -58,7 +52,3 @@ def _errors(scaling: Scaling, results: Results, person: VirtualSubject) -> dict[
     for name, gap in angle_errors(held_out, person.model, person.motions).items():
         found[f"{name}_deg"] = math.degrees(gap)
     return {name: round(value, 4) for name, value in found.items()}
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

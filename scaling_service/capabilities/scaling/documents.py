@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.clinical.document import clinical_document
-from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait
+from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_document
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, following
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.capabilities.subject.provenance import provenance

@@ -9,9 +9,8 @@ from pathlib import Path
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
-from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry
+from scaling_service.capabilities.scaling.comparison.geometry import Geometry, doubts, geometry
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
-from scaling_service.capabilities.scaling.plausible import doubts
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, blamed_on, load, recordings
 from scaling_service.capabilities.subject.mass import with_mass
@@ -174,13 +173,9 @@ def run(
         for k, method in enumerate(chosen):
             share = (1.0 - _LOADING) / len(chosen)
             part = part_of(report, _LOADING + share * k, share)
-            for name in _first_guesses(method):
-                calibrations[name] = calibrate(session, name, settings.calibration, calibrations)
             part(f"{method}: fitting", 0.0)
-            calibrations[method] = calibrate(
-                session, method, settings.calibration, calibrations, _steps(part, method)
-            )
-            scalings[method] = _evaluated(with_mass(calibrations[method], session), session, part)
+            found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
+            scalings[method] = _evaluated(with_mass(found, session), session, part)
     report("done", 1.0)
     doubtful = doubts(
         {method: scaling.errors for method, scaling in scalings.items()},
@@ -211,15 +206,6 @@ def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     left_out = [name for name, method in imaged.items() if method.needs_movements]
     note = f"there is no calibration trial, so {', '.join(left_out)} were left out"
     return tuple(name for name in imaged if name not in left_out), (note,)
-
-
-def _first_guesses(method: str) -> list[str]:
-    """What a method starts from, first things first."""
-    needed: list[str] = []
-    while (before := METHODS[method].needs) is not None:
-        needed.insert(0, before)
-        method = before
-    return needed
 
 
 def _steps(part: Progress, method: str) -> Callable[[int, float], None]:

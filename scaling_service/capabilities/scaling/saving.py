@@ -19,8 +19,7 @@ from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.motion_files import write_motion
 from scaling_service.capabilities.playback.shapes import local_bones
-from scaling_service.capabilities.scaling.clinical.document import write_clinical
-from scaling_service.capabilities.scaling.clinical.gait import clinical_of
+from scaling_service.capabilities.scaling.clinical.gait import clinical_of, write_clinical
 from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.documents import (

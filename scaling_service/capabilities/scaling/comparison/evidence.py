@@ -11,9 +11,8 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
+from scaling_service.capabilities.scaling.comparison.geometry import SHARE_OF_STATURE, SPREAD, joint_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.plausible import SHARE_OF_STATURE, SPREAD
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.documents.results import TrustNote
 from scaling_service.model.body import Vector

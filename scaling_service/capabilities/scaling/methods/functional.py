@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
@@ -99,7 +97,15 @@ class Posture:
             if label not in model.marker_names:
                 carriers.setdefault(segment, []).append(label)
         labels = [label for own in carriers.values() for label in own]
-        points = _mean(static, labels) if static is not None else _fullest(trials, labels)
+        if static is not None:
+            places = static.selected(labels).markers
+        else:
+            nowhere = np.full((1, len(labels), 3), np.nan)
+            places = np.concatenate([nowhere, *(t.selected(labels).markers for t in trials)])
+            fullest = int(np.argmax(seen(places).sum(axis=1)))
+            places = places[fullest : fullest + 1]
+        shown = ever(seen(places))
+        points = {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
         return cls(
             points, {name: tuple(label for label in own if label in points) for name, own in carriers.items()}
         )
@@ -114,21 +120,6 @@ class Posture:
         labels = tuple(self.points)
         places = np.array([self.points[label] for label in labels]).reshape(1, -1, 3)
         return Trial("posture", np.zeros(1), labels, places, 1.0)
-
-
-def _mean(trial: Trial, labels: Sequence[str]) -> dict[str, Array]:
-    places = trial.selected(labels).markers
-    shown = ever(seen(places))
-    return {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
-
-
-def _fullest(trials: Sequence[Trial], labels: Sequence[str]) -> dict[str, Array]:
-    every = np.concatenate(
-        [np.full((1, len(labels), 3), np.nan), *(t.selected(labels).markers for t in trials)]
-    )
-    shown = seen(every)
-    frame = int(np.argmax(shown.sum(axis=1)))
-    return {label: every[frame, k] for k, label in enumerate(labels) if shown[frame, k]}
 
 
 HIP_RANGE_DEG = 20.0
@@ -167,24 +158,9 @@ class _NotFound(Exception):
     """Why a joint's centre or axis was not taken."""
 
 
-def functional_joints(
-    posture: Posture, trials: Sequence[Trial], settings: CalibrationSettings
-) -> FunctionalJoints:
-    """Hip centres and knee axes, those of them that the settings ask for.
-
-    A side that its recordings do not determine is left out, with the reason among the notes.
-
-    ``trials``: functional movements. For each joint those are used in which it moves enough.
-    Raises TrialUnusable: nothing of what was asked for can be found on either side.
-    """
-    hips, of_hips = _both_sides("hip", posture, trials) if settings.hip_centre == "functional" else _NOTHING
-    knees, of_knees = _both_sides("knee", posture, trials) if settings.knee_axis == "functional" else _NOTHING
-    return FunctionalJoints(posture, hips, knees, (*of_hips, *of_knees))
-
-
 def _both_sides(
-    joint: Literal["hip", "knee"], posture: Posture, trials: Sequence[Trial]
-) -> tuple[Mapping[str, Array], tuple[str, ...]]:
+    joint: str, posture: Posture, trials: Sequence[Trial]
+) -> tuple[Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
     find, what, instead = _SOUGHT[joint]
     found: dict[str, Array] = {}
@@ -203,41 +179,33 @@ def _both_sides(
             remedy=f"Give functional movements of the {joint} and three markers on each segment "
             f"(`extra_markers:`), or take {instead}",
         )
-    return found, tuple(notes)
+    return found, notes
 
 
 def _hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
-    used = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
-    found = rotation_centre(used.proximal, used.distal)
+    first, second, told = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
+    found = rotation_centre(first, second)
     return found.proximal, (
-        f"{used.told}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
+        f"{told}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
         f"standard deviation at least {1e3 * found.sd:.1f} mm"
     )
 
 
 def _knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
-    used = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
-    found = rotation_axis(used.proximal, used.distal)
+    first, second, told = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
+    found = rotation_axis(first, second)
     if not found.sharpness < SHARPEST:
-        raise _NotFound(f"no axis stands out in {used.told}")
+        raise _NotFound(f"no axis stands out in {told}")
     return found.proximal, (
-        f"{used.told}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
+        f"{told}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Moving:
-    """Poses of both segments in the trials in which the joint moves enough."""
-
-    proximal: Poses
-    distal: Poses
-    told: str
 
 
 def _moving(
     posture: Posture, trials: Sequence[Trial], proximal: str, distal: str, limits_deg: Sequence[float]
-) -> _Moving:
+) -> tuple[Poses, Poses, str]:
+    """Poses of both segments in the trials in which the joint moves enough, and which these are."""
     clusters = [_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
     names, kept, best = [], [], np.zeros(len(limits_deg))
     for trial in trials:
@@ -253,7 +221,7 @@ def _moving(
             f"it turns by at most {_angles(best)} in a calibration trial, "
             f"and {_angles(limits_deg)} are needed"
         )
-    return _Moving(joined([p for p, _ in kept]), joined([d for _, d in kept]), few(names))
+    return joined([p for p, _ in kept]), joined([d for _, d in kept]), few(names)
 
 
 def _enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
@@ -271,7 +239,6 @@ def _angles(values_deg: Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
 
 
-_NOTHING: tuple[Mapping[str, Array], tuple[str, ...]] = (MappingProxyType({}), ())
 _SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Array, str]], str, str]] = {
     "hip": (_hip, "functional centre", "the regression"),
     "knee": (_knee, "functional axis", "the epicondyles"),
@@ -280,11 +247,12 @@ _SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Arra
 
 
 def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
-    """What the session's functional movements say, None where the settings do not ask for it.
+    """Hip centres and knee axes from the session's movements, None where the settings do not ask for them.
 
-    Raises SubjectInvalid: the model is not of the built-in legs' kind: an ``.osim`` file keeps its own
-        joints.
-    Raises TrialUnusable: nothing of what was asked for can be found.
+    A side that its recordings do not determine is left out, with the reason among the notes.
+
+    Raises SubjectInvalid: an ``.osim`` file or another model that keeps its own joints.
+    Raises TrialUnusable: nothing of what was asked for can be found on either side.
     """
     if not settings.uses_movements:
         return None
@@ -298,7 +266,13 @@ def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoin
             remedy="Choose a built-in leg model, or take regression and epicondyles",
         )
     posture = Posture.of(session.model, session.subject.extra_markers, session.static, session.calibration)
-    return functional_joints(posture, session.calibration, settings)
+    found: dict[str, Mapping[str, Array]] = {"hip": {}, "knee": {}}
+    notes = list[str]()
+    for joint, how in (("hip", settings.hip_centre), ("knee", settings.knee_axis)):
+        if how == "functional":
+            found[joint], more = _both_sides(joint, posture, session.calibration)
+            notes += more
+    return FunctionalJoints(posture, found["hip"], found["knee"], tuple(notes))
 
 
 def with_functional(
@@ -319,11 +293,11 @@ def with_functional(
     tilts: dict[str, Tilt] = {}
     for side, axis in joints.knees.items():
         joint = model.segment(f"tibia_{side}").joint_name
-        tilt, doubt = _tilt(points, axis, side, settings)
-        if tilt is None:
+        try:
+            tilts[joint] = _tilt(points, axis, side, settings)
+            model = with_axis(model, joint, tilts[joint])
+        except _NotFound as doubt:
             notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
-        else:
-            model, tilts[joint] = with_axis(model, joint, tilt), tilt
     return model, tilts, tuple(notes)
 
 
@@ -336,23 +310,20 @@ def _in_pelvis(model: BodyModel, joints: FunctionalJoints, centre: Array) -> Vec
     return (x, y, z)
 
 
-def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> tuple[Tilt | None, str]:
-    """The axis' turns about x and y of the thigh, or why it is not believed."""
+def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> Tilt:
+    """The axis' turns about x and y of the thigh, if they are believed."""
     names = [f"hip_{side}", f"{side.upper()}LFE", f"{side.upper()}MFE"]
     missing = [name for name in names if name not in points or not np.isfinite(points[name]).all()]
     if missing:
-        return None, f"{', '.join(missing)} not known in the posture, so the thigh has no frame"
+        raise _NotFound(f"{', '.join(missing)} not known in the posture, so the thigh has no frame")
     hip, lateral, medial = (points[name] for name in names)
     femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     direction = femur.rotation[0].T @ axis
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
-    if _beyond(np.degrees(tilt), (settings.axis_bound_x_deg, settings.axis_bound_y_deg)):
-        return None, (
-            f"the functional axis is turned by {np.degrees(tilt[0]):.0f} deg about x and "
-            f"{np.degrees(tilt[1]):.0f} deg about y, more than any person's"
+    x, y = np.degrees(tilt)
+    if abs(x) > settings.axis_bound_x_deg or abs(y) > settings.axis_bound_y_deg:
+        raise _NotFound(
+            f"the functional axis is turned by {x:.0f} deg about x and {y:.0f} deg about y, more than any "
+            "person's"
         )
-    return tilt, ""
-
-
-def _beyond(degrees: Sequence[float] | Array, bounds: Sequence[float]) -> bool:
-    return any(abs(angle) > bound for angle, bound in zip(degrees, bounds, strict=True))
+    return tilt

@@ -46,53 +46,6 @@ class _Leg:
     tilt: Tilt
 
 
-def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
-    """Replace joint centres, knee axes and markers of a marker-based model by what images show.
-
-    ``start``: the marker-based model (MB): it stays where nothing was imaged.
-    ``standing``: where the image shows no marker, those of imaged segments are placed from this trial.
-    Raises SubjectInvalid: the model is not of the built-in leg's kind, or no leg is imaged whole.
-    """
-    clock = time.perf_counter()
-    model, notes = start.model, [*start.warnings]
-    pelvis = _pelvis(evidence)
-    sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
-    if not sides or pelvis is None or "pelvis" not in model.segment_names:
-        raise SubjectInvalid(
-            "the images do not show a pelvis and one whole leg of the model",
-            field="bones",
-            remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
-        )
-    frames: dict[str, Frames] = {"pelvis": pelvis}
-    tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
-    for side in sides:
-        leg = _leg(evidence, side)
-        frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
-        model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
-        tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
-    for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
-        x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
-        mirrored = (-x, -y)
-        model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
-        tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
-    placed = _image_markers(evidence, frames)
-    model = moved(_with_new(model, evidence, placed), placed)
-    seen = {evidence.markers[name][0] for name in placed}
-    if standing is not None:
-        model = place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += _notes(model, sides, placed)
-    return Calibration(
-        "EB",
-        model,
-        start.generic,
-        _factors(start, model),
-        tilts,
-        wall_s=time.perf_counter() - clock,
-        warnings=tuple(notes),
-        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
-    )
-
-
 def _pelvis(evidence: ImageEvidence) -> Frames | None:
     """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
     skin = {canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
@@ -280,15 +233,64 @@ class ImageBased:
         settings: CalibrationSettings,  # noqa: ARG002 (all methods are called alike; nothing is fitted here)
         progress: object,  # noqa: ARG002 (one step: nothing to report)
     ) -> Calibration:
-        """Replace what was imaged in the start's model."""
+        """Replace joint centres, knee axes and markers of a marker-based model by what images show.
+
+        The marker-based model stays where nothing was imaged. Where the image shows no marker, those of
+        imaged segments are placed from the standing trial.
+
+        Raises
+        ------
+        SubjectInvalid
+            There are no images, the model is not of the built-in leg's kind, or no leg is imaged whole.
+        """
         assert start is not None
-        if session.images is None:
+        evidence, standing = session.images, session.static
+        if evidence is None:
             raise SubjectInvalid(
                 "there are no bones to scale from",
                 field="bones",
                 remedy="Give `bones:` in the subject file, or choose a marker-based method",
             )
-        return image_based(start, session.images, session.static)
+        clock = time.perf_counter()
+        model, notes = start.model, [*start.warnings]
+        pelvis = _pelvis(evidence)
+        sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
+        if not sides or pelvis is None or "pelvis" not in model.segment_names:
+            raise SubjectInvalid(
+                "the images do not show a pelvis and one whole leg of the model",
+                field="bones",
+                remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
+            )
+        frames: dict[str, Frames] = {"pelvis": pelvis}
+        tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
+        for side in sides:
+            leg = _leg(evidence, side)
+            frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
+            model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
+            tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
+        for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
+            x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
+            mirrored = (-x, -y)
+            model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
+            tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
+        placed = _image_markers(evidence, frames)
+        model = moved(_with_new(model, evidence, placed), placed)
+        seen = {evidence.markers[name][0] for name in placed}
+        if standing is not None:
+            model = place_on(model, standing, frozenset(model.segment_names) - seen)
+        notes += _notes(model, sides, placed)
+        return Calibration(
+            "EB",
+            model,
+            start.generic,
+            _factors(start, model),
+            tilts,
+            wall_s=time.perf_counter() - clock,
+            warnings=tuple(notes),
+            image_poses={
+                name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
+            },
+        )
 
 
 EB = ImageBased()

@@ -23,7 +23,6 @@ from scaling_service.model.knee_axes import after
 from scaling_service.model.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Outcome, Solution, Uncertainty, uncertainty
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
@@ -144,49 +143,6 @@ _HALF = 0.5  # of the prior's variance: below it the recording has said more tha
 _UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
 
 
-def optimise(
-    method: str,
-    start: Calibration,
-    trials: Sequence[Trial],
-    freedom: Freedom,
-    settings: CalibrationSettings,
-    progress: Progress | None = None,
-) -> Calibration:
-    """Free what the method frees on the start's model, and fit it to the calibration trials.
-
-    ``start``: the linear (MB) or image-based (EB) model: the first guess.
-    ``progress``: called with the step's number and the cumulative kinematic error (m2).
-    Raises TrialUnusable: no calibration trial shows a marker of the model.
-    """
-    clock = time.perf_counter()
-    names = [m.name for m in start.model.markers if m.weight > 0.0]
-    frames = calibration_frames(trials, names, settings.n_frames)
-    shown = frozenset(n for n, once in zip(names, ever(seen(frames.trial.markers)), strict=True) if once)
-    weighted = settings.sizes == "weighted"
-    sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
-    freed = freedom.apply(start.model, shown, settings, sds)
-    fitted = STRATEGIES[settings.strategy](Fit.of(start.model, freed, frames, settings), settings, progress)
-    fit, solution = fitted.fit, fitted.solution
-    doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
-    estimated = _parameters(freed, solution.p, doubt)
-    values = {p.name: p.value for p in estimated}
-    return Calibration(
-        method,
-        fold(freed, values),
-        start.generic,
-        _factors(start, values),
-        _tilts(start, values),
-        estimated,
-        fit.error(solution),
-        solution.steps,
-        time.perf_counter() - clock,
-        (*start.warnings, *_warnings(method, estimated, solution, doubt)),
-        start.image_poses,
-        {} if freedom.lengths else start.sizes,
-        start.centres,
-    )
-
-
 def _parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:
     found = []
     for k, parameter in enumerate(freed.parameters):
@@ -270,9 +226,43 @@ class Optimised:
         settings: CalibrationSettings,
         progress: Progress | None,
     ) -> Calibration:
-        """Fit the start's model to the calibration trials."""
+        """Free what the method frees on the start's model, and fit it to the calibration trials.
+
+        Raises
+        ------
+        TrialUnusable
+            No calibration trial shows a marker of the model.
+        """
         assert start is not None
-        return optimise(self.name, start, session.calibration, self.freedom, settings, progress)
+        clock = time.perf_counter()
+        names = [m.name for m in start.model.markers if m.weight > 0.0]
+        frames = calibration_frames(session.calibration, names, settings.n_frames)
+        shown = frozenset(n for n, once in zip(names, ever(seen(frames.trial.markers)), strict=True) if once)
+        weighted = settings.sizes == "weighted"
+        sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
+        freed = self.freedom.apply(start.model, shown, settings, sds)
+        fitted = STRATEGIES[settings.strategy](
+            Fit.of(start.model, freed, frames, settings), settings, progress
+        )
+        fit, solution = fitted.fit, fitted.solution
+        doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
+        estimated = _parameters(freed, solution.p, doubt)
+        values = {p.name: p.value for p in estimated}
+        return Calibration(
+            self.name,
+            fold(freed, values),
+            start.generic,
+            _factors(start, values),
+            _tilts(start, values),
+            estimated,
+            fit.error(solution),
+            solution.steps,
+            time.perf_counter() - clock,
+            (*start.warnings, *_warnings(self.name, estimated, solution, doubt)),
+            start.image_poses,
+            {} if self.freedom.lengths else start.sizes,
+            start.centres,
+        )
 
 
 MB_LAM = Optimised(

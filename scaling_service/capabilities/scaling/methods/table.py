@@ -80,7 +80,7 @@ def calibrate(
     session: Session,
     method: str,
     settings: CalibrationSettings = PAPER,
-    known: Mapping[str, Calibration] | None = None,
+    known: dict[str, Calibration] | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Scale a session's model by one method.
@@ -89,8 +89,8 @@ def calibrate(
     ----------
     method : str
         A key of :data:`METHODS`.
-    known : mapping, optional
-        Calibrations done already; a method's first guess is taken from here where it is.
+    known : dict, optional
+        Calibrations done already; a method's first guess is taken from here, and what is done is added.
     progress : callable, optional
         Called with the step's number and the cumulative kinematic error (m2).
 
@@ -100,9 +100,9 @@ def calibrate(
         There is no such method.
     """
     check_method(method)
-    done = known or {}
-    if method in done:
-        return done[method]
-    row = METHODS[method]
-    start = calibrate(session, row.needs, settings, done) if row.needs is not None else None
-    return row.calibrate(session, start, settings, progress)
+    done = {} if known is None else known
+    if method not in done:
+        row = METHODS[method]
+        start = None if row.needs is None else calibrate(session, row.needs, settings, done)
+        done[method] = row.calibrate(session, start, settings, progress)
+    return done[method]

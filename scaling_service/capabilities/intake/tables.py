@@ -12,7 +12,7 @@ from scaling_service.capabilities.intake.plates import describe_plates
 from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
-from scaling_service.files.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.markers import looks_computed
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array, Trial
@@ -127,21 +127,6 @@ def _described(forces: GroundForces | None, item: Seen, axes: Orientation, trial
     return describe_plates(entries, at_markers, trial, item.kinds if own else ())
 
 
-def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
-    """Plates with their corners, (n_plates, 4, 3) in our axes, where the file has them."""
-    if forces is None:
-        return []
-    peaks = np.linalg.norm(np.nan_to_num(forces.force), axis=2).max(axis=0)
-    return [
-        PlateEntry(
-            name=name,
-            corners_m=None if corners is None else np.round(corners[k], 5).tolist(),
-            peak_N=round(float(peaks[k]), 1),
-        )
-        for k, name in enumerate(forces.plates)
-    ]
-
-
 def _corners(item: Seen, axes: Orientation) -> Array | None:
     return None if item.corners is None else axes.rotate(item.corners)
 
@@ -149,17 +134,6 @@ def _corners(item: Seen, axes: Orientation) -> Array | None:
 def _written(files: ArrayFiles, name: str, forces: GroundForces, trial: Trial, unit: str) -> ArrayEntry:
     values = forces.force if unit == "N" else forces.centre_of_pressure()
     return files.write(name, at_frames(forces.times, values, trial.times), unit)
-
-
-def at_frames(times: Array, values: Array, wanted: Array) -> Array:
-    """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
-    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    rows = np.where(wanted - times[before] < times[after] - wanted, before, after)
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    picked = values[rows].copy()
-    picked[(wanted < times[0] - step) | (wanted > times[-1] + step)] = np.nan
-    return np.asarray(picked)
 
 
 def _label(trial: Trial, column: int) -> LabelEntry:

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.intake.tables import at_frames, plates_of
 from scaling_service.capabilities.playback.document import (
     AxisEntry,
     BodyEntry,
@@ -27,7 +26,7 @@ from scaling_service.capabilities.playback.overlay import knee_axes
 from scaling_service.capabilities.playback.shapes import glb, surfaces
 from scaling_service.documents.arrays import ArrayEntry
 from scaling_service.documents.writing import write_json
-from scaling_service.files.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces

@@ -17,6 +17,8 @@ from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.documents.results import TrustNote
 from scaling_service.model.body import Vector
 
+Speaks = Literal["for", "against", "neither"]
+
 Strength = Literal["decided", "leaning", "undecided"]
 """Whether the evidence settles which method to use, favours one without a check, or leaves it open."""
 
@@ -138,7 +140,7 @@ class Finding:
 
     rule: str
     method: str
-    speaks: Literal["for", "against", "neither"]
+    speaks: Speaks
     text: str
 
 
@@ -166,7 +168,6 @@ class Verdict:
     ``method``: the one to use, or the one to lean to where the evidence does not decide.
     ``why``: plain sentences.
     ``findings``: what every rule says of every method.
-    ``agreement``: method to how it agrees with the image; empty without images.
     """
 
     method: str
@@ -176,7 +177,6 @@ class Verdict:
     trust: tuple[TrustNote, ...]
     gates: tuple[Gate, ...]
     findings: tuple[Finding, ...]
-    agreement: Mapping[str, ImageAgreement] = field(default_factory=dict)
 
 
 def evidence_of(results: Results) -> Evidence:

@@ -15,8 +15,8 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.rules import (
     AGREES,
     NOISE,
-    RULES,
     agreement,
+    find,
     gates,
     implausible,
     mm,
@@ -83,8 +83,7 @@ def judge(evidence: Evidence) -> Verdict:
         why=(*_why(chosen, evidence), *doubts, *unchecked),
         trust=trust(chosen, evidence),
         gates=gates(evidence),
-        findings=tuple(finding for rule in RULES for finding in rule(evidence)),
-        agreement=agreement(evidence),
+        findings=tuple(find(evidence)),
     )
 
 

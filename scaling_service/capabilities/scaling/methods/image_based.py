@@ -121,11 +121,8 @@ def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     foot = segment_of(model, "foot", side)
     if foot is not None:
         model = with_centre(model, foot, leg.ankle)
-    return moved(_with_axis(model, leg.tilt, side), {f"{side.upper()}AJC": leg.ankle})
-
-
-def _with_axis(model: BodyModel, tilt: Tilt, side: str) -> BodyModel:
-    return with_axis(model, model.segment(f"tibia_{side}").joint_name, tilt)
+    model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
+    return moved(model, {f"{side.upper()}AJC": leg.ankle})
 
 
 def _with_other_leg(
@@ -163,24 +160,6 @@ def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) ->
     centre = pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
     distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
-
-
-def _image_markers(evidence: ImageEvidence, frames: Mapping[str, Frames]) -> dict[str, Vector]:
-    return {
-        name: _vector(frames[segment].to_local(at)[0])
-        for name, (segment, at) in evidence.markers.items()
-        if segment in frames
-    }
-
-
-def _with_new(model: BodyModel, evidence: ImageEvidence, placed: Mapping[str, Vector]) -> BodyModel:
-    """The model with image markers that it does not have yet; they are told from their segment alone."""
-    new = tuple(
-        Marker.at(name, evidence.markers[name][0], at, anatomical=False)
-        for name, at in placed.items()
-        if name not in model.marker_names
-    )
-    return model.with_markers((*model.markers, *new))
 
 
 def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
@@ -270,12 +249,16 @@ class ImageBased:
             tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
         for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
             x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
-            mirrored = (-x, -y)
-            model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
-            tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
-        placed = _image_markers(evidence, frames)
-        model = moved(_with_new(model, evidence, placed), placed)
-        seen = {evidence.markers[name][0] for name in placed}
+            joint = model.segment(f"tibia_{side}").joint_name
+            tilts[joint] = (-x, -y)
+            model = with_axis(_with_other_leg(model, evidence, pelvis, side, standing), joint, tilts[joint])
+        imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
+        placed = {n: _vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
+        # Markers that the model does not have yet are told from their segment alone.
+        new = [name for name in placed if name not in model.marker_names]
+        added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+        model = moved(model.with_markers((*model.markers, *added)), placed)
+        seen = {segment for segment, _ in imaged.values()}
         if standing is not None:
             model = place_on(model, standing, frozenset(model.segment_names) - seen)
         notes += _notes(model, sides, placed)

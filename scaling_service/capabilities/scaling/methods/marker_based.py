@@ -46,11 +46,9 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     """Scale the session's model from marker distances.
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
-    every segment's size is estimated from distances and anthropometry
-    (``size_segments``).
-    Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
-    and knee axes come from the functional movements; a side that these do not determine keeps
-    regression and epicondyles, and a warning says why.
+    every segment's size is estimated from distances and anthropometry. Extra markers are then placed from the
+    standing trial. Where the settings ask for it, hip centres and knee axes come from the functional
+    movements; a side that these do not determine keeps regression and epicondyles, and a warning says why.
 
     Raises TrialUnusable: no recording, or none of the measurements can be taken, or no side's movements
         determine a joint that was asked for.
@@ -66,7 +64,12 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     joints = joints_of(session, settings)
     sizing: Sizing | None = None
     if setup is not None:
-        _refuse_own_axes(settings)
+        if settings.scaling != "uniform":
+            raise SubjectInvalid(
+                "a scale set-up says itself along which axes it scales",
+                field="scale_setup",
+                remedy="Leave out either the set-up or the per-axis scaling",
+            )
         factors = setup_factors(session.model, standing, setup)
     else:
         sizing = size_segments(session, settings, joints)
@@ -139,24 +142,15 @@ def _with_knee(session: Session, settings: CalibrationSettings) -> Session:
     return replace(session, model=with_knee(session.model, settings.knee))
 
 
-def _refuse_own_axes(settings: CalibrationSettings) -> None:
-    if settings.scaling != "uniform":
-        raise SubjectInvalid(
-            "a scale set-up says itself along which axes it scales",
-            field="scale_setup",
-            remedy="Leave out either the set-up or the per-axis scaling",
-        )
-
-
 def _standing(session: Session) -> Trial:
-    for trial in (session.static, *session.calibration):
-        if trial is not None:
-            return trial
-    raise TrialUnusable(
-        "there is no trial to measure lengths on",
-        field="trials.static",
-        remedy="Give a static trial or at least one calibration trial",
-    )
+    standing = next((trial for trial in (session.static, *session.calibration) if trial is not None), None)
+    if standing is None:
+        raise TrialUnusable(
+            "there is no trial to measure lengths on",
+            field="trials.static",
+            remedy="Give a static trial or at least one calibration trial",
+        )
+    return standing
 
 
 def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
@@ -168,18 +162,15 @@ def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str
     for step in setup.order:
         if step == "measurements":
             for measurement in setup.measurements:
-                _apply(measurement, _pair_factor(model, trial, measurement, setup.time_range), factors)
+                factor = _pair_factor(model, trial, measurement, setup.time_range)
+                for segment, axes in measurement.axes.items():
+                    for letter in axes if segment in factors else "":
+                        factors[segment]["XYZ".index(letter)] = factor
         else:
             for segment, given in setup.manual.items():
                 if segment in factors:
                     factors[segment] = list(given)
     return {s: (x, y, z) for s, (x, y, z) in factors.items()}
-
-
-def _apply(measurement: Measurement, factor: float, factors: Mapping[str, list[float]]) -> None:
-    for segment, axes in measurement.axes.items():
-        for letter in axes if segment in factors else "":
-            factors[segment]["XYZ".index(letter)] = factor
 
 
 def _pair_factor(

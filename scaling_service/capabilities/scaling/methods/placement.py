@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
 from scaling_service.capabilities.motion.start import first_guess
@@ -85,9 +84,7 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
         )
     if not wanted:
         return model
-    few = trial.frames(_some_frames(trial))
-    q = solve_task(Task.of(model, few), few.times).q
-    found = _local_means(model, few, q, wanted)
+    found = _found_on(model, trial, wanted)
     added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
     return model.with_markers((*model.markers, *added))
 
@@ -105,9 +102,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:
         return model, ()
-    few = trial.frames(_some_frames(trial))
-    q = solve_task(Task.of(model, few, weights=landmarks), few.times).q
-    found = _local_means(model, few, q, tracking)
+    found = _found_on(model, trial, tracking, landmarks)
     return moved(model, found), tuple(found)
 
 
@@ -117,11 +112,9 @@ def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyMo
     The model is posed by the markers of the other segments, whose places are known; those to be placed
     decide only what these leave open, such as the pose of a leg that was not imaged.
     """
-    few = trial.frames(_some_frames(trial))
     own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
     weights = {m.name: m.weight * (_FOLLOWER if m.name in own else 1.0) for m in model.markers}
-    q = solve_task(Task.of(model, few, weights=weights), few.times).q
-    return moved(model, _local_means(model, few, q, own))
+    return moved(model, _found_on(model, trial, own, weights))
 
 
 def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
@@ -141,7 +134,7 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     return moved(model, found)
 
 
-def moved(model: BodyModel, local: Mapping[str, tuple[float, float, float]]) -> BodyModel:
+def moved(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
     """The model with some markers at other local positions (m)."""
     return model.with_markers(
         tuple(
@@ -151,8 +144,13 @@ def moved(model: BodyModel, local: Mapping[str, tuple[float, float, float]]) -> 
     )
 
 
-def _some_frames(trial: Trial) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp))
+def _found_on(
+    model: BodyModel, trial: Trial, segments: Mapping[str, str], weights: Mapping[str, float] | None = None
+) -> dict[str, Vector]:
+    """Local positions of labels on their segments, the model posed by its weighted markers, m."""
+    few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
+    return _local_means(model, few, q, segments)
 
 
 def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice:
@@ -223,9 +221,7 @@ def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> A
     return min(found, key=lambda solution: float(solution.cost[0])).q
 
 
-def _local_means(
-    model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
-) -> dict[str, tuple[float, float, float]]:
+def _local_means(model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]) -> dict[str, Vector]:
     """Mean position of labels in their segments' frames over the frames that show them (m)."""
     carriers = [Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())]
     tree = compile_model(model.with_markers(tuple(carriers)))

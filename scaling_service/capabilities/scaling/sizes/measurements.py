@@ -1,16 +1,14 @@
 """Lengths that are measured alike on a person's markers and on a model's.
 
 A measurement is a set of distances between *points*: a landmark, the middle of several, or a joint's centre.
-On the person a centre is constructed from markers (``centres``); on the model it
-is constructed likewise, or the joint's own. A distance is used where both sides have all its points.
-
-Factors along each axis of a segment, where markers determine them.
+On the person a centre is constructed from markers; on the model it is constructed likewise, or the joint's
+own. A distance is used where both sides have all its points.
 
 A segment's length alone says little of its breadth: one factor for a large bone such as the pelvis misplaces
-the hips (Puchaud 2019, section 4.4). Here the pelvis takes its depth (x) from ASIS to PSIS, its breadth (z)
-from side to side, its height (y) from how far the hip centres lie below; thigh and shank their length (y)
-as always, their breadth (z) from the epicondyles or malleoli, and as thickness (x) the mean of both.
-Everything else keeps one factor.
+the hips (Puchaud 2019, section 4.4). Where segments get a factor along each axis, the pelvis takes its depth
+(x) from ASIS to PSIS, its breadth (z) from side to side, its height (y) from how far the hip centres lie
+below; thigh and shank their length (y) as always, their breadth (z) from the epicondyles or malleoli, and as
+thickness (x) the mean of both. Everything else keeps one factor.
 """
 
 from __future__ import annotations
@@ -184,57 +182,33 @@ def per_axis(
     Returns ``notes``: what could not be measured and follows the uniform factor.
     """
     opened, notes = dict(factors), list[str]()
+
+    def measured(measure: Callable[[Points, Points], float | None]) -> float | None:
+        """On the first recording on which it can be."""
+        return next((value for p in people if (value := measure(p, ours)) is not None), None)
+
     if "pelvis" in factors:
-        opened["pelvis"] = _pelvis(factors["pelvis"], people, ours, notes)
+        found = {
+            "depth": measured(partial(ratio, _DEPTH)),
+            "width": measured(partial(ratio, _WIDTH)),
+            "height": measured(_hip_depth_ratio),
+        }
+        missing = [name for name, value in found.items() if value is None]
+        if missing:
+            notes.append(f"MB: pelvis: {' and '.join(missing)} not measured: as its mean factor")
+        depth, width, height = (factors["pelvis"][0] if v is None else v for v in found.values())
+        opened["pelvis"] = (depth, height, width)
     for side in "rl":
-        for segment, ends in ((f"femur_{side}", "LFE MFE"), (f"tibia_{side}", "LM MM")):
+        for segment, ends in ((f"femur_{side}", ("LFE", "MFE")), (f"tibia_{side}", ("LM", "MM"))):
             if segment in factors:
-                opened[segment] = _long_bone(
-                    segment, factors[segment], side, ends.split(), people, ours, notes
-                )
+                lateral, medial = (f"{side.upper()}{name}" for name in ends)
+                across = SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth")
+                length, breadth = factors[segment][1], measured(partial(ratio, across))
+                if breadth is None:
+                    notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
+                else:
+                    opened[segment] = (0.5 * (length + breadth), length, breadth)
     return opened, tuple(notes)
-
-
-def _pelvis(uniform: Vector, people: Sequence[Points], ours: Points, notes: list[str]) -> Vector:
-    k = uniform[0]
-    depth = _measured(_DEPTH, people, ours)
-    width = _measured(_WIDTH, people, ours)
-    height = _first(_hip_depth_ratio, people, ours)
-    missing = [
-        name for name, value in (("depth", depth), ("width", width), ("height", height)) if value is None
-    ]
-    if missing:
-        notes.append(f"MB: pelvis: {' and '.join(missing)} not measured: as its mean factor")
-    return (k if depth is None else depth, k if height is None else height, k if width is None else width)
-
-
-def _long_bone(
-    segment: str,
-    uniform: Vector,
-    side: str,
-    ends: Sequence[str],
-    people: Sequence[Points],
-    ours: Points,
-    notes: list[str],
-) -> Vector:
-    lateral, medial = (f"{side.upper()}{name}" for name in ends)
-    breadth = _measured(SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth"), people, ours)
-    length = uniform[1]
-    if breadth is None:
-        notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
-        return uniform
-    return (0.5 * (length + breadth), length, breadth)
-
-
-def _measured(measurement: SegmentMeasurement, people: Sequence[Points], ours: Points) -> float | None:
-    return _first(partial(ratio, measurement), people, ours)
-
-
-def _first(
-    measure: Callable[[Points, Points], float | None], people: Sequence[Points], ours: Points
-) -> float | None:
-    """Of the first recording on which it can be measured."""
-    return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
 
 def _hip_depth_ratio(person: Points, model: Points) -> float | None:

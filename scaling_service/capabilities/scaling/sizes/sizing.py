@@ -126,7 +126,7 @@ def estimate_sizes(
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.averaged()
     mean = expected.mean - _own_dimensions(model, names)
-    rows = [_dimension_measured(m.segments, dimensions) for m in ratios.measurements]
+    rows = [next(dimensions[s] for s in m.segments if s in dimensions) for m in ratios.measurements]
     pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
     before = expected.covariance
     noise = ratios.covariance if weighted else np.zeros_like(ratios.covariance)
@@ -148,10 +148,6 @@ def estimate_sizes(
             bool(mine),
         )
     return _with_followers(model, sizes)
-
-
-def _dimension_measured(segments: Sequence[str], dimensions: Mapping[str, str]) -> str:
-    return next(dimensions[s] for s in segments if s in dimensions)
 
 
 def _own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
@@ -211,7 +207,19 @@ def size_segments(
     subject, model = session.subject, session.model
     prior = expect_dimensions(subject)
     scale = prior.value("stature") / ADULT_STATURE_M
-    people = _people(session, settings, body_sizes(session, prior), joints, scale)
+    known = body_sizes(session, prior)
+    people = tuple(
+        person_points(
+            trial,
+            standing=trial is session.static,
+            regression=settings.hip_regression,
+            sizes=known,
+            joints=joints,
+            scale=scale,
+        )
+        for trial in (session.static, *session.calibration)
+        if trial is not None
+    )
     ours = model_points(model)
     weighted = settings.sizes == "weighted"
     ratios = measure_ratios(people, ours, model.segment_names, besides=weighted)
@@ -255,36 +263,13 @@ def body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
     return sizes.with_leg_lengths(standing_leg_lengths(read_landmarks(session.static)))
 
 
-def _people(
-    session: Session,
-    settings: CalibrationSettings,
-    sizes: BodySizes,
-    joints: FunctionalJoints | None,
-    scale: float,
-) -> tuple[PersonPoints, ...]:
-    static = () if session.static is None else (session.static,)
-    return tuple(
-        person_points(
-            trial,
-            standing=trial is session.static,
-            regression=settings.hip_regression,
-            sizes=sizes,
-            joints=joints,
-            scale=scale,
-        )
-        for trial in (*static, *session.calibration)
-    )
-
-
 def _centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
     found: dict[str, EstimatedCentre] = {}
     for person in people:
-        missing = [name for name in person.centres if name not in found]
-        sds = centre_sds(person) if missing else {}
-        for name in missing:
-            if name in sds:
-                x, y, z = (float(v) for v in sds[name])
-                found[name] = EstimatedCentre(person.centres[name].source, (x, y, z))
+        if not found.keys() >= person.centres.keys():
+            for name, (x, y, z) in centre_sds(person).items():
+                sds = (float(x), float(y), float(z))
+                found.setdefault(name, EstimatedCentre(person.centres[name].source, sds))
     return found
 
 

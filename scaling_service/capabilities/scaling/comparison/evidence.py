@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import SHARE_OF_STATURE, SPREAD, joint_angles
+from scaling_service.capabilities.scaling.comparison.geometry import joint_angles, usual_lengths
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.documents.results import TrustNote
@@ -85,7 +85,6 @@ class Evidence:
     ``imaged``: joint centres that images show: ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
     ``usual_lengths``: ``femur_r`` … to what is usual for the person's height, m; empty where the height is
         not known.
-    ``usual_spread``: share of the usual length beyond which a length is implausible.
     ``angles_apart``: two methods (in the order of ``methods``) to the joint angle in which they differ most
         and the root mean square of that difference, rad; on held-out trials where there are any.
     """
@@ -93,7 +92,6 @@ class Evidence:
     methods: tuple[MethodEvidence, ...]
     imaged: frozenset[str] = frozenset()
     usual_lengths: Mapping[str, float] = field(default_factory=dict)
-    usual_spread: float = 0.2
     angles_apart: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
 
     def method(self, name: str) -> MethodEvidence:
@@ -183,11 +181,11 @@ def evidence_of(results: Results) -> Evidence:
     """What a verdict on the methods computed rests on."""
     session = results.session
     fitted = [trial.name for trial in session.calibration]
+    names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
     return Evidence(
         tuple(_method(scaling, fitted, results.held_out) for scaling in results.scalings.values()),
         frozenset() if session.images is None else frozenset(session.images.centres),
-        usual_lengths(session.subject.height_m, results.scalings),
-        SPREAD,
+        usual_lengths(session.subject.height_m, sorted(names)),
         angles_apart(results.scalings, results.held_out or fitted),
     )
 
@@ -237,13 +235,6 @@ def following(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Fo
         max=max(e.max for e in known),
         trials=len(known),
     )
-
-
-def usual_lengths(height_m: float | None, scalings: Mapping[str, Scaling]) -> dict[str, float]:
-    """Length to what is usual for a height, m; empty where the height is not known."""
-    names = sorted({name for scaling in scalings.values() for name in scaling.geometry.lengths})
-    shares = {name: SHARE_OF_STATURE.get(name.rpartition("_")[0]) for name in names}
-    return {name: height_m * share for name, share in shares.items() if height_m is not None and share}
 
 
 def angles_apart(

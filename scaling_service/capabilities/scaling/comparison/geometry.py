@@ -200,15 +200,25 @@ def _lost(errors: Mapping[str, Mapping[str, KinematicError]]) -> Iterator[str]:
 
 
 def _sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Iterator[str]:
-    for name in dict.fromkeys(name for found in lengths.values() for name in found):
-        usual = height_m * SHARE_OF_STATURE.get(name.rpartition("_")[0], float("nan"))
-        odd = [
-            f"{1e3 * found[name]:.0f} mm ({method})"
-            for method, found in lengths.items()
-            if name in found and abs(found[name] - usual) > SPREAD * usual
-        ]
-        if odd:
+    names = list(dict.fromkeys(name for found in lengths.values() for name in found))
+    usual = usual_lengths(height_m, names)
+    odd = {method: unusual(found, usual) for method, found in lengths.items()}
+    for name in names:
+        told = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
+        if told:
             yield (
-                f"{name} of {', '.join(odd)} is unusual for a height of {height_m:.2f} m "
-                f"({1e3 * usual:.0f} mm on average): check the height, the unit and the labels"
+                f"{name} of {', '.join(told)} is unusual for a height of {height_m:.2f} m "
+                f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
             )
+
+
+def usual_lengths(height_m: float | None, names: Iterable[str]) -> dict[str, float]:
+    """Length to what is usual for a height, m; empty where the height is not known."""
+    shares = {name: SHARE_OF_STATURE.get(name.rpartition("_")[0]) for name in names}
+    return {name: height_m * share for name, share in shares.items() if height_m is not None and share}
+
+
+def unusual(lengths: Mapping[str, float], usual: Mapping[str, float]) -> tuple[str, ...]:
+    """The lengths that differ from the usual ones by more than persons of one height do."""
+    known = {name: length for name, length in lengths.items() if name in usual}
+    return tuple(name for name, v in known.items() if abs(v - usual[name]) > SPREAD * usual[name])

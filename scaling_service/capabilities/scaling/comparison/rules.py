@@ -17,6 +17,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
     MethodEvidence,
     Speaks,
 )
+from scaling_service.capabilities.scaling.comparison.geometry import unusual
 
 Said = tuple[Speaks, str]
 """Whether a rule speaks for a method, and what it found."""
@@ -90,12 +91,7 @@ def mostly_undetermined(method: MethodEvidence) -> bool:
 
 def implausible(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
     """Its lengths that are unusual for the person's height."""
-    usual = evidence.usual_lengths
-    return tuple(
-        name
-        for name, length in method.lengths.items()
-        if name in usual and abs(length - usual[name]) > evidence.usual_spread * usual[name]
-    )
+    return unusual(method.lengths, evidence.usual_lengths)
 
 
 def agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:

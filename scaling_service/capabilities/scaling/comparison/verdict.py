@@ -89,10 +89,8 @@ def judge(evidence: Evidence) -> Verdict:
 
 def _eligible(evidence: Evidence) -> Sequence[MethodEvidence]:
     """Image-based models that pass the gates, else other models that pass, else all."""
-    failed = _failed(evidence)
-    passing = [m for m in evidence.methods if m.method not in failed]
-    imaged = [m for m in passing if m.from_images]
-    return imaged or passing or evidence.methods
+    passing = [m for m in evidence.methods if m.method not in _failed(evidence)]
+    return [m for m in passing if m.from_images] or passing or evidence.methods
 
 
 def _failed(evidence: Evidence) -> set[str]:
@@ -110,13 +108,8 @@ def _choose(pool: Sequence[MethodEvidence], evidence: Evidence) -> MethodEvidenc
 
 
 def _better(refined: MethodEvidence, plain: MethodEvidence | None, evidence: Evidence) -> bool:
-    """Whether it follows what it was not fitted to more closely, and not its own trials alone."""
-    return _improves(refined, plain) and not overfitted(refined, evidence)
-
-
-def _improves(refined: MethodEvidence, plain: MethodEvidence | None) -> bool:
-    """Whether it follows held-out trials better, by more than the noise."""
-    if refined.held_out is None:
+    """Whether it follows held-out trials better, by more than the noise, and not its own trials alone."""
+    if refined.held_out is None or overfitted(refined, evidence):
         return False
     return plain is None or plain.held_out is None or refined.held_out.mean < plain.held_out.mean - NOISE
 
@@ -152,7 +145,11 @@ def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
         )
     odd = implausible(chosen, evidence)
     if odd:
-        yield f"{', '.join(odd)} would be unusual for the person's height."
+        yield _unusual(odd)
+
+
+def _unusual(lengths: Sequence[str]) -> str:
+    return f"{', '.join(lengths)} would be unusual for the person's height."
 
 
 def _unchecked(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
@@ -275,7 +272,7 @@ def _markers(chosen: MethodEvidence, evidence: Evidence) -> Graded:
 def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     odd = implausible(chosen, evidence)
     if odd:
-        return "poor", f"{', '.join(odd)} would be unusual for the person's height."
+        return "poor", _unusual(odd)
     if chosen.from_images:
         sides = [word for side, word in (("r", "right"), ("l", "left")) if f"knee_{side}" in evidence.imaged]
         whole = len(sides) == 2

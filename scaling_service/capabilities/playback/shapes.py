@@ -77,7 +77,7 @@ def long_ends(joints: Array) -> Array | None:
     """Both ends of a segment whose joints all lie near one of two, such as a thigh with its kneecap's.
 
     ``joints``: (n, 3), m.
-    Returns (2, 3), or None: none where joints lie all around, as a pelvis's do, or there is only one place.
+    Returns (2, 3), m, or None where joints lie all around, as a pelvis's do, or there is only one place.
     """
     apart = np.linalg.norm(joints[:, None] - joints, axis=2)
     length = float(apart.max())

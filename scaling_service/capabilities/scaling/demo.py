@@ -28,7 +28,7 @@ def run_demo(
     """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
 
     ``settings``: its seed decides the person.
-    Returns ``truth``: distances are taken on the gait trials, which no method was fitted to.
+    Distances from the truth are taken on the gait trials, which no method was fitted to.
     """
     report, steps = progress or silent, count()
     session, person = demo_session(

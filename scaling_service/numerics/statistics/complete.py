@@ -128,7 +128,7 @@ def panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> 
 
     ``available``: subject to the methods under which it has a value.
     ``methods``: those of interest, in the order to show.
-    Returns sets of one method only where there is nothing else; empty where nobody has a value.
+    Sets of one method are there only where there is nothing else; empty where nobody has a value.
 
     Examples
     --------

@@ -242,7 +242,7 @@ def clinical_cycles(
     Pelvis rotation and foot progression count from where the pelvis goes during each cycle, so that a turning
     walk can be read, too.
 
-    Returns none where no cycle lies within what is known.
+    None where no cycle lies within what is known.
     """
     cut = [
         (angles.trial, cycle, _cut(angles, cycle, side)) for angles, cycles in recordings for cycle in cycles

@@ -106,7 +106,7 @@ def gait_variable_score(cycles: Array, mean: Array) -> float:
     ``cycles`` ((n_cycles, n_nodes), rad): cycles with NaN do not count.
     ``mean`` ((n_reference_nodes,), rad): every reference node is one of the cycles' nodes: 51 and 101, or
         equally many.
-    Returns float, rad: naN without a cycle.
+    Returns rad, NaN without a cycle.
     Raises InputError: nodes that do not fall on each other.
 
     Examples

@@ -183,7 +183,7 @@ def doubts(
     """What a reader should look at before believing any number.
 
     ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
-    Returns one plain sentence each.
+    One plain sentence each.
     """
     return (*_lost(errors), *(() if height_m is None else _sizes(lengths, height_m)))
 

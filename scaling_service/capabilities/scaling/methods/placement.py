@@ -95,7 +95,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     Where tracking markers sit is each laboratory's own choice, so a generic model's positions say
     nothing of them; the pose comes from the landmarks alone.
 
-    Returns ``placed``: the markers moved; none if the landmarks do not determine a pose.
+    Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
     landmarks = {m.name: float(canonical(m.name) is not None) for m in model.markers}
     tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}

@@ -28,8 +28,11 @@ def _blocks(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Ite
     if angles:
         title = f"Over time: {angles[0].trial} ({_role(angles[0].held_out)})"
         grid = Grid([_over_time(curve) for curve in angles])
-        folded: list[Block] = [Details(title, [grid])]
-        yield from folded if gait.curves else [Heading(title), grid]
+        if gait.curves:
+            yield Details(title, [grid])
+        else:
+            yield Heading(title)
+            yield grid
 
 
 def _role(held_out: bool) -> str:

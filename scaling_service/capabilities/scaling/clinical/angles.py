@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import Cycle
-from scaling_service.model.anatomy.conventional import ANGLES, KNEE, Points, conventional_angles, heel_level
-from scaling_service.model.anatomy.frames import Side
+from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, Cycle, Side
+from scaling_service.model.anatomy.conventional import ANGLES, KNEE, conventional_angles, heel_level
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
@@ -79,7 +78,7 @@ def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
     q = np.full((len(motion.times), len(model.coordinates)), np.nan)
     for k, name in enumerate(model.coordinate_names):
         if name in motion.estimated:
-            q[:, k] = motion.q[:, motion.coordinates.index(name)]
+            q[:, k] = motion.column(name)
     names = tuple(placed)
     where = placed_markers(model.with_markers(tuple(placed.values())), names, q)
     return {name: where[:, k] for k, name in enumerate(names)}
@@ -149,8 +148,6 @@ def _foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
     return {toe: found[toe], heel: (found[heel][0], heel_level(ends, "r" if letter == "R" else "l")[0])}
 
 
-SIDES: tuple[Side, ...] = ("r", "l")
-
 _AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
 """Angles that are counted from the walking direction."""
 
@@ -206,8 +203,7 @@ class ClinicalCycles:
 def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
-    Joint centres and landmarks are the model's own and move with its segments; see
-    ``clinical_landmarks``.
+    Joint centres and landmarks are the model's own and move with its segments (:func:`clinical_landmarks`).
 
     ``model``: built-in or from OpenSim, y up.
     ``motion``: coordinates that the recording does not determine make what hangs on them NaN.
@@ -225,7 +221,8 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """
     points = moved_landmarks(model, motion, clinical_landmarks(model))
     sides = {side: conventional_angles(points, side) for side in SIDES}
-    pelvis = _between_hips(points, len(motion.times))
+    unknown = np.full((len(motion.times), 3), np.nan)
+    pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     heading = _heading(pelvis[np.isfinite(pelvis).all(axis=1)])
     free = {side: _without_locked(angles) for side, angles in sides.items()}
     values = {side: _against(angles, side, heading) for side, angles in free.items()}
@@ -274,15 +271,10 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     within = {name: angles.values[side][name] for name in known}
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
     turned = _against(within, side, _heading(way, angles.heading) - angles.heading)
-    smooth = np.column_stack([_unwrapped(turned[name], rows) for name in known])
+    smooth = np.column_stack([turned[name] for name in known])
+    smooth[rows] = np.unwrap(smooth[rows], axis=0)
     curves = normalised_cycles(times, smooth, [cycle], known, trial=angles.trial, nodes=NODES)[0]
     return dict(zip(known, curves, strict=True))
-
-
-def _unwrapped(angle: Array, rows: slice) -> Array:
-    whole = angle.copy()
-    whole[rows] = np.unwrap(angle[rows])
-    return whole
 
 
 def _against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:
@@ -298,12 +290,6 @@ def _heading(way: Array, otherwise: float = 0.0) -> float:
     """Where a way over the floor leads, (n, 3), m, from its first to its last point."""
     gone = way[-1] - way[0] if len(way) else np.zeros(3)
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
-
-
-def _between_hips(points: Points, n_frames: int) -> Array:
-    if "RHJC" not in points or "LHJC" not in points:
-        return np.full((n_frames, 3), np.nan)
-    return np.asarray((points["RHJC"] + points["LHJC"]) / 2.0)
 
 
 def _without_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
@@ -330,12 +316,9 @@ def _left_out(
         "foot_internal_progression": "ankle and foot: the model has no heel and toe",
         "ankle_dorsiflexion": "ankle: the model has no lateral malleoli or ankle centres",
     }
+    told_with = {"hip_flexion": "pelvis_anterior_tilt", "ankle_dorsiflexion": "foot_internal_progression"}
     absent = [name for name in reasons if name not in names]
-    if "pelvis_anterior_tilt" in absent and "hip_flexion" in absent:
-        absent.remove("hip_flexion")
-    if "foot_internal_progression" in absent and "ankle_dorsiflexion" in absent:
-        absent.remove("ankle_dorsiflexion")
-    yield from (reasons[name] for name in absent)
+    yield from (reasons[name] for name in absent if told_with.get(name) not in absent)
     locked = [name for name in KNEE if any(name in sides[s] and name not in values[s] for s in values)]
     if locked:
         yield f"{' and '.join(name.replace('_', ' ') for name in locked)}: the model's knee does not turn so"

@@ -50,9 +50,6 @@ kept they did not, for 0.1 mm more of kinematic error (0.8 mm on the trial held 
 
 _FEET = ("calcn", "foot")
 
-NO_SDS: Mapping[str, float] = MappingProxyType({})
-"""No size is known."""
-
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
@@ -66,7 +63,7 @@ class Freedom:
         model: BodyModel,
         seen: frozenset[str],
         settings: CalibrationSettings,
-        length_sds: Mapping[str, float] = NO_SDS,
+        length_sds: Mapping[str, float] = MappingProxyType({}),
     ) -> BodyModel:
         """The model with its parameters freed.
 
@@ -122,20 +119,13 @@ def level_feet(model: BodyModel) -> frozenset[str]:
 
 
 def tiltable_knees(model: BodyModel) -> tuple[str, ...]:
-    """The knees whose axis says something: all orientations are open to three turns, however tilted."""
-    turns = {s.joint_name: sum(map(_is_turning, s.joints)) for s in model.segments}
-    return tuple(joint for joint in knee_joints(model) if turns[joint] < 3)
+    """The knees (joints to a ``tibia…``) whose axis says something: three turns reach all orientations."""
+    shanks = [s for s in model.segments if s.name.startswith("tibia")]
+    return tuple(s.joint_name for s in shanks if 0 < sum(map(_is_turning, s.joints)) < 3)
 
 
 def _is_turning(joint: Joint) -> bool:
     return joint.kind == "rotation" and not joint.law.is_constant
-
-
-def knee_joints(model: BodyModel) -> tuple[str, ...]:
-    """The joints between thigh and shank: those that lead to a segment called ``tibia…``."""
-    return tuple(
-        s.joint_name for s in model.segments if s.name.startswith("tibia") and any(map(_is_turning, s.joints))
-    )
 
 
 _DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.dynamics.settings import DynamicsSettings
     from scaling_service.capabilities.intake.saving import prove_folder
     from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+    from scaling_service.capabilities.motion.kinematic_error import kinematic_error
     from scaling_service.capabilities.motion.options import MotionOptions
     from scaling_service.capabilities.motion.run import Tracked, ik
     from scaling_service.capabilities.motion.saving import save_motions
-    from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
     from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
     from scaling_service.capabilities.scaling.saving import save
     from scaling_service.capabilities.subject.loading import read_model
@@ -84,7 +84,7 @@ _HOMES = {
     "identify_inertia": "capabilities.dynamics.inertia.identification",
     "ik": "capabilities.motion.run",
     "inverse_kinematics": "capabilities.motion.inverse_kinematics",
-    "kinematic_error": "capabilities.scaling.comparison.kinematic_error",
+    "kinematic_error": "capabilities.motion.kinematic_error",
     "load_subject": "capabilities.subject.reading",
     "prove_folder": "capabilities.intake.saving",
     "read_model": "capabilities.subject.loading",

@@ -1,17 +1,24 @@
-"""How work says how far it is."""
+"""How long computations tell how far they are."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done."""
+"""Called with what is being done and the share of the whole that is done, 0 to 1."""
 
 
-def share(progress: Progress, start: float, end: float) -> Progress:
-    """Progress of a part of the work, between two shares of the whole."""
-    return lambda what, done: progress(what, start + (end - start) * done)
+def silent(what: str, share: float) -> None:
+    """No progress is shown."""
 
 
-def no_progress(what: str, share: float) -> None:
-    """For who wants none."""
+def part_of(progress: Progress, start: float, length: float) -> Progress:
+    """Progress of a part of the whole, reported as shares of that part.
+
+    Examples
+    --------
+    >>> second_half = part_of(lambda what, share: print(what, share), 0.5, 0.5)
+    >>> second_half("fitting", 0.5)
+    fitting 0.75
+    """
+    return lambda what, share: progress(what, start + length * share)

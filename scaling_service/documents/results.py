@@ -226,3 +226,9 @@ class ComparisonDocument(Provenance):
     warnings: list[str]
     wall_s: float
     truth: TruthDocument | None = None
+
+    @property
+    def all_warnings(self) -> list[str]:
+        """What concerns all methods, then what concerns each, every sentence once."""
+        own = (warning for method in self.methods.values() for warning in method.warnings)
+        return list(dict.fromkeys((*self.warnings, *own)))

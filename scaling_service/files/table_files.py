@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.documents.arrays import ArrayEntry, Overview
+from scaling_service.documents.arrays import ArrayEntry, Overview, PlateEntry
+from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
 
 MOST_FRAMES = 2000
@@ -57,3 +58,29 @@ def _largest(
     """The largest known value of every stretch of frames; NaN where none is known."""
     edges = np.arange(0, len(values), step)
     return np.asarray(np.fmax.reduceat(values, edges, axis=0))
+
+
+def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
+    """Plates with their corners, (n_plates, 4, 3) in our axes, where the file has them."""
+    if forces is None:
+        return []
+    peaks = np.linalg.norm(np.nan_to_num(forces.force), axis=2).max(axis=0)
+    return [
+        PlateEntry(
+            name=name,
+            corners_m=None if corners is None else np.round(corners[k], 5).tolist(),
+            peak_N=round(float(peaks[k]), 1),
+        )
+        for k, name in enumerate(forces.plates)
+    ]
+
+
+def at_frames(times: Array, values: Array, wanted: Array) -> Array:
+    """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
+    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    rows = np.where(wanted - times[before] < times[after] - wanted, before, after)
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    picked = values[rows].copy()
+    picked[(wanted < times[0] - step) | (wanted > times[-1] + step)] = np.nan
+    return np.asarray(picked)

@@ -36,6 +36,11 @@ class Motion:
         lengths: Array = np.linalg.norm(self.residuals, axis=2)
         return lengths
 
+    def column(self, coordinate: str) -> Array:
+        """One coordinate over the trial, (n_frames,), rad or m."""
+        column: Array = self.q[:, self.coordinates.index(coordinate)]
+        return column
+
 
 @dataclass(frozen=True, slots=True)
 class EstimatedParameter:

@@ -88,15 +88,10 @@ class Callout:
 class Cell:
     """A table's cell.
 
-    Parameters
-    ----------
-    text : str
-    shade : float, optional
-        0 to 1: how dark its background is, so that a table reads as a heat map. The number stays readable.
-    tone : Tone
-        A coloured mark before the text; the text itself must say the same.
-    colour : str, optional
-        CSS colour of a chip before the text, as of a method.
+    ``shade``: 0 to 1: how dark its background is, so that a table reads as a heat map. The number stays
+        readable.
+    ``tone``: a coloured mark before the text; the text itself must say the same.
+    ``colour``: CSS colour of a chip before the text, as of a method.
     """
 
     text: str
@@ -124,19 +119,11 @@ class Row:
 class Table:
     """A table with headers for its columns and rows.
 
-    Parameters
-    ----------
-    caption : str
-    columns : sequence of str or Cell
-        The first is above the row headers.
-    rows : sequence of Row
-    note : str
-        Below the table.
-    words : bool
-        Whether cells hold sentences, not numbers: they are then aligned left and may wrap, and on a narrow
-        screen each row is a block of its own.
-    long : bool
-        Whether it has many short rows: it then runs on in a second column where there is room.
+    ``columns``: the first is above the row headers.
+    ``note``: below the table.
+    ``words``: whether cells hold sentences, not numbers: they are then aligned left and may wrap, and on a
+        narrow screen each row is a block of its own.
+    ``long``: whether it has many short rows: it then runs on in a second column where there is room.
     """
 
     caption: str
@@ -196,10 +183,7 @@ class Details:
 class Legend:
     """What the colours of the figures around it mean.
 
-    Parameters
-    ----------
-    entries : sequence of (name, colour, dash)
-        ``dash`` is ``solid``, ``dash``, ``dot`` or ``dashdot``.
+    ``entries`` ((name, colour, dash)): ``dash`` is ``solid``, ``dash``, ``dot`` or ``dashdot``.
     """
 
     entries: Sequence[tuple[str, str, str]]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.report.palette import FAINT, INK
+from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
+from scaling_service.report.methods import FAINT, INK, styles
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif"
 
@@ -19,13 +22,8 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif"
 class Figure:
     """A plotly figure with its caption.
 
-    Parameters
-    ----------
-    figure : plotly.graph_objects.Figure
-    caption : str
-    description : str
-        What it shows, for readers who do not see it.
-    height : int, px
+    ``description``: what it shows, for readers who do not see it.
+    ``height``: int, px.
     """
 
     figure: go.Figure
@@ -45,10 +43,7 @@ class Figure:
 def data_script(content: str) -> str:
     """JSON within a page; ``<`` is written so that no text can end the element.
 
-    Parameters
-    ----------
-    content : str
-        JSON.
+    ``content``: JSON.
     """
     safe = content.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     return f'<script type="application/json">{safe}</script>'
@@ -80,13 +75,8 @@ def chart(
 ) -> go.Figure:
     """A quiet chart: white, thin grid lines, no zooming, so that a finger scrolls the page and not the chart.
 
-    Parameters
-    ----------
-    traces : sequence of plotly traces
-    x_title, y_title : str
-        With the unit.
-    shapes : sequence of plotly shapes
-    layout : plotly layout, over the defaults
+    ``x_title``, ``y_title``: with the unit.
+    ``shapes``: plotly shapes.
     """
     axis = {
         "gridcolor": "#e4e7eb",
@@ -112,3 +102,72 @@ def chart(
     )
     figure.update_layout(**layout)
     return figure
+
+
+def cycle_figure(
+    title: str, description: str, mean: Mapping[str, Array], sd: Mapping[str, Array], test: CurveTest | None
+) -> Figure:
+    """One angle over the gait cycle.
+
+    ``mean``, ``sd``: method to its curve, (n_nodes,), degrees; methods without ``sd`` have no shade.
+    ``test``: its clusters are bars at the foot of the chart.
+    """
+    percent = np.linspace(0.0, 100.0, len(next(iter(mean.values()))))
+    known = styles(list(mean))
+    bands = [band(mean[name], spread, faded(known[name].colour)) for name, spread in sd.items()]
+    drawn = chart(
+        [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(test)
+    )
+    return Figure(drawn, title, description, 230)
+
+
+def ranges(mean: Mapping[str, Array]) -> str:
+    """The least and the largest value of each method, for readers who do not see the figure."""
+    return "Ranges: " + ", ".join(f"{name} {m.min():.0f} to {m.max():.0f}" for name, m in mean.items())
+
+
+def stretches(test: CurveTest) -> str:
+    """Where along the cycle methods differ, %."""
+    return ", ".join(f"{c.start:.0f}–{c.end:.0f}" for c in test.clusters) or "nowhere"
+
+
+def band(mean: Array, sd: Array, colour: str) -> go.Scatter:
+    """The range within one standard deviation over the gait cycle, (n_nodes,) each, as a shade."""
+    percent = np.linspace(0.0, 100.0, len(mean))
+    return go.Scatter(
+        x=np.concatenate([percent, percent[::-1]]).astype(np.float32),
+        y=np.concatenate([mean + sd, (mean - sd)[::-1]]).astype(np.float32),
+        fill="toself",
+        fillcolor=colour,
+        line={"width": 0},
+        mode="lines",
+        hoverinfo="skip",
+    )
+
+
+def faded(colour: str) -> str:
+    """A colour, ``#rrggbb``, seen through."""
+    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return f"rgba({red},{green},{blue},0.15)"
+
+
+def _bars(test: CurveTest | None) -> list[dict[str, Any]]:
+    look = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0.0, "y1": 0.035, "fillcolor": "#52606d"}
+    clusters = () if test is None else test.clusters
+    return [{**look, "x0": c.start, "x1": c.end, "line": {"width": 0}} for c in clusters]
+
+
+def lines(x: Array, values: Mapping[str, Array], digits: int = 1) -> list[go.Scatter]:
+    """One line for each method."""
+    known = styles(list(values))
+    return [
+        go.Scatter(
+            x=np.round(x, 4),
+            y=np.round(y, 3).astype(np.float32),
+            name=plain(name),
+            mode="lines",
+            line={"color": known[name].colour, "dash": known[name].dash, "width": 2},
+            hovertemplate=f"%{{y:.{digits}f}}",
+        )
+        for name, y in values.items()
+    ]

@@ -1,16 +1,57 @@
-"""What all reports share: lines and legends of methods, numbers and names as text."""
+"""What all reports share: one colour and one kind of line for each method, numbers and names as text.
+
+Colours: Okabe & Ito 2008, "Color Universal Design", safe for colour-blind readers. Lines differ in their
+dashes too, so that no reader depends on colours.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-import numpy as np
-import plotly.graph_objects as go
-
-from scaling_service.model.results import Array
 from scaling_service.report.blocks import Cell, Legend
-from scaling_service.report.figures import plain
-from scaling_service.report.palette import styles
+
+INK = "#1f2933"
+"""Text, and what was measured. Chosen: nearly black."""
+
+FAINT = "#9aa5b1"
+"""Grids and marks of no method. Chosen: light grey that still prints."""
+
+BONE = "#d9c9a8"
+"""Imaged bones. Chosen: as bones are drawn in atlases."""
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """How a method is drawn."""
+
+    colour: str
+    dash: str
+
+
+_KNOWN = {
+    "MB": Style("#E69F00", "dot"),
+    "MB_lam": Style("#CC79A7", "dash"),
+    "MB_am": Style("#0072B2", "solid"),
+    "EB": Style("#009E73", "dashdot"),
+    "EB_am": Style("#D55E00", "solid"),
+}
+_OTHERS = (Style("#56B4E9", "dash"), Style("#000000", "dot"), Style("#F0E442", "dashdot"))
+
+
+def styles(methods: Sequence[str]) -> dict[str, Style]:
+    """The style of each method; those that are not of the paper take what colours are left, in turn.
+
+    Examples
+    --------
+    >>> styles(["MB_am"])["MB_am"].colour
+    '#0072B2'
+    """
+    others = [name for name in methods if name not in _KNOWN]
+    return {
+        name: _KNOWN[name] if name in _KNOWN else _OTHERS[others.index(name) % len(_OTHERS)]
+        for name in methods
+    }
 
 
 def method_columns(methods: Sequence[str]) -> list[Cell]:
@@ -22,22 +63,6 @@ def method_columns(methods: Sequence[str]) -> list[Cell]:
 def method_legend(methods: Sequence[str]) -> Legend:
     """The lines of the methods."""
     return Legend([(name, style.colour, style.dash) for name, style in styles(methods).items()])
-
-
-def lines(x: Array, values: Mapping[str, Array], digits: int = 1) -> list[go.Scatter]:
-    """One line for each method."""
-    known = styles(list(values))
-    return [
-        go.Scatter(
-            x=np.round(x, 4),
-            y=np.round(y, 3).astype(np.float32),
-            name=plain(name),
-            mode="lines",
-            line={"color": known[name].colour, "dash": known[name].dash, "width": 2},
-            hovertemplate=f"%{{y:.{digits}f}}",
-        )
-        for name, y in values.items()
-    ]
 
 
 def number(value: float | None, digits: int = 1) -> str:

@@ -28,12 +28,7 @@ from scaling_service.report.blocks import Block
 class Section:
     """A part of a page under a heading of its own.
 
-    Parameters
-    ----------
-    title : str
-    blocks : sequence of Block
-    new_page : bool
-        Whether it starts a new page in print.
+    ``new_page``: whether it starts a new page in print.
     """
 
     title: str
@@ -57,15 +52,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page of sections, with a list of them at its top.
-
-    Parameters
-    ----------
-    title : str
-    sections : sequence of Section
-    subtitle : str
-    footer : str
-    """
+    """A page of sections, with a list of them at its top."""
 
     title: str
     sections: Sequence[Section]

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from scaling_service.model.trial import Array, Bone
 from scaling_service.report.figures import to_data
-from scaling_service.report.flat import flat_views
-from scaling_service.report.palette import BONE, INK
+from scaling_service.report.methods import BONE, INK
+
+_SCALE = 400.0  # px per m; the whole is scaled to the page anyhow
+_GAP = 60.0  # px between the views
+_DOTS = 1500  # of each bone; chosen: a shape that is read, in 20 kB
+
+_VIEWS = (("From the right", 0, 1.0), ("From the front", 2, -1.0))
+"""Title, component across, its sign: seen from the front, the person's right is at the left."""
+
 
 Pair = tuple[int, int]
 
@@ -23,22 +31,13 @@ Pair = tuple[int, int]
 class Body:
     """One model as drawn.
 
-    Parameters
-    ----------
-    name : str
-    colour : str
-    points : (n_frames, n_points, 3), m
-        In the laboratory: X forward, Y up, Z right. NaN where a frame does not determine a point.
-    centres : sequence of (point, label)
-        Joint centres.
-    sticks, axes : sequence of (point, point)
-        Segments, and the axes of joints.
-    markers : sequence of (point, label, measured)
-        The model's markers, and the place of each among the measured ones.
-    bones : mapping
-        Surface to where it is: (n_frames, 12), the rotation by rows, then the origin, m.
-    shown : bool
-        Whether it is seen at first.
+    ``points`` ((n_frames, n_points, 3), m): in the laboratory: X forward, Y up, Z right. NaN where a frame
+        does not determine a point.
+    ``centres``: joint centres.
+    ``sticks``, ``axes``: segments, and the axes of joints.
+    ``markers``: the model's markers, and the place of each among the measured ones.
+    ``bones``: surface to where it is: (n_frames, 12), the rotation by rows, then the origin, m.
+    ``shown``: whether it is seen at first.
     """
 
     name: str
@@ -56,17 +55,10 @@ class Body:
 class Scene:
     """A block that shows bodies in space; two flat views stand in for it on paper and without WebGL.
 
-    Parameters
-    ----------
-    caption, description : str
-    times : (n_frames,), s
-    labels : sequence of str
-    measured : (n_frames, n_labels, 3), m
-    bodies : sequence of Body
-    surfaces : mapping
-        Name to a surface in a frame of its own; at most 65,536 corners each.
-    rate_hz : float
-        Frames shown per second when played.
+    ``times``: (n_frames,), s.
+    ``measured``: (n_frames, n_labels, 3), m.
+    ``surfaces``: name to a surface in a frame of its own; at most 65,536 corners each.
+    ``rate_hz``: frames shown per second when played.
     """
 
     caption: str
@@ -210,3 +202,108 @@ def _ticks(low: float, high: float) -> list[float]:
 
 def _checked(on: bool) -> str:
     return " checked" if on else ""
+
+
+def flat_views(scene: Scene, frame: int) -> str:
+    """Both views of the bodies shown at one frame."""
+    shown = [body for body in scene.bodies if body.shown]
+    bones = [_bone(scene, body, name, frame) for body in shown for name in body.bones]
+    points = np.concatenate([scene.measured[frame], *(body.points[frame] for body in shown), *bones])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    height = _SCALE * float(high[1] - low[1]) + 40.0
+    offset, drawn = 20.0, []
+    for title, across, sign in _VIEWS:
+        first = float(low[across] if sign > 0 else -high[across])
+        view = _view(across, sign, first, float(high[1]), offset)
+        drawn.append(f'<text x="{offset:.0f}" y="14" font-size="13">{title}</text>')
+        drawn.append(_dots(view(scene.measured[frame]), INK, 5.0))
+        for body in shown:
+            drawn += list(_draw_body(scene, body, frame, view))
+        offset += _SCALE * float(high[across] - low[across]) + _GAP
+    return (
+        f'<svg viewBox="0 0 {offset:.0f} {height:.0f}" role="img">'
+        f"<title>{escape(scene.description)}</title>{''.join(drawn)}</svg>"
+    )
+
+
+def _view(across: int, sign: float, first: float, top: float, offset: float) -> Callable[[Array], Array]:
+    """From points in space, (n, 3), m, to places in the drawing, (n, 2), px."""
+    return lambda points: np.stack(
+        [
+            offset + _SCALE * (sign * points[:, across] - first),
+            24.0 + _SCALE * (top - points[:, 1]),
+        ],
+        axis=1,
+    )
+
+
+def _draw_body(scene: Scene, body: Body, frame: int, view: Callable[[Array], Array]) -> Iterator[str]:
+    for name in body.bones:
+        corners = _bone(scene, body, name, frame)
+        yield _dots(view(corners[:: max(1, len(corners) // _DOTS)]), BONE, 2.0)
+    places = view(body.points[frame])
+    yield _lines(places, body.sticks, body.colour, 2.5)
+    yield _lines(places, body.axes, body.colour, 1.5, dashed=True)
+    yield _dots(places[[k for k, _ in body.centres]], body.colour, 7.0)
+    theirs = view(scene.measured[frame])
+    for point, _, measured in body.markers:
+        ends = np.stack([places[point], theirs[measured]])
+        yield _lines(ends, ((0, 1),), body.colour, 1.0)
+        if np.isfinite(places[point]).all():
+            x, y = places[point]
+            yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="none" stroke="{body.colour}"/>'
+
+
+def _bone(scene: Scene, body: Body, name: str, frame: int) -> Array:
+    """A bone's corners where they are in one frame, (n, 3), m."""
+    pose = body.bones[name][frame]
+    corners: Array = scene.surfaces[name].vertices @ pose[:9].reshape(3, 3).T + pose[9:]
+    return corners
+
+
+def _dots(places: Array, colour: str, size: float) -> str:
+    path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places if np.isfinite(x + y))
+    return f'<path d="{path}" stroke="{colour}" stroke-width="{size}" stroke-linecap="round"/>'
+
+
+def _lines(
+    places: Array, pairs: Iterable[tuple[int, int]], colour: str, width: float, *, dashed: bool = False
+) -> str:
+    path = "".join(
+        f"M{places[a][0]:.1f} {places[a][1]:.1f}L{places[b][0]:.1f} {places[b][1]:.1f}"
+        for a, b in pairs
+        if np.isfinite(places[[a, b]]).all()
+    )
+    dashes = ' stroke-dasharray="5 3"' if dashed else ""
+    return f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="{width}"{dashes}/>'
+
+
+MOST_FACES = 4000
+"""Chosen: a bone keeps its shape at the size of a screen, and takes 0.1 MB of the page."""
+
+
+def coarsened(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
+    """A surface of fewer triangles, by collapsing edges where it hardly changes (VTK's quadric decimation).
+
+    Thin plates such as the wing of a pelvis keep both of their sides. For pictures, not for measuring.
+
+    ``most_faces``: about the number left; a surface that has no more stays as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> flat = Bone(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    >>> coarsened(flat).faces.shape
+    (1, 3)
+    """
+    count = len(bone.faces)
+    if count <= most_faces:
+        return bone
+    import pyvista  # only here: it takes half a second and 80 MB, which who shows no bones should not pay
+
+    # STL files repeat each corner in every triangle; only shared edges can be collapsed.
+    merged = trimesh.Trimesh(bone.vertices, bone.faces)
+    merged.update_faces(merged.nondegenerate_faces())
+    surface = pyvista.PolyData.from_regular_faces(merged.vertices, np.asarray(merged.faces, dtype=int))
+    reduced = surface.decimate(1.0 - most_faces / count)
+    return Bone(np.asarray(reduced.points, dtype=np.float64), np.asarray(reduced.regular_faces))

@@ -10,8 +10,7 @@ from typing import Any, Generic, Literal, TypeVar
 from pydantic import Field
 
 from scaling_service.capabilities.cohort.document import Part
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Row, Table, Text, Tone
 from scaling_service.report.page import Page, Section
 

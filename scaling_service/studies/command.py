@@ -78,7 +78,7 @@ def reproduce(
     """
     from scaling_service.capabilities.cohort.screen import watched
     from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
-    from scaling_service.capabilities.scaling.saving import check_folder
+    from scaling_service.documents.writing import check_folder
     from scaling_service.studies.claims import save_study
     from scaling_service.studies.futamure import report as futamure
     from scaling_service.studies.futamure.run import reproduce_futamure

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.anatomy.lengths import segment_lengths

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.subject.settings import CalibrationSettings

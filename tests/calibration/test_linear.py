@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.scaling.methods.linear import linear, setup_factors
+from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.hip_centre import hip_centres

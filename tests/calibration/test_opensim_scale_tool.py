@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task
-from scaling_service.capabilities.scaling.methods.linear import linear, setup_factors
+from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
 from scaling_service.capabilities.scaling.methods.placement import frames_around
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.settings import PAPER

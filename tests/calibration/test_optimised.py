@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.frames import calibration_frames
-from scaling_service.capabilities.scaling.methods.freedom import selected_coordinates
+from scaling_service.capabilities.scaling.methods.fitting import calibration_frames
+from scaling_service.capabilities.scaling.methods.optimised import selected_coordinates
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable

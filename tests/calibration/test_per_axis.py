@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.linear import linear
-from scaling_service.capabilities.scaling.methods.per_axis import fitted_factor, per_axis
+from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.scaling.sizes.measurements import fitted_factor, per_axis
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.linear import linear
+from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.scaling.sizes.points import person_points
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
 from scaling_service.capabilities.subject.loading import load

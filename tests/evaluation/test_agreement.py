@@ -8,11 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import linregress
 
-from scaling_service.capabilities.scaling.comparison.agreement import (
-    agreement,
-    bland_altman,
-    intraclass_correlations,
-)
+from scaling_service.numerics.statistics.agreement import agreement, bland_altman, intraclass_correlations
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
 
 # Bland & Altman 1986, table 1: first readings (l/min) of the Wright and the mini Wright peak flow meter.

@@ -16,7 +16,7 @@ from scaling_service.capabilities.cohort.summary import (
     SubjectSummary,
 )
 from scaling_service.core.streams import stream
-from scaling_service.numerics.statistics.panels import panels
+from scaling_service.numerics.statistics.complete import panels
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")

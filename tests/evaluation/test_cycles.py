@@ -1,4 +1,4 @@
-"""Cutting cycles out of recordings and averaging them; gaps are refused by name."""
+"""Cutting cycles out of recordings; gaps are refused by name."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
-from scaling_service.numerics.statistics.cycles import Curves, mean_curves, normalised_cycles
+from scaling_service.numerics.statistics.cycles import Curves, normalised_cycles
 
 TIMES = np.arange(301) / 100.0
 ANGLES = np.column_stack([np.sin(2 * np.pi * TIMES), TIMES**3 - TIMES])
@@ -58,47 +58,16 @@ def test_names_that_do_not_fit() -> None:
         normalised_cycles(TIMES, ANGLES, [(0.0, 1.0)], ("one",), trial="Walking01")
 
 
-def two_cycles() -> dict[str, dict[str, np.ndarray]]:
-    rng = np.random.default_rng(1)
-    return {s: {m: rng.normal(size=(2, 11)) for m in ("MB", "EB", "EB_am")} for s in ("S1", "S2", "S3")}
-
-
-def test_a_subject_counts_once() -> None:
-    cycles = two_cycles()
-    cycles["S2"] = {m: np.concatenate([c, c]) for m, c in cycles["S2"].items()}
-    found = mean_curves(cycles, ("MB", "EB"), quantity="knee_angle_r")
-    assert found.values.shape == (3, 2, 11)
-    np.testing.assert_allclose(found.values[1, 0], cycles["S2"]["MB"][:2].mean(axis=0))
-    assert found.subjects == ("S1", "S2", "S3")
-    assert found.percent[[0, 5, 10]].tolist() == [0.0, 50.0, 100.0]
-
-
-def test_missing_cycles_and_nodes_are_named() -> None:
-    cycles = two_cycles()
-    cycles["S2"]["EB"][1, 7] = np.nan
+def test_missing_nodes_are_named() -> None:
+    values = np.zeros((2, 2, 11))
+    values[1, 1, 7] = np.nan
     with pytest.raises(
         ValueMissing, match="knee: no finite value at subject 'S2', method 'EB', node 7 of 11"
     ):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
-    cycles["S2"]["EB"] = cycles["S2"]["EB"][:1]
-    with pytest.raises(ComparisonImpossible, match="'S2' has different numbers of cycles"):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
-    cycles["S2"]["EB"] = np.empty((0, 11))
-    with pytest.raises(ValueMissing, match="'S2' has no value for method 'EB'"):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
-    del cycles["S2"]["EB"]
-    with pytest.raises(ValueMissing, match="'S2' has no value for method 'EB'"):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
+        Curves("knee", ("S1", "S2"), ("MB", "EB"), values)
 
 
 def test_curves_that_do_not_fit() -> None:
-    cycles = two_cycles()
-    cycles["S3"]["MB"] = np.zeros((2, 12))
-    with pytest.raises(ComparisonImpossible, match="different numbers of nodes"):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
-    cycles["S3"]["MB"] = np.zeros(11)
-    with pytest.raises(ComparisonImpossible, match=r"have shape \(11,\)"):
-        mean_curves(cycles, ("MB", "EB"), quantity="knee")
     with pytest.raises(ComparisonImpossible, match="one node"):
         Curves("knee", ("a", "b"), ("MB", "EB"), np.zeros((2, 2, 1)))
     with pytest.raises(ComparisonImpossible, match="do not fit"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles, gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.core.streams import stream
 from scaling_service.files.recording import read_recording
 from scaling_service.files.sto import read_sto
@@ -49,7 +49,7 @@ def test_virtual_contacts_are_found_at_a_steady_delay(persons, side):
         inside = true[(true > trial.times[0] + 0.1) & (true < trial.times[-1] - 0.1)]
         assert set(inside) <= set(nearest)  # none was missed
         assert len(set(nearest)) == len(found)  # none was found twice
-        lengths = np.diff(gait_cycles(trial, side), axis=1)
+        lengths = np.diff(find_gait_cycles(trial, side).cycles, axis=1)
         np.testing.assert_allclose(lengths, stride_s, atol=0.015)  # chosen: one frame and a half
     # The foremost place of an ankle is a little before contact in Schwartz' mean gait: 22 ms, alike for all.
     assert abs(np.mean(errors)) < 0.03
@@ -59,7 +59,7 @@ def test_virtual_contacts_are_found_at_a_steady_delay(persons, side):
 def test_cycles_follow_each_other_and_legs_alternate(persons):
     for session, _ in persons:
         (trial,) = session.evaluation
-        right, left = gait_cycles(trial, "r"), gait_cycles(trial, "l")
+        right, left = find_gait_cycles(trial, "r").cycles, find_gait_cycles(trial, "l").cycles
         assert len(right) >= 4
         assert all(a[1] == b[0] for a, b in pairwise(right))
         middles = [start for start, _ in left if right[0][0] < start < right[-1][1]]
@@ -73,7 +73,9 @@ def test_the_way_may_have_any_direction(persons, degrees):
     a = np.radians(degrees)
     turn = np.array([[np.cos(a), 0.0, -np.sin(a)], [0.0, 1.0, 0.0], [np.sin(a), 0.0, np.cos(a)]])
     turned = trial.with_markers(trial.markers @ turn)
-    np.testing.assert_allclose(gait_cycles(turned, "r"), gait_cycles(trial, "r"), atol=1e-9)
+    np.testing.assert_allclose(
+        find_gait_cycles(turned, "r").cycles, find_gait_cycles(trial, "r").cycles, atol=1e-9
+    )
 
 
 def test_functional_movements_and_standing_are_no_walking(persons):
@@ -91,7 +93,9 @@ def test_the_same_walk_on_a_treadmill_has_the_same_cycles(persons):
     steady = np.polyval(np.polyfit(trial.times, pelvis, 1), trial.times)
     belt = trial.with_markers(trial.markers - steady[:, None, None] * [1.0, 0.0, 0.0])
     for side in ("r", "l"):
-        np.testing.assert_allclose(gait_cycles(belt, side), gait_cycles(trial, side), atol=0.002)
+        np.testing.assert_allclose(
+            find_gait_cycles(belt, side).cycles, find_gait_cycles(trial, side).cycles, atol=0.002
+        )
 
 
 def test_feet_that_glide_along_do_not_walk(persons):
@@ -115,12 +119,12 @@ def test_walking_backwards_and_round_a_corner_are_refused(persons):
 
 def test_a_stride_with_hidden_markers_is_left_out(persons):
     (trial,) = persons[2][0].evaluation
-    whole = gait_cycles(trial, "l")
+    whole = find_gait_cycles(trial, "l").cycles
     start, end = whole[1]
     hidden = (trial.times > start + 0.3) & (trial.times < end - 0.3)
     markers = trial.markers.copy()
     markers[hidden] = np.nan
-    left = gait_cycles(trial.with_markers(markers), "l")
+    left = find_gait_cycles(trial.with_markers(markers), "l").cycles
     assert whole[1] not in left
     np.testing.assert_allclose(left, [c for c in whole if c != whole[1]], atol=1e-9)
 
@@ -132,7 +136,7 @@ def test_the_marker_that_is_seen_is_taken_and_none_is_said(persons):
     blind[:, trial.index("RLM")] = np.nan
     other = find_gait_cycles(trial.with_markers(blind), "r")
     assert other.marker == "RMM"
-    np.testing.assert_allclose(other.cycles, gait_cycles(trial, "r"), atol=0.01)  # one frame
+    np.testing.assert_allclose(other.cycles, find_gait_cycles(trial, "r").cycles, atol=0.01)  # one frame
     kept = [label for label in trial.labels if label not in ("RLM", "RMM")]
     assert "side 'r'" in find_gait_cycles(trial.selected(kept), "r").reason
     legs = [label for label in trial.labels if "SIS" not in label]
@@ -141,7 +145,7 @@ def test_the_marker_that_is_seen_is_taken_and_none_is_said(persons):
 
 def test_a_recording_of_less_than_a_stride_says_so(persons):
     (trial,) = persons[0][0].evaluation
-    start, end = gait_cycles(trial, "r")[0]
+    start, end = find_gait_cycles(trial, "r").cycles[0]
     short = trial.frames(np.flatnonzero((trial.times > start + 0.1) & (trial.times < end + 0.2)))
     assert find_gait_cycles(short, "r").reason == "1 contact of foot 'r', and a stride needs two"
 

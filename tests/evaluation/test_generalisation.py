@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.comparison.generalisation import generalisation
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.capabilities.scaling.clinical.gait import clinical_of
+from scaling_service.capabilities.scaling.comparison.evidence import following
 from scaling_service.capabilities.scaling.documents import method_document
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.cli import main
@@ -30,32 +30,32 @@ def error(mean: float, frames: int = 10) -> KinematicError:
 
 def test_every_trial_counts_once() -> None:
     errors = {"hip": error(0.002, 1000), "knee": error(0.006, 10), "walk": error(0.005), "run": error(0.011)}
-    found = generalisation(errors, {"hip", "knee"})
-    assert (found.fitted, found.held_out, found.ratio) == pytest.approx((0.004, 0.008, 2.0))
-
-
-def test_nothing_held_out_is_nothing_known() -> None:
-    found = generalisation({"hip": error(0.002)}, {"hip"})
-    assert math.isnan(found.held_out)
-    assert math.isnan(found.ratio)
-    assert math.isnan(generalisation({"walk": error(0.002)}, ()).ratio)
+    fitted, held_out = following(errors, ["hip", "knee"]), following(errors, ["walk", "run"])
+    assert fitted is not None
+    assert held_out is not None
+    assert (fitted.mean, held_out.mean) == pytest.approx((0.004, 0.008))
 
 
 def test_a_trial_that_shows_no_marker_does_not_count() -> None:
-    found = generalisation({"hip": error(0.002), "knee": error(float("nan"))}, {"hip", "knee"})
-    assert found.fitted == 0.002
+    errors = {"hip": error(0.002), "knee": error(float("nan"))}
+    found = following(errors, ["hip", "knee"])
+    assert found is not None
+    assert (found.mean, found.trials) == (0.002, 1)
+    assert following(errors, ["knee"]) is None
 
 
 def test_the_document_holds_both_means(tmp_path: Path) -> None:
     results = compare(laboratory(tmp_path), ("MB", "MB_am"))
     for scaling in results.scalings.values():
-        written = method_document(scaling, results)
+        written = method_document(scaling, results, clinical_of(scaling, results))
         errors = written.kinematic_error_mm
         assert written.fitted_mean_mm == errors["hips"].mean
         assert written.held_out_mean_mm == errors["walk"].mean
         assert written.held_out_ratio == pytest.approx(errors["walk"].mean / errors["hips"].mean, abs=1e-3)
     alone = replace(results, loaded=replace(results.loaded, session=replace(results.session, calibration=())))
-    assert method_document(results.scalings["MB"], alone).fitted_mean_mm is None
+    scaling = results.scalings["MB"]
+    written = method_document(scaling, alone, clinical_of(scaling, alone))
+    assert (written.fitted_mean_mm, written.held_out_ratio) == (None, None)
 
 
 def test_what_is_missing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

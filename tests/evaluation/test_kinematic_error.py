@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.results import Motion
 

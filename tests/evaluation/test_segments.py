@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.segments import geometry, marker_shifts
+from scaling_service.capabilities.scaling.comparison.geometry import geometry, marker_shifts
 from scaling_service.model.builtin import builtin
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.scaling import scaled

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import gait_cycles
-from scaling_service.capabilities.scaling.comparison.placed_centres import placed_centres
-from scaling_service.capabilities.scaling.comparison.stride_curves import leg_coordinates, stride_curves
+from scaling_service.capabilities.scaling.comparison.curves import leg_coordinates, stride_curves
+from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.geometry import placed_centres
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.results import Motion
 from scaling_service.model.scaling import scaled
@@ -36,7 +36,7 @@ def test_curves_are_the_means_of_the_strides(walker):
         f"{name}_{s}" for name in ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle") for s in "rl"
     }
     for side in ("r", "l"):
-        cycles = {t.name: gait_cycles(t, side) for t in session.dynamic}
+        cycles = {t.name: find_gait_cycles(t, side).cycles for t in session.dynamic}
         assert found.strides[side] == sum(map(len, cycles.values())) > 4
         column = person.model.coordinate_names.index(f"knee_angle_{side}")
         starts = [
@@ -53,7 +53,7 @@ def test_curves_are_the_means_of_the_strides(walker):
 def test_a_stride_with_an_undetermined_angle_counts_for_no_method(walker):
     session, person = walker
     trial = session.evaluation[0]
-    (start, end), *_ = gait_cycles(trial, "r")
+    (start, end), *_ = find_gait_cycles(trial, "r").cycles
     q = person.motions[trial.name].copy()
     q[(trial.times > start + 0.4) & (trial.times < end - 0.4), 9] = np.nan
     assert leg_coordinates(person.model, "r").count(person.model.coordinate_names[9]) == 1

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    angle_errors,
+    centre_errors,
+    length_errors,
+)
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates

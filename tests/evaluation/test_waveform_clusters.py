@@ -9,8 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.numerics.statistics.permutations import Rearrangements
-from scaling_service.numerics.statistics.waveform_clusters import critical_value, curve_test, largest_masses
+from scaling_service.numerics.statistics.permutation_tests import (
+    Rearrangements,
+    critical_value,
+    curve_test,
+    largest_masses,
+)
 from scaling_service.numerics.statistics.waveforms import paired_t_test
 from tests.evaluation.curves import NODES, bump, smooth
 

@@ -10,8 +10,13 @@ from scipy.stats import ttest_rel
 
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
 from scaling_service.numerics.statistics.cycles import Curves
-from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.permutation_tests import (
+    CurveTest,
+    PairedT,
+    RepeatedMeasuresF,
+    orders,
+    signs,
+)
 from scaling_service.numerics.statistics.waveforms import (
     WaveformSettings,
     compare_waveforms,
@@ -80,7 +85,7 @@ def test_signs_turn_the_deviations_of_a_subject() -> None:
 def test_a_batch_does_not_depend_on_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
     values = smooth(np.random.default_rng(5), 6, 3)
     before = repeated_measures_anova(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
-    monkeypatch.setattr("scaling_service.numerics.statistics.permutations._BATCH", 1)
+    monkeypatch.setattr("scaling_service.numerics.statistics.permutation_tests._BATCH", 1)
     after = repeated_measures_anova(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
     assert after.threshold == pytest.approx(before.threshold, rel=1e-9)
     assert after.p == before.p

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import paired_t_test, repeated_measures_anova
 from tests.evaluation.curves import bump, smooth
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from scaling_service.capabilities.scaling.clinical.gait import clinical_of
+from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.documents import comparison_document, method_document
-from scaling_service.capabilities.scaling.judging import verdict_document, verdict_of
-from scaling_service.capabilities.scaling.reporting import report_html
+from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.report.reading import Node, read
@@ -16,12 +18,20 @@ MOST_BYTES = 8e6
 
 
 def document_of(results: Results, truth: TruthDocument | None = None) -> ComparisonDocument:
-    methods = {name: method_document(scaling, results) for name, scaling in results.scalings.items()}
-    return comparison_document(results, methods, truth, verdict_document(verdict_of(results)))
+    methods = {
+        name: method_document(scaling, results, clinical_of(scaling, results))
+        for name, scaling in results.scalings.items()
+    }
+    return comparison_document(results, methods, truth, judge(evidence_of(results)))
+
+
+def html_of(results: Results, document: ComparisonDocument) -> str:
+    evidence = evidence_of(results)
+    return report_page(results, document, evidence, judge(evidence)).html()
 
 
 def page_of(results: Results, truth: TruthDocument | None = None) -> Node:
-    return read(report_html(results, document_of(results, truth), verdict_of(results)))
+    return read(html_of(results, document_of(results, truth)))
 
 
 def without(results: Results, *, calibration: bool = False, evaluation: bool = False) -> Results:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.capabilities.scaling.bone_files import local_bones, write_bones
+from scaling_service.capabilities.playback.shapes import local_bones
 from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.scaling.saving import write_bones
 from scaling_service.files.mesh import read_mesh
 from scaling_service.model.poses import neutral_frames
 from scaling_service.model.results import Calibration

@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical.document import clinical_document, write_clinical
-from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_gait
-from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES
+from scaling_service.capabilities.scaling.clinical.gait import (
+    VARIABLES,
+    ClinicalGait,
+    clinical_document,
+    clinical_gait,
+    write_clinical,
+)
 from scaling_service.model.results import Motion
 from scaling_service.virtual.subject import VirtualSettings, demo_session
 

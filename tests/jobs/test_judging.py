@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.judging import evidence_of, usual_lengths
+from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+from scaling_service.capabilities.scaling.comparison.geometry import usual_lengths
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.model.trial import ImageEvidence
 
@@ -40,11 +41,12 @@ def test_lengths_between_imaged_centres_count_as_imaged(results: Results) -> Non
 
 
 def test_usual_lengths_are_shares_of_the_height(results: Results) -> None:
-    usual = usual_lengths(2.0, results.scalings)
+    names = results.scalings["MB"].geometry.lengths
+    usual = usual_lengths(2.0, names)
     assert usual == pytest.approx(
         {"femur_r": 0.4908, "femur_l": 0.4908, "shank_r": 0.4712, "shank_l": 0.4712}
     )
-    assert usual_lengths(None, results.scalings) == {}
+    assert usual_lengths(None, names) == {}
 
 
 def test_methods_are_apart_by_what_differs(results: Results) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.plausible import doubts
+from scaling_service.capabilities.motion.kinematic_error import KinematicError
+from scaling_service.capabilities.scaling.comparison.geometry import doubts
 
 
 def _error(mean: float) -> KinematicError:

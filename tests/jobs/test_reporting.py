@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.playback.overlay import knee_axes, overlay
+from scaling_service.capabilities.playback.overlay import knee_axes
+from scaling_service.capabilities.scaling.comparison.curves import gait_curves
 from scaling_service.capabilities.scaling.demo import run_demo
-from scaling_service.capabilities.scaling.judging import verdict_of
-from scaling_service.capabilities.scaling.reporting import report_html, shown_trial, subject_data
+from scaling_service.capabilities.scaling.report.page import shown_trial
 from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.scene import overlay
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import builtin
@@ -21,7 +22,7 @@ from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.tree import marker_positions
-from tests.jobs.reported import MOST_BYTES, document_of, page_of, without
+from tests.jobs.reported import MOST_BYTES, document_of, html_of, page_of, without
 from tests.report.reading import data, tables
 from tests.report.test_blocks import NASTY, shown
 
@@ -35,9 +36,9 @@ def demo() -> tuple[Results, TruthDocument]:
 
 
 def test_a_report_is_small_and_quick(demo: tuple[Results, TruthDocument]) -> None:
-    document, verdict = document_of(*demo), verdict_of(demo[0])
+    document = document_of(*demo)
     clock = time.process_time()
-    html = report_html(demo[0], document, verdict)
+    html = html_of(demo[0], document)
     assert time.process_time() - clock < LONGEST_S
     assert len(html.encode()) < MOST_BYTES
 
@@ -150,7 +151,7 @@ def test_a_knee_does_not_move_its_own_axis() -> None:
 
 
 def test_gait_cycles_are_averaged(demo: tuple[Results, TruthDocument]) -> None:
-    gait = subject_data(demo[0], document_of(*demo), verdict_of(demo[0])).gait
+    gait = gait_curves(demo[0], "EB")
     assert gait.trials == ("gait_1", "gait_2")
     names = [curve.name for curve in gait.curves]
     assert {"hip_flexion_r", "knee_angle_l"} <= set(names)

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.comparison.segments import geometry
+from scaling_service.capabilities.scaling.comparison.geometry import geometry
 from scaling_service.capabilities.scaling.run import Results
-from scaling_service.capabilities.scaling.saving import check_folder, save
+from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
+from scaling_service.documents import writing
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
+from scaling_service.documents.writing import check_folder
 from scaling_service.files.osim import read_osim
 from scaling_service.files.sto import motion_values, read_sto
 from scaling_service.model.document import from_document
@@ -226,13 +228,13 @@ def test_nothing_is_written_beside_a_folder_that_is_there(
 ) -> None:
     """What is above a mounted folder is another disk, and seldom ours to write to."""
     places: list[Path] = []
-    original = saving.tempfile.mkdtemp
+    original = writing.tempfile.mkdtemp
 
     def mkdtemp(*, prefix: str, dir: Path) -> str:  # noqa: A002 (the library's own name)
         places.append(dir)
         return original(prefix=prefix, dir=dir)
 
-    monkeypatch.setattr(saving.tempfile, "mkdtemp", mkdtemp)
+    monkeypatch.setattr(writing.tempfile, "mkdtemp", mkdtemp)
     save(results, used)
     assert places == [used]
 

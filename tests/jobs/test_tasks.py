@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare, scale
 from scaling_service.capabilities.subject.reading import load_subject

@@ -6,23 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 
-from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, schwartz2008
-from scaling_service.capabilities.scaling.comparison.verdict_evidence import Verdict
+from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, schwartz2008
 from scaling_service.capabilities.scaling.report.clinical import clinical_section
-from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.documents.results import (
-    ClinicalCurve,
-    ClinicalCycle,
-    ClinicalDocument,
-    ClinicalSide,
-    ComparisonDocument,
-    MethodResult,
-)
-from tests.documents.test_results import METHOD, PROVENANCE
+from scaling_service.documents.results import MethodResult
+from tests.documents.test_results import METHOD
 from tests.report.reading import data, read, tables
 
-VERDICT = Verdict("MB", "leaning", "Use MB.", (), (), (), ())
 SCORES = {angle: 1.0 + k for k, angle in enumerate(VARIABLES)}
 
 
@@ -59,8 +50,7 @@ def document(sides: dict[Any, ClinicalSide], gps: float | None = None, **more: A
 
 def section(clinical: ClinicalDocument | None) -> str:
     method = MethodResult(**(METHOD | {"method": "MB", "clinical": clinical}))
-    comparison = ComparisonDocument(**PROVENANCE, methods={"MB": method}, warnings=[], wall_s=1.0)
-    return clinical_section(SubjectData(comparison, VERDICT, {"MB": "sizes"})).html()
+    return clinical_section({"MB": method}, "MB").html()
 
 
 def test_curves_stand_before_the_band_and_scores_are_the_documents() -> None:

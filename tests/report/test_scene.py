@@ -10,8 +10,7 @@ import pytest
 import trimesh
 
 from scaling_service.model.trial import Bone
-from scaling_service.report.coarse import coarsened
-from scaling_service.report.scene import Body, Scene
+from scaling_service.report.scene import Body, Scene, coarsened
 from tests.report.reading import data, read
 
 

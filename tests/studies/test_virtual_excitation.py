@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of, rated_motion
-from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.inertia import inertias_of, total_mass

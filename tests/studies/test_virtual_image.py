@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.comparison.truth import centre_errors, length_errors
+from scaling_service.capabilities.scaling.comparison.geometry import centre_errors, length_errors
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.trial import Bone

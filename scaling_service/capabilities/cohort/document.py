@@ -17,8 +17,8 @@ if TYPE_CHECKING:  # they bring scipy, which a service that only passes document
         CohortStatistics,
         CurveComparison,
     )
-    from scaling_service.capabilities.scaling.comparison.agreement import Estimate
-    from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+    from scaling_service.numerics.statistics.agreement import Estimate
+    from scaling_service.numerics.statistics.permutation_tests import CurveTest
 
 COHORT_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""

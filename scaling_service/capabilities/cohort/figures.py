@@ -12,12 +12,10 @@ import plotly.graph_objects as go
 from scaling_service.capabilities.cohort.groups import ScalarComparison
 from scaling_service.capabilities.cohort.statistics import CurveComparison
 from scaling_service.core.text import p_words
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, plain
-from scaling_service.report.methods import method_columns, method_legend, words
-from scaling_service.report.palette import INK, styles
-from scaling_service.report.waves import cycle_figure, ranges, stretches
+from scaling_service.report.figures import Figure, chart, cycle_figure, plain, ranges, stretches
+from scaling_service.report.methods import INK, method_columns, method_legend, styles, words
 
 _JITTER = 0.28  # chosen: of two methods' distance, so that dots of one value do not hide each other
 _NAMES = {

@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike
 
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, checked, rows
-from scaling_service.numerics.statistics.panels import Panel, panels
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, Panel, checked, panels, rows
 
 SAME = 1e-9
 """Relative to the largest value: chosen. Two methods that must give one length (marker-based scaling,

@@ -9,7 +9,7 @@ from typing import Any
 from scaling_service.capabilities.cohort.job import MemberRequest, MemberResult
 from scaling_service.capabilities.cohort.outcomes import NothingPossible
 from scaling_service.capabilities.cohort.subject import SubjectMember
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 

@@ -12,10 +12,12 @@ from typing import Literal, Protocol
 
 from scaling_service.capabilities.cohort.executors import tell
 from scaling_service.capabilities.cohort.summary import SubjectSummary
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
-from scaling_service.capabilities.scaling.run import Progress, check_methods
+from scaling_service.capabilities.scaling.methods.optimised import Optimised
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.run import check_methods
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 

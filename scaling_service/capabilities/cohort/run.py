@@ -17,14 +17,13 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, possible_metho
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
 from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
-from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import check_methods
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 

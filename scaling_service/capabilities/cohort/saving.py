@@ -14,9 +14,8 @@ from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.report import cohort_page
 from scaling_service.capabilities.cohort.statistics import CohortStatistics
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.numerics.statistics.cycles import NODES
 
 DOCUMENT = "cohort.json"

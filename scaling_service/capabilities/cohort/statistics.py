@@ -11,11 +11,11 @@ import numpy as np
 from scaling_service.capabilities.cohort.document import GATE_MAX_M, GATE_RMS_M
 from scaling_service.capabilities.cohort.groups import ScalarComparison, compare_scalars, too_few
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
-from scaling_service.capabilities.scaling.comparison.agreement import Agreement, agreement
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
+from scaling_service.numerics.statistics.agreement import Agreement, agreement
+from scaling_service.numerics.statistics.complete import Panel, panels
 from scaling_service.numerics.statistics.cycles import Curves
-from scaling_service.numerics.statistics.panels import Panel, panels
 from scaling_service.numerics.statistics.waveforms import (
     WaveformComparison,
     WaveformSettings,

@@ -14,14 +14,15 @@ from pydantic import TypeAdapter
 from scaling_service.capabilities.cohort.job import RECORD as RECORD
 from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, possible_methods
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.run import Progress, compare
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.subject.reading import input_hashes, load_subject
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.results import ComparisonDocument
+from scaling_service.documents.writing import code_version
 from scaling_service.model.subject import Subject
 
 RECORD_VERSION = 1

@@ -8,9 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.placed_centres import placed_centres
-from scaling_service.capabilities.scaling.comparison.stride_curves import StrideCurves, stride_curves
-from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
+from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, stride_curves
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    angle_errors,
+    centre_errors,
+    length_errors,
+    placed_centres,
+)
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.model.anatomy.lengths import segment_lengths

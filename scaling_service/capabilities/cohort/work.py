@@ -13,7 +13,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.run import none_possible, summarise_cohort
 from scaling_service.capabilities.cohort.saving import check_names, save_cohort
 from scaling_service.capabilities.cohort.subject import read_summary
-from scaling_service.capabilities.scaling.run import Progress
+from scaling_service.core.progress import Progress
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.names import DOCUMENT, PARTS
 

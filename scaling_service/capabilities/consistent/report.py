@@ -12,8 +12,8 @@ from scaling_service.capabilities.consistent.document import ConsistentDocument,
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend, Row, Table, Text, Tone
 from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import INK
 from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
 
 WAYS = (

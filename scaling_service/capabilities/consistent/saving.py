@@ -23,8 +23,7 @@ from scaling_service.capabilities.consistent.report import TrialCurves, consiste
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.capabilities.dynamics.saving import provenance, write_massive_model
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import total_mass

@@ -26,9 +26,9 @@ from scaling_service.capabilities.datasets.downloads import (
     has_hash,
     remote_url,
 )
-from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.scaling.saving import all_or_nothing, check_folder
 from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core.progress import Progress
+from scaling_service.documents.writing import all_or_nothing, check_folder
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.osim.setups import parse_xml
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from scaling_service.capabilities.discovery.document import HiddenDocument
 from scaling_service.capabilities.discovery.run import DiscoverResults, run
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.progress import Progress
 from scaling_service.virtual.example import RECORDED, Hidden, hidden_session
 from scaling_service.virtual.subject import VirtualSettings
 

@@ -32,9 +32,10 @@ from scaling_service.capabilities.discovery.search.findings import (
 from scaling_service.capabilities.discovery.search.option import Option
 from scaling_service.capabilities.discovery.sizes import finite, quantities, rounded
 from scaling_service.capabilities.discovery.words import sentence
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
+from scaling_service.capabilities.subject.provenance import repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.documents.results import RepairNote
+from scaling_service.documents.writing import code_version
 
 _MM = 1e3
 _UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}

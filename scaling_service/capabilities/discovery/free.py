@@ -11,7 +11,8 @@ from scaling_service.capabilities.discovery.effects import joint_axis_tilt, mark
 from scaling_service.capabilities.discovery.laws.additions import Sized
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
+from scaling_service.capabilities.scaling.methods.optimised import Optimised
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.body import BodyModel, Parameter
 from scaling_service.model.trial import Trial

@@ -14,10 +14,10 @@ from scaling_service.capabilities.discovery.search.strictness import DiscoverySe
 from scaling_service.capabilities.discovery.search.workflow import discover as searched
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.model.subject import Subject
 
 USUAL = DiscoverySettings()

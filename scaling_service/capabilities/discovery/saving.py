@@ -14,9 +14,8 @@ from scaling_service.capabilities.discovery.pictures import pictures
 from scaling_service.capabilities.discovery.recordings import write_contacts, write_corrected
 from scaling_service.capabilities.discovery.report.page import discovery_page
 from scaling_service.capabilities.discovery.run import DiscoverResults
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.run import Progress
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.core.progress import Progress
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 

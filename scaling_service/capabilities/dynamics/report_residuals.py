@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.residuals import COMPONENTS, HICKS
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Cell, Grid, Heading, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart
-from scaling_service.report.palette import FAINT, INK
+from scaling_service.report.methods import FAINT, INK
 
 Curves = Mapping[str, tuple[Array, Array]]
 """By trial: times (n,), s, and residual (n, 6), N and N m; NaN in frames that do not count."""

@@ -33,9 +33,9 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     propagate,
 )
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject

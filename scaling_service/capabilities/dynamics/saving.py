@@ -20,12 +20,11 @@ from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
-from scaling_service.capabilities.scaling.reporting import REPORT
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.capabilities.subject.provenance import repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import DependencyMissing
+from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.files.osim import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel

@@ -12,10 +12,10 @@ import yaml
 
 from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.intake.run import Progress, prove
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.documents.writing import all_or_nothing, write_json
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 

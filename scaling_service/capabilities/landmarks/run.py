@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit
-from scaling_service.capabilities.scaling.documents import code_version
-from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.core.errors import InputError
+from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"

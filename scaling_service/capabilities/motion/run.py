@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
+from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.poses import SegmentPoses, segment_poses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError, kinematic_error
-from scaling_service.capabilities.scaling.run import Progress
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
+from scaling_service.core.progress import Progress
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
 from scaling_service.model.body import BodyModel

@@ -15,9 +15,9 @@ from scaling_service.capabilities.motion.document import (
 from scaling_service.capabilities.motion.motion_files import write_motion, write_motion_sd
 from scaling_service.capabilities.motion.poses import poses_table
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
-from scaling_service.capabilities.scaling.documents import code_version, repair_notes
-from scaling_service.capabilities.scaling.saving import all_or_nothing, write_json
+from scaling_service.capabilities.subject.provenance import repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
+from scaling_service.documents.writing import all_or_nothing, code_version, write_json
 from scaling_service.files.sto import write_sto
 from scaling_service.model.body import BodyModel
 from scaling_service.recording.settings import ProcessingSettings

@@ -1,98 +1,24 @@
-"""From results in memory to the overlay of a report: where every model's points are in a trial."""
+"""Building blocks of pictures of moving models: what is drawn of a model, and where it stands."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.body import BodyModel, Marker, Segment, Vector
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import follow, model_values
-from scaling_service.model.results import Array, Motion
-from scaling_service.model.trial import ImagePose, Trial
+from scaling_service.model.results import Array
 from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.report.coarse import coarsened
 from scaling_service.report.methods import words
-from scaling_service.report.palette import styles
 from scaling_service.report.scene import Body, Pair, Scene
-
-MOST_FRAMES = 60
-"""Chosen: a second of walking at 60 per second, or a minute of slow movement at one per second."""
 
 _AXIS_HALF_M = 0.07
 """Chosen: a knee axis is drawn a little wider than a knee."""
-
-_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
-    """All models in one trial, with the measured markers and bones.
-
-    Parameters
-    ----------
-    results : Results
-    trial : Trial
-        One that was followed.
-    chosen : str
-        The method that is seen at first, beside the first one computed.
-
-    Returns
-    -------
-    Scene or None
-        None where no frame shows anything.
-    """
-    rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, MOST_FRAMES)).astype(np.intp))
-    scalings = {name: s for name, s in results.scalings.items() if trial.name in s.motions}
-    labels = tuple(dict.fromkeys(m for s in scalings.values() for m in s.motions[trial.name].markers))
-    measured = trial.selected(labels).markers[rows]
-    if not np.isfinite(measured).any():
-        return None
-    images = {} if results.session.images is None else results.session.images.bones
-    colours = styles(list(results.scalings))
-    first = next(iter(scalings))
-    bodies = []
-    for name, scaling in scalings.items():
-        body = _body(scaling, scaling.motions[trial.name], rows, labels, colours[name].colour)
-        bodies.append(replace(body, shown=name in (chosen, first)))
-    return centred(
-        Scene(
-            f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
-            f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
-            trial.times[rows],
-            labels,
-            measured,
-            bodies,
-            {segment: coarsened(images[segment]) for segment in _imaged(scalings) if segment in images},
-        )
-    )
-
-
-def _body(
-    scaling: Scaling, motion: Motion, rows: NDArray[np.intp], labels: tuple[str, ...], colour: str
-) -> Body:
-    model, q = scaling.calibration.model, motion.q[rows]
-    drawing = Drawing(model)
-    for name in motion.markers:
-        drawing.add_marker(name)
-    points = drawing.positions(q)
-    return Body(
-        scaling.calibration.method,
-        colour,
-        points,
-        centres=[(k, words(name)) for name, k in drawing.centres.items()],
-        sticks=drawing.sticks,
-        axes=drawing.axes,
-        markers=[(k, name, labels.index(name)) for name, k in drawing.markers.items()],
-        bones={
-            segment: _poses(model, segment, pose, q)
-            for segment, pose in scaling.calibration.image_poses.items()
-        },
-    )
 
 
 class Drawing:
@@ -135,7 +61,39 @@ class Drawing:
 
     def positions(self, q: Array) -> Array:
         """(n_frames, n_points, 3), m."""
-        return _placed(self._model, tuple(self._points), q)
+        return place_points(self._model, tuple(self._points), q)
+
+
+def draw_body(
+    name: str,
+    colour: str,
+    model: BodyModel,
+    q: Array,
+    markers: Sequence[str],
+    labels: Sequence[str],
+    bones: Mapping[str, Array] = MappingProxyType({}),
+    *,
+    shown: bool = True,
+) -> Body:
+    """A model as drawn over frames q, (n_frames, n_coordinates).
+
+    ``markers``, ``labels``: the model's markers to draw, and those that were measured.
+    ``bones``: surface to where it is, (n_frames, 12); see :class:`Body`.
+    """
+    drawing = Drawing(model)
+    for marker in markers:
+        drawing.add_marker(marker)
+    return Body(
+        name,
+        colour,
+        drawing.positions(q),
+        centres=[(k, words(centre)) for centre, k in drawing.centres.items()],
+        sticks=drawing.sticks,
+        axes=drawing.axes,
+        markers=[(k, marker, labels.index(marker)) for marker, k in drawing.markers.items()],
+        bones=bones,
+        shown=shown,
+    )
 
 
 def _drawn(model: BodyModel, carried: set[str]) -> set[str]:
@@ -171,22 +129,8 @@ def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | Non
     return None
 
 
-def _imaged(scalings: Mapping[str, Scaling]) -> list[str]:
-    """The segments of which any method knows where they lie in the image."""
-    return list(dict.fromkeys(seg for s in scalings.values() for seg in s.calibration.image_poses))
-
-
-def _poses(model: BodyModel, segment: str, image: ImagePose, q: Array) -> Array:
-    """From the image to the laboratory with a segment: rotation by rows and origin, (n_frames, 12), m."""
-    corners = tuple(Marker.at(f"point {k}", segment, at) for k, at in enumerate(_CORNERS))
-    placed = _placed(model, corners, q)
-    R_ground_segment = np.transpose(placed[:, 1:] - placed[:, :1], (0, 2, 1))
-    R_ground_image = R_ground_segment @ image.rotation.T
-    origin = placed[:, 0] - R_ground_image @ image.origin
-    return np.concatenate([R_ground_image.reshape(len(q), 9), origin], axis=1)
-
-
-def _placed(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
+def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
+    """Points of segments in ground, (n_frames, n_points, 3), m."""
     carrier = model.with_markers(points)
     placed: Array = marker_positions(compile_model(carrier), q, parameter_values(carrier))
     return placed

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.intake.tables import at_frames, plates_of
 from scaling_service.capabilities.playback.document import (
     AxisEntry,
     BodyEntry,
@@ -25,9 +24,9 @@ from scaling_service.capabilities.playback.document import (
 )
 from scaling_service.capabilities.playback.overlay import knee_axes
 from scaling_service.capabilities.playback.shapes import glb, surfaces
-from scaling_service.capabilities.scaling.saving import write_json
 from scaling_service.documents.arrays import ArrayEntry
-from scaling_service.files.table_files import ArrayFiles
+from scaling_service.documents.writing import write_json
+from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
@@ -44,12 +43,7 @@ _MM = 1e3
 class Body:
     """One model of the person.
 
-    Parameters
-    ----------
-    name : str
-    model : BodyModel
-    bones : mapping
-        Segment to its bone in the segment's frame, m, with few faces.
+    ``bones``: segment to its bone in the segment's frame, m, with few faces.
     """
 
     name: str
@@ -61,17 +55,10 @@ class Body:
 class Played:
     """How a body moves in a recording.
 
-    Parameters
-    ----------
-    body : str
-    model : BodyModel
-        As it was followed in this recording.
-    q : ndarray, shape (n_frames, n_coordinates), rad or m
-    markers : tuple of str
-    distances : ndarray, shape (n_frames, n_markers), m
-        Of measured and model marker; NaN where not seen.
-    estimated : collection of str
-        Coordinates that the recording determines.
+    ``model``: as it was followed in this recording.
+    ``q``: (n_frames, n_coordinates), rad or m.
+    ``distances`` ((n_frames, n_markers), m): of measured and model marker; NaN where not seen.
+    ``estimated``: coordinates that the recording determines.
     """
 
     body: str
@@ -86,15 +73,10 @@ class Played:
 class Recorded:
     """A recording with all bodies in it.
 
-    Parameters
-    ----------
-    trial : Trial
-        Its labels are the models' marker names.
-    role : 'calibration' or 'evaluation'
-    played : tuple of Played
-    forces : GroundForces, optional
-        In our axes, on their own clock.
-    corners : ndarray, shape (n_plates, 4, 3), m, optional
+    ``trial``: its labels are the models' marker names.
+    ``role``: 'calibration' or 'evaluation'.
+    ``forces``: in our axes, on their own clock.
+    ``corners``: (n_plates, 4, 3), m.
     """
 
     trial: Trial
@@ -113,14 +95,7 @@ def write_scene(
 ) -> SceneDocument:
     """Write ``scene/scene.json`` with its tables and surfaces.
 
-    Parameters
-    ----------
-    subject : str
-    bodies : sequence of Body
-    recorded : sequence of Recorded
-    gait : GaitScene, optional
-    outputs : Path
-        The folder of the job's files.
+    ``outputs``: the folder of the job's files.
     """
     files = ArrayFiles(outputs, FOLDER)
     document = SceneDocument(

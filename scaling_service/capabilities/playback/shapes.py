@@ -12,7 +12,8 @@ from trimesh.exchange.gltf import export_glb
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import marker_position, model_values, neutral_frames
-from scaling_service.model.trial import Array, Bone
+from scaling_service.model.results import Array, Calibration
+from scaling_service.model.trial import Bone
 
 MOST_FACES = 20_000
 """Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""
@@ -31,18 +32,8 @@ def surfaces(
 ) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
     """A surface of every segment that has a size, in the segment's frame.
 
-    Parameters
-    ----------
-    model : BodyModel
-    bones : mapping
-        Segment to its bone in the segment's frame, m, with few faces.
-
-    Returns
-    -------
-    surfaces : dict
-        Segment to surface, m.
-    shapes : dict
-        Every segment to where its surface is from.
+    ``bones``: segment to its bone in the segment's frame, m, with few faces.
+    Returns ``surfaces``: segment to surface, m; ``shapes``: every segment to where its surface is from.
     """
     found: dict[str, trimesh.Trimesh] = {}
     shapes: dict[str, Shape] = {}
@@ -85,14 +76,8 @@ def _points(model: BodyModel, segment: str) -> Array:
 def long_ends(joints: Array) -> Array | None:
     """Both ends of a segment whose joints all lie near one of two, such as a thigh with its kneecap's.
 
-    Parameters
-    ----------
-    joints : ndarray, shape (n, 3), m
-
-    Returns
-    -------
-    ndarray, shape (2, 3), or None
-        None where joints lie all around, as a pelvis's do, or there is only one place.
+    ``joints``: (n, 3), m.
+    Returns (2, 3), m, or None where joints lie all around, as a pelvis's do, or there is only one place.
     """
     apart = np.linalg.norm(joints[:, None] - joints, axis=2)
     length = float(apart.max())
@@ -124,3 +109,12 @@ def simple_shape(points: Array) -> trimesh.Trimesh | None:
     cloud = (points[:, None] + ball[None]).reshape(-1, 3)
     hull: trimesh.Trimesh = trimesh.convex.convex_hull(cloud)
     return hull
+
+
+def local_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str, Bone]:
+    """Each imaged bone in its segment's frame, m; bones without a pose in the image are left out."""
+    return {
+        name: Bone(pose.to_local(bones[name].vertices), bones[name].faces)
+        for name, pose in calibration.image_poses.items()
+        if name in bones
+    }

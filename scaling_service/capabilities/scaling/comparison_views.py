@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
-from scaling_service.capabilities.scaling.comparison.angle_differences import difference
+from scaling_service.capabilities.scaling.comparison.curves import CycleCurves, gait_curves
+from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
 from scaling_service.capabilities.scaling.comparisons import (
     AngleDifference,
     AngleEntry,
@@ -21,12 +21,9 @@ from scaling_service.capabilities.scaling.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
-from scaling_service.capabilities.scaling.curves import gait_curves
-from scaling_service.capabilities.scaling.judging import joint_angles
-from scaling_service.capabilities.scaling.report.data import CycleCurves
 from scaling_service.capabilities.scaling.run import Results
-from scaling_service.capabilities.scaling.saving import write_json
 from scaling_service.documents.results import ComparisonDocument, Provenance
+from scaling_service.documents.writing import write_json
 from scaling_service.model.results import Array
 
 Row = list[str | float | None]
@@ -67,19 +64,17 @@ def joint_angle_view(results: Results, document: ComparisonDocument) -> JointAng
     """The joint angles of all methods, in each recording and over the gait cycle."""
     names = joint_angles(next(iter(results.scalings.values())).calibration.model)
     trials = {
-        trial.name: {angle: _angle(dict(_curves(results, trial.name, angle))) for angle in names}
+        trial.name: {
+            angle: _angle(
+                {m: np.degrees(s.motions[trial.name].column(angle)) for m, s in results.scalings.items()}
+            )
+            for angle in names
+        }
         for trial in results.session.dynamic
     }
     return JointAngleComparison(
         **_origin(document), joint_angles=trials, gait=_gait(results, next(iter(results.scalings)))
     )
-
-
-def _curves(results: Results, trial: str, angle: str) -> Iterator[tuple[str, Array]]:
-    """Each method's angle over time, degrees."""
-    for name, scaling in results.scalings.items():
-        motion = scaling.motions[trial]
-        yield name, np.degrees(motion.q[:, motion.coordinates.index(angle)])
 
 
 def _angle(curves: Mapping[str, Array]) -> AngleEntry:
@@ -92,13 +87,15 @@ def _angle(curves: Mapping[str, Array]) -> AngleEntry:
 
 
 def _pair(first: str, second: str, curves: Mapping[str, Array]) -> AngleDifference:
-    found = difference(curves[first], curves[second])
+    """The difference of two curves over the frames in which both are known."""
+    apart = curves[first] - curves[second]
+    known = apart[np.isfinite(apart)]
     return AngleDifference(
         methods=(first, second),
-        frames=found.frames,
-        rms_deg=_number(found.rms),
-        mean_deg=_number(found.mean),
-        largest_deg=_number(found.largest),
+        frames=known.size,
+        rms_deg=_number(np.sqrt(np.mean(known**2))) if known.size else None,
+        mean_deg=_number(known.mean()) if known.size else None,
+        largest_deg=_number(np.abs(known).max()) if known.size else None,
     )
 
 
@@ -116,8 +113,8 @@ def _cycle(curve: CycleCurves) -> CycleEntry:
     test = curve.anova
     return CycleEntry(
         cycles=curve.n_cycles,
-        mean_deg={name: [round(float(v), 4) for v in values] for name, values in curve.mean.items()},
-        sd_deg={name: [round(float(v), 4) for v in values] for name, values in curve.sd.items()},
+        mean_deg={name: values.round(4).tolist() for name, values in curve.mean.items()},
+        sd_deg={name: values.round(4).tolist() for name, values in curve.sd.items()},
         p=None if test is None else test.p,
         can_decide=test is not None and test.can_decide,
         differ_percent=[] if test is None else [(c.start, c.end) for c in test.clusters],
@@ -154,9 +151,8 @@ def _table(view: View) -> Iterator[Row]:
 
 
 def _origin(document: ComparisonDocument) -> dict[str, Any]:
-    shared: BaseModel = document
-    return {name: getattr(shared, name) for name in (*Provenance.model_fields, "warnings")}
+    return {name: getattr(document, name) for name in (*Provenance.model_fields, "warnings")}
 
 
-def _number(value: float) -> float | None:
-    return round(float(value), 4) if np.isfinite(value) else None
+def _number(value: float) -> float:
+    return round(float(value), 4)

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from itertools import count
 
-from scaling_service.capabilities.scaling.comparison.truth import angle_errors, centre_errors, length_errors
-from scaling_service.capabilities.scaling.run import Progress, Results, Scaling, run
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    angle_errors,
+    centre_errors,
+    length_errors,
+)
+from scaling_service.capabilities.scaling.run import Results, Scaling, run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.virtual.subject import VirtualSubject, demo_session
@@ -22,31 +27,16 @@ def run_demo(
 ) -> tuple[Results, TruthDocument]:
     """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
 
-    Parameters
-    ----------
-    settings : Settings
-        Its seed decides the person.
-    progress : callable, optional
-
-    Returns
-    -------
-    results : Results
-    truth : TruthDocument
-        Distances are taken on the gait trials, which no method was fitted to.
+    ``settings``: its seed decides the person.
+    Distances from the truth are taken on the gait trials, which no method was fitted to.
     """
-    report = progress or _silent
-    steps = count()
-
-    def preparing(what: str) -> None:
-        report(what, _BONES * min(1.0, next(steps) / _STEPS))
-
-    session, person = demo_session(settings.seed, images=True, progress=preparing)
-    results = run(
-        Loaded(session),
-        None,
-        settings,
-        progress=lambda what, share: report(what, _BONES + (1 - _BONES) * share),
+    report, steps = progress or silent, count()
+    session, person = demo_session(
+        settings.seed,
+        images=True,
+        progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
     )
+    results = run(Loaded(session), None, settings, progress=part_of(report, _BONES, 1 - _BONES))
     lengths = {name: round(1e3 * value, 4) for name, value in segment_lengths(person.model).items()}
     errors = {method: _errors(scaling, results, person) for method, scaling in results.scalings.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
@@ -62,7 +52,3 @@ def _errors(scaling: Scaling, results: Results, person: VirtualSubject) -> dict[
     for name, gap in angle_errors(held_out, person.model, person.motions).items():
         found[f"{name}_deg"] = math.degrees(gap)
     return {name: round(value, 4) for name, value in found.items()}
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from scaling_service.capabilities.scaling.clinical.document import clinical_document, clinical_of
-from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait
-from scaling_service.capabilities.scaling.comparison.generalisation import generalisation
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError
+from scaling_service.capabilities.motion.kinematic_error import KinematicError
+from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_document
+from scaling_service.capabilities.scaling.comparison.evidence import Verdict, following
 from scaling_service.capabilities.scaling.run import Results, Scaling
-from scaling_service.capabilities.subject.reading import input_hashes
+from scaling_service.capabilities.subject.provenance import provenance
 from scaling_service.documents.results import (
     ComparisonDocument,
     FittedParameter,
@@ -22,117 +19,92 @@ from scaling_service.documents.results import (
     MethodResult,
     PersonCentre,
     Provenance,
-    RepairNote,
     ScalingDocument,
     TrialError,
     TruthDocument,
     VerdictDocument,
     WallTime,
 )
-from scaling_service.documents.subject import SIZE_UNIT
-from scaling_service.model.results import Calibration, EstimatedParameter
-from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Repair
-
-_MM = 1e3
-
-
-def code_version() -> str:
-    """The installed package's version."""
-    try:
-        return version("scaling-service")
-    except PackageNotFoundError:
-        return "not installed"
+from scaling_service.model.results import Calibration
 
 
 def comparison_document(
-    results: Results,
-    documents: dict[str, MethodResult],
-    truth: TruthDocument | None = None,
-    verdict: VerdictDocument | None = None,
+    results: Results, methods: dict[str, MethodResult], truth: TruthDocument | None, verdict: Verdict
 ) -> ComparisonDocument:
     """``comparison.json``."""
     return ComparisonDocument(
-        **_fields(provenance(results)),
-        verdict=verdict,
-        methods=documents,
+        **provenance(results.loaded, results.settings, results.subject_file),
+        verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
+        methods=methods,
         warnings=list(results.warnings),
-        wall_s=_rounded(results.wall_s, 3),
+        wall_s=round(results.wall_s, 3),
         truth=truth,
     )
 
 
-def scaling_document(results: Results, document: MethodResult) -> ScalingDocument:
-    """``scaling.json``; the warnings that concern the whole session stand before the method's own."""
-    fields = _fields(document) | {"warnings": [*results.warnings, *document.warnings]}
-    return ScalingDocument(**_fields(provenance(results)), **fields)
-
-
-def provenance(results: Results) -> Provenance:
-    """What is needed to get the same results again."""
-    session = results.session
-    trials = [*([session.static] if session.static is not None else []), *session.dynamic]
-    return Provenance(
-        code_version=code_version(),
-        subject=session.subject.id,
-        settings=results.settings.resolved(),
-        input_hashes=input_hashes(session.subject, results.subject_file),
-        seed=results.settings.seed,
-        markers_used={name: list(labels) for name, labels in results.loaded.markers_used.items()},
-        repairs={trial.name: repair_notes(trial.repairs) for trial in trials},
-        sizes=stated_sizes(session.subject),
-    )
-
-
-def stated_sizes(subject: Subject) -> dict[str, float]:
-    """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
-    whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
-    lengths = {f"{name}{SIZE_UNIT}": _rounded(value * _MM, 2) for name, value in subject.sizes_m.items()}
-    return {name: value for name, value in whole.items() if value is not None} | lengths
+def scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument]:
+    """``scaling.json`` of each method; the warnings of the whole session stand before the method's own."""
+    shared = {name: getattr(document, name) for name in Provenance.model_fields}
+    return {
+        name: ScalingDocument(**shared, **dict(method) | {"warnings": [*document.warnings, *method.warnings]})
+        for name, method in document.methods.items()
+    }
 
 
 def method_document(
     scaling: Scaling,
     results: Results,
+    gait: ClinicalGait,
     files: Sequence[str] = (),
     warnings: Sequence[str] = (),
-    gait: ClinicalGait | None = None,
 ) -> MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
-    fitted = {trial.name for trial in results.session.calibration}
-    overall = generalisation(scaling.errors, fitted)
+    fitted = following(scaling.errors, [trial.name for trial in results.session.calibration])
+    held_out = following(scaling.errors, results.held_out)
     return MethodResult(
         method=calibration.method,
-        kinematic_error_mm={name: _error(error, name in fitted) for name, error in scaling.errors.items()},
-        fitted_mean_mm=_mm_or_none(overall.fitted),
-        held_out_mean_mm=_mm_or_none(overall.held_out),
-        held_out_ratio=None if math.isnan(overall.ratio) else _rounded(overall.ratio, 4),
+        kinematic_error_mm={
+            name: _error(error, held_out=name in results.held_out) for name, error in scaling.errors.items()
+        },
+        fitted_mean_mm=None if fitted is None else _mm(fitted.mean),
+        held_out_mean_mm=None if held_out is None else _mm(held_out.mean),
+        held_out_ratio=None
+        if fitted is None or held_out is None or fitted.mean <= 0.0
+        else round(held_out.mean / fitted.mean, 4),
         segment_lengths_mm={name: _mm(length) for name, length in shape.lengths.items()},
         length_estimates=_length_estimates(calibration, shape.lengths),
-        person_centres={
-            name: PersonCentre(source=centre.source, sd_mm=(_mm(x), _mm(y), _mm(z)))
-            for name, centre in calibration.centres.items()
-            for x, y, z in (centre.sd,)
-        },
         joint_centres_mm={
-            name: JointCentre(frame=frame, xyz=(_mm(x), _mm(y), _mm(z)))
-            for name, (frame, (x, y, z)) in shape.joint_centres.items()
+            name: JointCentre(frame=frame, xyz=_mm3(at)) for name, (frame, at) in shape.joint_centres.items()
+        },
+        person_centres={
+            name: PersonCentre(source=centre.source, sd_mm=_mm3(centre.sd))
+            for name, centre in calibration.centres.items()
         },
         knee_axis_deg={
-            side: KneeAxis(x=_rounded(math.degrees(x), 4), y=_rounded(math.degrees(y), 4))
+            side: KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
             for side, (x, y) in shape.knee_axes.items()
         },
         marker_shift_mm={name: _mm(shift) for name, shift in shape.marker_shifts.items()},
         scale_factors=dict(calibration.scale_factors),
-        parameters=[_parameter(parameter) for parameter in calibration.parameters],
-        cumulative_error_mm2=None if math.isnan(calibration.cost) else _rounded(calibration.cost * _MM**2, 2),
+        parameters=[
+            FittedParameter(
+                name=p.name,
+                value=p.value,
+                unit=p.unit,
+                sd=p.sd if math.isfinite(p.sd) else None,
+                at_bound=p.at_bound,
+                identifiable=p.identifiable,
+            )
+            for p in calibration.parameters
+        ],
+        cumulative_error_mm2=None if math.isnan(calibration.cost) else round(calibration.cost * 1e6, 2),
         iterations=calibration.iterations,
         wall_s=WallTime(
-            calibration=_rounded(calibration.wall_s, 4),
-            inverse_kinematics=_rounded(scaling.inverse_kinematics_s, 4),
+            calibration=round(calibration.wall_s, 4),
+            inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
         ),
-        clinical=clinical_document(clinical_of(scaling, results) if gait is None else gait),
+        clinical=clinical_document(gait),
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
@@ -145,58 +117,35 @@ def _length_estimates(calibration: Calibration, lengths: Mapping[str, float]) ->
     return {
         name: LengthEstimate(
             sd_mm=_mm(size.sd * lengths[name]),
-            measured=_rounded(size.measured, 4),
-            others=_rounded(size.others, 4),
-            expected=_rounded(size.expected, 4),
+            measured=round(size.measured, 4),
+            others=round(size.others, 4),
+            expected=round(size.expected, 4),
         )
         for name, size in found.items()
         if size is not None
     }
 
 
-def _error(error: KinematicError, fitted: bool) -> TrialError:
+def _error(error: KinematicError, *, held_out: bool) -> TrialError:
+    anatomical, tracking = error.anatomical_mean, error.tracking_mean
     return TrialError(
-        role="calibration" if fitted else "evaluation",
+        role="evaluation" if held_out else "calibration",
         mean=_mm(error.mean),
         sd=_mm(error.sd),
         rms=_mm(error.rms),
         max=_mm(error.max),
-        anatomical_mean=_mm_or_none(error.anatomical_mean),
-        tracking_mean=_mm_or_none(error.tracking_mean),
+        anatomical_mean=None if math.isnan(anatomical) else _mm(anatomical),
+        tracking_mean=None if math.isnan(tracking) else _mm(tracking),
         frames=error.n_frames,
         per_marker={name: _mm(value) for name, value in error.per_marker.items()},
     )
 
 
-def _parameter(parameter: EstimatedParameter) -> FittedParameter:
-    return FittedParameter(
-        name=parameter.name,
-        value=parameter.value,
-        unit=parameter.unit,
-        sd=parameter.sd if math.isfinite(parameter.sd) else None,
-        at_bound=parameter.at_bound,
-        identifiable=parameter.identifiable,
-    )
-
-
-def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
-    """What was changed in a recording, as results tell it."""
-    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]
-
-
-def _fields(document: Provenance | MethodResult) -> dict[str, Any]:
-    """A document's fields as they are, nested documents kept."""
-    return {name: getattr(document, name) for name in type(document).model_fields}
-
-
 def _mm(metres: float) -> float:
-    return _rounded(metres * _MM, 4)
+    """A tenth of a micrometre is beyond any measurement."""
+    return round(metres * 1e3, 4)
 
 
-def _mm_or_none(metres: float) -> float | None:
-    return None if math.isnan(metres) else _mm(metres)
-
-
-def _rounded(value: float, digits: int) -> float:
-    """Figures that are written for people; a tenth of a micrometre is beyond any measurement."""
-    return round(value, digits)
+def _mm3(metres: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = (_mm(v) for v in metres)
+    return (x, y, z)

@@ -16,7 +16,7 @@ from scaling_service.capabilities.scaling.comparisons import (
 )
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.names import check_methods, method_names
-from scaling_service.core.progress import Progress, share
+from scaling_service.core.progress import Progress, part_of
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
@@ -130,17 +130,19 @@ def _scale(
     comparison: bool,
 ) -> tuple[Results, ComparisonDocument]:
     """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
-    from scaling_service.capabilities.playback.results import scene_of_results
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
+    from scaling_service.capabilities.scaling.scene import scene_of_results
 
     results = compare(
         inputs / request.subject / DOCUMENT,
         methods,
         request.settings,
-        progress=share(progress, 0.0, _COMPUTING),
+        progress=part_of(progress, 0.0, _COMPUTING),
     )
-    document = save(results, outputs, comparison=comparison, progress=share(progress, _COMPUTING, _WRITING))
+    document = save(
+        results, outputs, comparison=comparison, progress=part_of(progress, _COMPUTING, _WRITING - _COMPUTING)
+    )
     progress("writing what is played back", _WRITING)
     scene_of_results(results, outputs)
     return results, document

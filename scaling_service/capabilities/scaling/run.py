@@ -8,22 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.comparison.kinematic_error import KinematicError, kinematic_error
-from scaling_service.capabilities.scaling.comparison.segments import Geometry, geometry
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised, calibrate
-from scaling_service.capabilities.scaling.plausible import doubts
+from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
+from scaling_service.capabilities.scaling.comparison.geometry import Geometry, doubts, geometry
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.mass import with_mass
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Session, Subject
 from scaling_service.recording.orientation import check_axes
-
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of the whole that is done, 0 to 1."""
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
@@ -79,6 +75,12 @@ class Results:
         """The model and the recordings that were used."""
         return self.loaded.session
 
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """The trials that no method was fitted to."""
+        fitted = {trial.name for trial in self.session.calibration}
+        return tuple(trial.name for trial in self.session.dynamic if trial.name not in fitted)
+
 
 def scale(
     subject: Subject | str | Path,
@@ -133,7 +135,7 @@ def compare(
         Whatever in the subject file, the model or the recordings cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or _silent
+    report = progress or silent
     file = None if isinstance(subject, Subject) else Path(subject)
     check_methods(methods or ())
     check_axes(settings.up, settings.forward)
@@ -156,58 +158,44 @@ def run(
 ) -> Results:
     """Scale by several methods what is loaded already; see :func:`compare`.
 
-    Parameters
-    ----------
-    started : float, optional
-        Value of ``time.perf_counter()`` from which the wall time counts.
+    ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
     check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _possible(session)
-    report = progress or _silent
+    report = progress or silent
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with blamed_on(None, recordings(session.subject)):
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         for k, method in enumerate(chosen):
-            part = _Part(
-                report, _LOADING + (1.0 - _LOADING) * k / len(chosen), (1.0 - _LOADING) / len(chosen)
-            )
-            for name in _first_guesses(method):
-                calibrations[name] = calibrate(session, name, settings.calibration, calibrations)
+            share = (1.0 - _LOADING) / len(chosen)
+            part = part_of(report, _LOADING + share * k, share)
             part(f"{method}: fitting", 0.0)
-            calibrations[method] = calibrate(
-                session, method, settings.calibration, calibrations, _steps(part, method)
-            )
-            scalings[method] = _evaluated(with_mass(calibrations[method], session), session, part)
+            found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
+            scalings[method] = _evaluated(with_mass(found, session), session, part)
     report("done", 1.0)
+    doubtful = doubts(
+        {method: scaling.errors for method, scaling in scalings.items()},
+        {method: scaling.geometry.lengths for method, scaling in scalings.items()},
+        session.subject.height_m,
+    )
     return Results(
         loaded,
         settings,
         scalings,
-        (*session.warnings, *warnings, *_doubts(scalings, session)),
+        (*session.warnings, *warnings, *doubtful),
         time.perf_counter() - clock,
         subject_file,
-    )
-
-
-def _doubts(scalings: Mapping[str, Scaling], session: Session) -> tuple[str, ...]:
-    return doubts(
-        {method: scaling.errors for method, scaling in scalings.items()},
-        {method: scaling.geometry.lengths for method, scaling in scalings.items()},
-        session.subject.height_m,
     )
 
 
 def check_methods(methods: Sequence[str]) -> None:
     """Refuse a method that there is not (SubjectInvalid)."""
     for method in methods:
-        if method not in METHODS:
-            raise SubjectInvalid(
-                f"there is no method '{method}'", field="method", remedy=f"Methods are {', '.join(METHODS)}"
-            )
+        check_method(method)
 
 
 def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -215,33 +203,12 @@ def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()
-    left_out = [name for name, method in imaged.items() if isinstance(method, Optimised)]
+    left_out = [name for name, method in imaged.items() if method.needs_movements]
     note = f"there is no calibration trial, so {', '.join(left_out)} were left out"
     return tuple(name for name in imaged if name not in left_out), (note,)
 
 
-def _first_guesses(method: str) -> list[str]:
-    """What a method starts from, first things first."""
-    needed: list[str] = []
-    while (before := METHODS[method].needs) is not None:
-        needed.insert(0, before)
-        method = before
-    return needed
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A stretch of the whole, reported as shares of itself."""
-
-    report: Progress
-    start: float
-    length: float
-
-    def __call__(self, what: str, share: float) -> None:
-        self.report(what, self.start + self.length * share)
-
-
-def _steps(part: _Part, method: str) -> Callable[[int, float], None]:
+def _steps(part: Progress, method: str) -> Callable[[int, float], None]:
     """Steps of a fit as progress: how many are needed is not known, so each adds less."""
 
     def step(number: int, _cost: float) -> None:
@@ -250,7 +217,7 @@ def _steps(part: _Part, method: str) -> Callable[[int, float], None]:
     return step
 
 
-def _evaluated(calibration: Calibration, session: Session, part: _Part) -> Scaling:
+def _evaluated(calibration: Calibration, session: Session, part: Progress) -> Scaling:
     clock = time.perf_counter()
     motions: dict[str, Motion] = {}
     trials = session.dynamic
@@ -264,7 +231,3 @@ def _evaluated(calibration: Calibration, session: Session, part: _Part) -> Scali
         geometry(calibration),
         time.perf_counter() - clock,
     )
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

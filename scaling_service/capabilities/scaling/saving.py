@@ -1,33 +1,45 @@
-"""Results onto disk: complete, or nothing at all."""
+"""Scaled models, motions, bones and documents onto disk.
+
+``bones/<segment>.stl`` is a segment's bone in that segment's frame of the model, in **m**, as the image
+shows it. ``bones.glb`` is the whole skeleton in the model's neutral standing pose, in ground, m, Y up (as
+glTF asks); every bone is a node of its segment's name.
+"""
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import BaseModel
+import numpy as np
+import trimesh
+from trimesh.exchange.gltf import export_glb
+from trimesh.exchange.stl import export_stl
+from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.scaling.bone_files import FOLDER as BONES
-from scaling_service.capabilities.scaling.bone_files import SKELETON, write_bones
-from scaling_service.capabilities.scaling.clinical.document import CYCLES_TABLE, clinical_of, write_clinical
+from scaling_service.capabilities.playback.shapes import local_bones
+from scaling_service.capabilities.scaling.clinical.gait import clinical_of, write_clinical
+from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.documents import (
     comparison_document,
     method_document,
-    scaling_document,
+    scaling_documents,
 )
-from scaling_service.capabilities.scaling.judging import verdict_document, verdict_of
-from scaling_service.capabilities.scaling.reporting import REPORT, report_html
-from scaling_service.capabilities.scaling.run import Progress, Results, Scaling
-from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.capabilities.scaling.report.page import report_page
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.core.errors import DependencyMissing
+from scaling_service.core.progress import Progress, silent
 from scaling_service.documents.results import ComparisonDocument, MethodResult, TruthDocument
+from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
 from scaling_service.files.osim import write_osim
 from scaling_service.model.document import to_document
+from scaling_service.model.poses import neutral_frames
+from scaling_service.model.results import Calibration
+from scaling_service.model.trial import Bone
+
+COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
 
 def save(
@@ -68,32 +80,28 @@ def save(
     InputError
         The folder cannot be made or written to.
     """
+    tell = progress or silent
     with all_or_nothing(Path(folder)) as scratch:
-        written: dict[str, MethodResult] = {}
+        methods: dict[str, MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
-            if progress is not None:
-                progress(f"{method}: writing", k / len(results.scalings))
-            written[method] = _write_method(scratch / method, scaling, results)
-        verdict = verdict_of(results)
-        document = comparison_document(results, written, truth, verdict_document(verdict))
+            tell(f"{method}: writing", k / len(results.scalings))
+            methods[method] = _write_method(scratch / method, scaling, results)
+        evidence = evidence_of(results)
+        verdict = judge(evidence)
+        document = comparison_document(results, methods, truth, verdict)
+        for method, own in scaling_documents(document).items():
+            write_json(scratch / method / "scaling.json", own)
         if comparison:
             write_json(scratch / "comparison.json", document)
         if comparison and report:
-            if progress is not None:
-                progress("writing the report", 1.0)
-            (scratch / REPORT).write_text(report_html(results, document, verdict), encoding="utf-8")
+            tell("writing the report", 1.0)
+            page = report_page(results, document, evidence, verdict)
+            (scratch / REPORT).write_text(page.html(), encoding="utf-8")
     return document
 
 
-def write_json(path: Path, document: BaseModel) -> None:
-    """A document as JSON for people and programs."""
-    content = document.model_dump(mode="json")
-    path.write_text(
-        json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-    )
-
-
 def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodResult:
+    """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
     content = json.dumps(to_document(calibration.model), indent=1, allow_nan=False)
@@ -109,9 +117,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    document = method_document(scaling, results, files, warnings, gait)
-    write_json(folder / "scaling.json", scaling_document(results, document))
-    return document
+    return method_document(scaling, results, gait, files, warnings)
 
 
 def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
@@ -132,112 +138,20 @@ def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
     )
 
 
-def check_folder(folder: str | Path) -> None:
-    """Whether results can be written there, asked before anything long is computed.
-
-    Raises
-    ------
-    InputError
-        It is a file, or cannot be made or written to.
-    """
-    place = Path(folder)
-    try:
-        nearest = _existing(place)
-        if not nearest.is_dir():
-            said = "it is a file" if nearest == place.absolute() else f"'{nearest}' is a file"
-            raise InputError(said, file=place, field="--out", remedy="Name a folder")
-        writable = os.access(nearest, os.W_OK | os.X_OK)
-    except OSError as error:  # a name that is too long
-        raise _unwritable(place, error.strerror) from None
-    if not writable:
-        raise _unwritable(place, "no permission")
-
-
-def _existing(folder: Path) -> Path:
-    """The folder, or the nearest one above that exists."""
-    return next(p for p in (folder.absolute(), *folder.absolute().parents) if p.exists())
-
-
-@contextmanager
-def all_or_nothing(folder: Path) -> Iterator[Path]:
-    """A scratch folder on the target's disk, whose content moves to the target at the end."""
-    check_folder(folder)
-    try:
-        # Within the folder where it is there: what is above it may be another disk, or not ours to write to.
-        scratch = Path(tempfile.mkdtemp(prefix=".scaling-service-", dir=_existing(folder)))
-    except OSError as error:
-        raise _unwritable(folder, error.strerror) from None
-    try:
-        new = scratch / "new"
-        new.mkdir()
-        yield new
-        try:
-            _exchange(new, folder.absolute(), scratch / "old")
-        except OSError as error:
-            raise _unwritable(folder, error.strerror) from None
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _exchange(new: Path, folder: Path, old: Path) -> None:
-    """Move files into the folder and what they replace out of it; nothing if it fails or is interrupted."""
-    sources = [path for path in sorted(new.rglob("*")) if not path.is_dir()]
-    targets = [folder / source.relative_to(new) for source in sources]
-    for target in targets:
-        _refuse_in_the_way(target, folder)
-    # Motions and bones of an earlier run belong to a model that is no longer there, a report to its numbers.
-    stale = [p for place in sorted({t.parent for t in targets} - {folder}) for p in _of_a_model(place)]
-    if folder / "comparison.json" in targets:
-        stale += [path for path in (folder / REPORT,) if path.is_file()]
-    replaced = list(dict.fromkeys([*stale, *(target for target in targets if target.exists())]))
-    moves = [(path, old / path.relative_to(folder)) for path in replaced]
-    moves += list(zip(sources, targets, strict=True))
-    made: list[Path] = []
-    begun: list[tuple[Path, Path]] = []
-    try:
-        for source, target in moves:
-            for place in reversed([p for p in (target.parent, *target.parent.parents) if not p.exists()]):
-                made.append(place)
-                place.mkdir()
-            begun.append((source, target))
-            source.replace(target)
-    except BaseException:
-        for source, target in reversed(begun):
-            if not source.exists():
-                target.replace(source)
-        for place in reversed(made):
-            if place.is_dir():
-                place.rmdir()
-        raise
-
-
-def _of_a_model(place: Path) -> list[Path]:
-    return [
-        path
-        for pattern in ("*_ik.mot", "*_clinical.csv", CYCLES_TABLE, SKELETON, f"{BONES}/*.stl")
-        for path in sorted(place.glob(pattern))
-    ]
-
-
-def _refuse_in_the_way(target: Path, folder: Path) -> None:
-    """Raise where a folder stands in a file's place, or a file in the place of a method's folder."""
-    for place, kind, wrong in (
-        (target.parent, "file", target.parent.is_file()),
-        (target, "folder", target.is_dir()),
-    ):
-        if wrong:
-            raise InputError(
-                f"'{place.relative_to(folder)}' is a {kind} there, in the way of a result",
-                file=folder,
-                field="--out",
-                remedy="Move it away, or name another folder",
-            )
-
-
-def _unwritable(folder: Path, reason: str | None) -> InputError:
-    return InputError(
-        f"results cannot be written there: {reason}",
-        file=folder,
-        field="--out",
-        remedy="Name a folder that can be made and written to",
-    )
+def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
+    """Write a method's bones beside its model; returns their files' names, none where there are no bones."""
+    local = local_bones(calibration, bones)
+    if not local:
+        return []
+    (folder / BONES).mkdir()
+    frames, scene = neutral_frames(calibration.model), trimesh.Scene()
+    for name, bone in local.items():
+        mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
+        mesh.merge_vertices()  # one corner where several fall together, as smooth shading asks
+        mesh.visual = ColorVisuals(mesh, face_colors=COLOUR)
+        (folder / BONES / f"{name}.stl").write_bytes(export_stl(mesh))
+        transform = np.eye(4)
+        transform[:3, :3], transform[:3, 3] = frames[name]
+        scene.add_geometry(mesh, node_name=name, geom_name=name, transform=transform)
+    (folder / SKELETON).write_bytes(export_glb(scene))  # type: ignore[no-untyped-call]
+    return [*(f"{BONES}/{name}.stl" for name in local), SKELETON]

@@ -36,7 +36,7 @@ def progress_bar() -> Iterator[Report]:
 @contextmanager
 def running(out: Path) -> Iterator[Report]:
     """What a command does that writes a folder: the folder can be made, then a bar until all is written."""
-    from scaling_service.capabilities.scaling.saving import check_folder
+    from scaling_service.documents.writing import check_folder
 
     check_folder(out)
     with progress_bar() as progress:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,22 +25,13 @@ def checked(
 ) -> Array:
     """A complete table of finite numbers as a read-only copy.
 
-    Parameters
-    ----------
-    values : array_like, shape (n_subjects, n_methods) or (n_subjects, n_methods, n_nodes)
-    subjects, methods : sequences of str
-        The names of the first two axes.
-    quantity : str
-        What is compared; it heads the message of an error.
-    dimensions : int
-        2 for scalars, 3 for curves.
-
-    Raises
-    ------
-    ComparisonImpossible
-        A name given twice, fewer than two subjects or methods, or a shape that does not fit the names.
-    ValueMissing
-        A value that is not finite; subject and method are named, and the node of a curve.
+    ``values``: (n_subjects, n_methods) or (n_subjects, n_methods, n_nodes).
+    ``subjects``, ``methods``: the names of the first two axes.
+    ``quantity``: what is compared; it heads the message of an error.
+    ``dimensions``: 2 for scalars, 3 for curves.
+    Raises ComparisonImpossible: a name given twice, fewer than two subjects or methods, or a shape that does
+        not fit the names.
+    Raises ValueMissing: a value that is not finite; subject and method are named, and the node of a curve.
     """
     table = np.array(values, dtype=np.float64)
     for kind, names in (("subject", subjects), ("method", methods)):
@@ -62,15 +54,8 @@ def rows(
 ) -> tuple[tuple[str, ...], Array]:
     """Subjects and their values under the methods, from ``{subject: {method: value}}``.
 
-    Returns
-    -------
-    subjects : tuple of str
-    values : ndarray, shape (n_subjects, n_methods)
-
-    Raises
-    ------
-    ValueMissing
-        A subject without one of the methods; other methods may be there and are left out.
+    Returns ``values``: ndarray, shape (n_subjects, n_methods).
+    Raises ValueMissing: a subject without one of the methods; other methods may be there and are left out.
     """
     for subject, by_method in table.items():
         for method in methods:
@@ -119,4 +104,53 @@ def _refuse_gap(
         f"no finite value at {place}{others}",
         field=quantity,
         remedy="Compute it, or leave the subject or the method out of the comparison",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Methods, and the subjects that have a value under each of them.
+
+    ``excluded``: every other subject to what it lacks, plain English.
+    """
+
+    methods: tuple[str, ...]
+    subjects: tuple[str, ...]
+    excluded: Mapping[str, str]
+
+
+def panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> tuple[Panel, ...]:
+    """The comparisons that a cohort allows, those of most methods first.
+
+    Every set of two or more methods that some subject has is one comparison, over all subjects that have
+    at least these. A few subjects with images then give the image-based comparison, and count with the
+    others in the marker-based one.
+
+    ``available``: subject to the methods under which it has a value.
+    ``methods``: those of interest, in the order to show.
+    Sets of one method are there only where there is nothing else; empty where nobody has a value.
+
+    Examples
+    --------
+    >>> both = panels({"A": ["MB", "MB_am", "EB"], "B": ["MB", "MB_am"]}, ["MB", "MB_am", "EB"])
+    >>> [(p.methods, p.subjects, dict(p.excluded)) for p in both]
+    [(('MB', 'MB_am', 'EB'), ('A',), {'B': 'no EB'}), (('MB', 'MB_am'), ('A', 'B'), {})]
+    """
+    sets = {tuple(m for m in methods if m in has) for has in available.values()} - {()}
+    most = max(map(len, sets), default=0)
+    chosen = [found for found in sets if len(found) >= min(2, most)]
+    order = sorted(chosen, key=lambda found: (-len(found), [list(methods).index(m) for m in found]))
+    return tuple(_panel(available, found) for found in order)
+
+
+def _panel(available: Mapping[str, Collection[str]], methods: tuple[str, ...]) -> Panel:
+    lacks = {s: [m for m in methods if m not in has] for s, has in available.items()}
+    return Panel(
+        methods,
+        tuple(s for s, missing in lacks.items() if not missing),
+        {
+            s: f"no {', '.join(missing)}" if len(missing) < len(methods) else "no value"
+            for s, missing in lacks.items()
+            if missing
+        },
     )

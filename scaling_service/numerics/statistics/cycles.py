@@ -1,8 +1,8 @@
-"""Curves over the gait cycle: each cycle on the same nodes, each subject's cycles averaged."""
+"""Curves over the gait cycle, each cycle on the same nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, absent, checked
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, checked
 
 NODES = 101
 """0 to 100 % of the cycle, as Pataky's examples and published joint angles (Schwartz 2008: every 2 %)."""
@@ -50,11 +50,6 @@ class Curves:
         if table.shape[2] < 2:
             raise ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
         object.__setattr__(self, "values", table)
-
-    @property
-    def percent(self) -> Array:
-        """Where the nodes lie, % of the cycle."""
-        return np.linspace(0.0, 100.0, self.values.shape[2])
 
 
 def normalised_cycles(
@@ -109,63 +104,6 @@ def normalised_cycles(
         _refuse_gaps(clock[rows], recorded[rows], names, trial)
         curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
     return curves
-
-
-def mean_curves(
-    cycles: Mapping[str, Mapping[str, ArrayLike]], methods: Sequence[str], *, quantity: str
-) -> Curves:
-    """Average each subject's cycles, so that a subject counts once however many cycles it walked.
-
-    Cycles of one person are not independent: as separate observations they would make the tests find
-    more than the subjects support.
-
-    Parameters
-    ----------
-    cycles : mapping
-        Subject to method to curves of shape (n_cycles, n_nodes); all methods on the same cycles.
-    methods : sequence of str
-        Those compared; others may be there.
-
-    Raises
-    ------
-    ValueMissing
-        A subject without a method, or a node that is not finite in any of the cycles.
-    ComparisonImpossible
-        Methods of one subject with different numbers of cycles, or curves of different lengths.
-    """
-    means = [[_mean(subject, method, by, quantity) for method in methods] for subject, by in cycles.items()]
-    for subject, by in cycles.items():
-        counts = {method: len(np.asarray(by[method])) for method in methods}
-        if len(set(counts.values())) > 1:
-            raise ComparisonImpossible(
-                f"subject '{subject}' has different numbers of cycles: {counts}",
-                field=quantity,
-                remedy="Compare all methods on the same cycles",
-            )
-    lengths = {mean.shape for by_method in means for mean in by_method}
-    if len(lengths) > 1:
-        raise ComparisonImpossible(
-            "curves have different numbers of nodes",
-            field=quantity,
-            remedy="Normalise them to the same nodes",
-        )
-    return Curves(quantity, tuple(cycles), tuple(methods), np.array(means))
-
-
-def _mean(subject: str, method: str, by_method: Mapping[str, ArrayLike], quantity: str) -> Array:
-    if method not in by_method:
-        raise absent(subject, method, quantity)
-    curves = np.asarray(by_method[method], dtype=np.float64)
-    if curves.ndim != 2:
-        raise ComparisonImpossible(
-            f"curves of subject '{subject}', method '{method}' have shape {curves.shape}",
-            field=quantity,
-            remedy="Give one row per cycle and one column per node",
-        )
-    if not len(curves):
-        raise absent(subject, method, quantity)
-    mean: Array = curves.mean(axis=0)
-    return mean
 
 
 def _rows(times: Array, start: float, end: float, trial: str) -> slice:

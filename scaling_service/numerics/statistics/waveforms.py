@@ -8,7 +8,6 @@ within subjects, which asks neither for smooth nor for normal curves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -18,8 +17,14 @@ import numpy as np
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible
 from scaling_service.numerics.statistics.cycles import Curves
-from scaling_service.numerics.statistics.permutations import PairedT, RepeatedMeasuresF, orders, signs
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest, curve_test
+from scaling_service.numerics.statistics.permutation_tests import (
+    CurveTest,
+    PairedT,
+    RepeatedMeasuresF,
+    curve_test,
+    orders,
+    signs,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,25 +78,14 @@ class PairedCurves:
 class WaveformComparison:
     """A curve compared between methods over a cohort.
 
-    Parameters
-    ----------
-    quantity : str
-    subjects, methods : tuples of str
-    mean, sd : mapping
-        Method to its curve over subjects, shape (n_nodes,), in the quantity's unit.
-    anova : CurveTest
-        Between all methods; between two it is the square of their t.
-    pairs : tuple of PairedCurves
-        Empty unless ``anova`` is significant: the post hoc tests are gated by it, as in the paper.
-    n_pairs : int
-        By which alpha was divided.
+    ``anova``: between all methods; between two it is the square of their t.
+    ``pairs``: empty unless ``anova`` is significant: the post hoc tests are gated by it, as in the paper.
+    ``n_pairs``: by which alpha was divided.
     """
 
     quantity: str
     subjects: tuple[str, ...]
     methods: tuple[str, ...]
-    mean: Mapping[str, Array]
-    sd: Mapping[str, Array]
     anova: CurveTest
     pairs: tuple[PairedCurves, ...]
     n_pairs: int
@@ -116,8 +110,8 @@ def compare_waveforms(
     Parameters
     ----------
     curves : Curves
-        One per subject and method; several cycles of a subject are averaged before
-        (``mean_curves``).
+        One per subject and method: several cycles of a subject are averaged before, for they are not
+        independent.
     rng : numpy.random.Generator
         Used only where rearrangements are too many to take all.
     reference : str, optional
@@ -147,8 +141,6 @@ def compare_waveforms(
         quantity=curves.quantity,
         subjects=curves.subjects,
         methods=curves.methods,
-        mean=dict(zip(curves.methods, curves.values.mean(axis=0), strict=True)),
-        sd=dict(zip(curves.methods, curves.values.std(axis=0, ddof=1), strict=True)),
         anova=anova,
         pairs=tuple(_compared(curves, *pair, len(pairs), rng, chosen) for pair in tested),
         n_pairs=len(pairs),

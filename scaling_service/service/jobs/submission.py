@@ -18,11 +18,11 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 from sqlalchemy import Connection
 
-from scaling_service.capabilities.scaling.documents import code_version as released_version
 from scaling_service.capabilities.shared.job import Documents, JobRequest
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
+from scaling_service.documents.writing import code_version as released_version
 from scaling_service.service.jobs.kinds import Kind, Parts
 from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob

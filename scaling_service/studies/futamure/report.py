@@ -10,8 +10,8 @@ import rich.table
 
 from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import FAINT
 from scaling_service.studies.claims import study_page
 from scaling_service.studies.futamure.run import FutamureDocument, RecordingEntry, SquatterEntry
 from scaling_service.studies.screen import titled_table

@@ -18,11 +18,11 @@ from scaling_service.capabilities.consistent.estimate import consistent as ident
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import code_version
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import StudyDocument, answer_claims, person_seeds
 from scaling_service.studies.futamure.claims import CLAIMS

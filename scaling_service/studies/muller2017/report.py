@@ -11,8 +11,8 @@ import rich.table
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart
+from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import FAINT, INK
 from scaling_service.studies.claims import study_page
 from scaling_service.studies.muller2017.run import Muller2017Document, PersonEntry, PropagatedEntry
 from scaling_service.studies.screen import titled_table

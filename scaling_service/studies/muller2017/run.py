@@ -16,10 +16,10 @@ from scaling_service.capabilities.cohort.executors import gathered
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, WrenchUncertainty
-from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import code_version
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import StudyDocument, answer_claims, person_seeds
 from scaling_service.studies.muller2017.claims import CLAIMS

@@ -15,11 +15,11 @@ from typing import Literal
 
 from scaling_service.capabilities.cohort.outcomes import Done
 from scaling_service.capabilities.cohort.summary import Truth, summarise
-from scaling_service.capabilities.scaling.methods.joints import with_centre
-from scaling_service.capabilities.scaling.methods.placement import moved
-from scaling_service.capabilities.scaling.run import Progress, run
+from scaling_service.capabilities.scaling.methods.placement import moved, with_centre
+from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.core.progress import Progress
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import generic_person
 from scaling_service.virtual.subject import VirtualSettings, demo_session

@@ -12,9 +12,8 @@ from scaling_service.capabilities.cohort.report import statistics_sections
 from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
-from scaling_service.report.methods import method_columns
+from scaling_service.report.methods import FAINT, method_columns, styles
 from scaling_service.report.page import Page, Section
-from scaling_service.report.palette import FAINT, styles
 from scaling_service.studies.claims import study_page
 from scaling_service.studies.puchaud2019.claims import Study
 from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document

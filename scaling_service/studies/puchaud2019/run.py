@@ -12,10 +12,10 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, run_members
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.summary import SubjectSummary
-from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
+from scaling_service.documents.writing import code_version
 from scaling_service.studies.claims import answer_claims, person_seeds
 from scaling_service.studies.puchaud2019.claims import CLAIMS, Study
 from scaling_service.studies.puchaud2019.paper import (

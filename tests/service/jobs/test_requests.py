@@ -11,7 +11,8 @@ from pydantic import ValidationError
 
 from scaling_service.capabilities.cohort.job import BatchRequest
 from scaling_service.capabilities.scaling.job import LinearRequest, OptimisedRequest, ScalingRequest
-from scaling_service.capabilities.scaling.methods.table import METHODS, Optimised
+from scaling_service.capabilities.scaling.methods.optimised import Optimised
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.service.jobs.kinds import KINDS
 
 

@@ -19,8 +19,8 @@ from scaling_service.capabilities.discovery.report.style import (
 )
 from scaling_service.report.blocks import Block, Bullets, Heading, Row, Table, Text
 from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import INK
 from scaling_service.report.page import Section
-from scaling_service.report.palette import INK
 
 _TRIED = 10
 """Chosen: of what was not named, as many as stay readable."""

@@ -13,8 +13,8 @@ from scaling_service.capabilities.discovery.report.data import DiscoveryData, He
 from scaling_service.capabilities.discovery.report.style import BEFORE, HEAT, chance, digits
 from scaling_service.report.blocks import Block, Cell, Row, Table, Text
 from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import INK
 from scaling_service.report.page import Section
-from scaling_service.report.palette import INK
 
 _SHOWN = 12
 """Chosen: places in the table; the picture and discovery.json have all."""

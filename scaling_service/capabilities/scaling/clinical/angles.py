@@ -2,24 +2,150 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.clinical.landmarks import (
-    clinical_landmarks,
-    moved_landmarks,
-    tilt_is_seen,
-)
-from scaling_service.capabilities.scaling.comparison.gait_cycles import Cycle
-from scaling_service.model.anatomy.conventional import ANGLES, KNEE, Points, conventional_angles
-from scaling_service.model.anatomy.frames import Side
-from scaling_service.model.body import BodyModel
+from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, Cycle, Side
+from scaling_service.model.anatomy.conventional import ANGLES, KNEE, conventional_angles, heel_level
+from scaling_service.model.anatomy.lengths import joint_centres, segment_of
+from scaling_service.model.anatomy.markers import canonical, strip_prefix
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
 from scaling_service.model.results import Array, Motion
 from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
 
-SIDES: tuple[Side, ...] = ("r", "l")
+_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
+_LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
+_BEHIND_M = 0.05
+"""Chosen: a third of the way from front to back of an adult's pelvis, far beyond what markers are off."""
+
+_CENTRES = {"hip": "HJC", "knee": "KJC", "ankle": "AJC"}
+_TOES = re.compile(r"[RL]TOE(TIP)?")
+"""The second metatarsal's head or the tip before it: on one line with the heel, seen from above."""
+
+_Place = tuple[str, Array]
+"""Segment, and a position in ground where all turns of the model are zero, (3,), m."""
+
+
+def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
+    """The landmarks of ``Points`` that a model has.
+
+    Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
+    epicondyles or malleoli, the lateral one counts as lying beside the joint's centre in their direction.
+
+    All turns of the model at zero are its neutral pose: the shank's frontal plane is the thigh's there, so
+    that knee rotation counts from it and tibial torsion does not enter; and soles are level, heel and toe
+    marker equally high.
+
+    Returns landmark to a marker at its place on a segment; without those that the model does not have.
+    """
+    straight = {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
+    frames, values = neutral_frames(model, straight), model_values(model)
+
+    def place(segment: str, local: Array) -> _Place:
+        rotation, origin = frames[segment]
+        return segment, origin + rotation @ local
+
+    places = {
+        f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
+        for name, (segment, at) in joint_centres(model).items()
+        if name[:-2] in _CENTRES
+    }
+    for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
+        found = next((m for m in model.markers if _means(m.name, name)), None)
+        if found is not None:
+            places[name] = place(found.segment, marker_position(found, values))
+    for letter in "RL":
+        places |= _beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
+        places |= _beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
+        places |= _knee_axis(places, letter, segment_of(model, "tibia", letter.lower()))
+        places |= _foot_line(places, letter)
+    return {
+        name: Marker.at(name, segment, _local(frames[segment], point))
+        for name, (segment, point) in places.items()
+    }
+
+
+def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
+    """Landmark to its trajectory in a motion of the model, (n_frames, 3), m.
+
+    NaN where it hangs on a coordinate that the recording, or this frame of it, does not determine.
+    """
+    q = np.full((len(motion.times), len(model.coordinates)), np.nan)
+    for k, name in enumerate(model.coordinate_names):
+        if name in motion.estimated:
+            q[:, k] = motion.column(name)
+    names = tuple(placed)
+    where = placed_markers(model.with_markers(tuple(placed.values())), names, q)
+    return {name: where[:, k] for k, name in enumerate(names)}
+
+
+def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
+    """Whether a marker that a motion follows shows how far the pelvis is tilted.
+
+    One that lies off the line through both front spines does. A motion that follows no marker of the pelvis
+    at all (as of a virtual person) is taken as known.
+    """
+    front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _means(m.name, name)}
+    if len(front) < 2:
+        return True
+    values, pelvis = model_values(model), front["RASIS"].segment
+    right, left = (marker_position(front[name], values) for name in ("RASIS", "LASIS"))
+    across = (right - left) / np.linalg.norm(right - left)
+    seen = {name for k, name in enumerate(motion.markers) if np.isfinite(motion.residuals[:, k]).any()}
+    off = [
+        float(np.linalg.norm(np.cross(marker_position(m, values) - left, across)))
+        for m in model.markers
+        if m.segment == pelvis and m.name in seen
+    ]
+    return not off or max(off) > _BEHIND_M
+
+
+def _means(label: str, landmark: str) -> bool:
+    if canonical(label) == landmark:
+        return True
+    plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
+    return plain == landmark or (
+        landmark[1:] == "TOE" and landmark[0] == plain[:1] and bool(_TOES.fullmatch(plain))
+    )
+
+
+def _local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
+    rotation, origin = frame
+    x, y, z = (float(v) for v in rotation.T @ (point - origin))
+    return x, y, z
+
+
+def _beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
+    """The lateral landmark beside the joint's centre, in the direction from the medial one."""
+    if not {centre, lateral, medial} <= places.keys() or places[lateral][0] != places[medial][0]:
+        return {}
+    segment, outside = places[lateral]
+    return {lateral: (segment, places[centre][1] + (outside - places[medial][1]) / 2.0)}
+
+
+def _knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
+    """Beside the ankle as the lateral epicondyle is beside the knee, on the shank."""
+    knee, lateral, ankle = (f"{letter}{name}" for name in ("KJC", "LFE", "AJC"))
+    if shank is None or not {knee, lateral, ankle} <= places.keys():
+        return {}
+    return {f"{letter}KAX": (shank, places[ankle][1] + places[lateral][1] - places[knee][1])}
+
+
+def _foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
+    """The heel at the toe's height; the toe between the metatarsal heads where it has no own marker."""
+    heel, toe, inner, outer = (f"{letter}{name}" for name in ("HEE", "TOE", "MT1", "MT5"))
+    found = dict(places)
+    if toe not in found and {inner, outer} <= found.keys():
+        found[toe] = (found[inner][0], (found[inner][1] + found[outer][1]) / 2.0)
+    if not {heel, toe} <= found.keys():
+        return {}
+    ends = {name: found[name][1][None] for name in (heel, toe)}
+    return {toe: found[toe], heel: (found[heel][0], heel_level(ends, "r" if letter == "R" else "l")[0])}
+
 
 _AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
 """Angles that are counted from the walking direction."""
@@ -41,21 +167,13 @@ _LOCKED = 1e-4
 class ClinicalAngles:
     """The conventional angles of both sides over one recording.
 
-    Parameters
-    ----------
-    trial : str
-    times : (n_frames,), s
-    values : mapping
-        Side to angle (of ``ANGLES``) to (n_frames,), rad; NaN where
-        the recording does not determine it.
-    pelvis : (n_frames, 3), m
-        Half-way between the hip centres.
-    heading : float, rad
-        The walking direction of the recording: turn about y that leads from x to it.
-    left_out : tuple of str
-        Which angles are not there and why, one sentence without a full stop each.
-    doubtful : tuple of str
-        Which are there but rest on little, likewise.
+    ``times``: (n_frames,), s.
+    ``values``: side to angle (of ``ANGLES``) to (n_frames,), rad; NaN where the recording does not determine
+        it.
+    ``pelvis`` ((n_frames, 3), m): half-way between the hip centres.
+    ``heading`` (rad): the walking direction of the recording: turn about y that leads from x to it.
+    ``left_out``: which angles are not there and why, one sentence without a full stop each.
+    ``doubtful``: which are there but rest on little, likewise.
     """
 
     trial: str
@@ -71,12 +189,9 @@ class ClinicalAngles:
 class ClinicalCycles:
     """The conventional angles of one side over gait cycles.
 
-    Parameters
-    ----------
-    side : 'r' or 'l'
-    cycles : tuple of (trial, start_s, end_s)
-    values : mapping
-        Angle to (n_cycles, n_nodes), rad, from 0 to 100 % of the cycle; NaN in cycles that do not tell it.
+    ``side``: 'r' or 'l'.
+    ``values``: angle to (n_cycles, n_nodes), rad, from 0 to 100 % of the cycle; NaN in cycles that do not
+        tell it.
     """
 
     side: Side
@@ -87,15 +202,10 @@ class ClinicalCycles:
 def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
-    Joint centres and landmarks are the model's own and move with its segments; see
-    ``clinical_landmarks``.
+    Joint centres and landmarks are the model's own and move with its segments (:func:`clinical_landmarks`).
 
-    Parameters
-    ----------
-    model : BodyModel
-        Built-in or from OpenSim, y up.
-    motion : Motion
-        Coordinates that the recording does not determine make what hangs on them NaN.
+    ``model``: built-in or from OpenSim, y up.
+    ``motion``: coordinates that the recording does not determine make what hangs on them NaN.
 
     Examples
     --------
@@ -110,7 +220,8 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """
     points = moved_landmarks(model, motion, clinical_landmarks(model))
     sides = {side: conventional_angles(points, side) for side in SIDES}
-    pelvis = _between_hips(points, len(motion.times))
+    unknown = np.full((len(motion.times), 3), np.nan)
+    pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     heading = _heading(pelvis[np.isfinite(pelvis).all(axis=1)])
     free = {side: _without_locked(angles) for side, angles in sides.items()}
     values = {side: _against(angles, side, heading) for side, angles in free.items()}
@@ -127,14 +238,7 @@ def clinical_cycles(
     Pelvis rotation and foot progression count from where the pelvis goes during each cycle, so that a turning
     walk can be read, too.
 
-    Parameters
-    ----------
-    recordings : iterable of (angles, cycles of this side)
-
-    Returns
-    -------
-    ClinicalCycles or None
-        None where no cycle lies within what is known.
+    None where no cycle lies within what is known.
     """
     cut = [
         (angles.trial, cycle, _cut(angles, cycle, side)) for angles, cycles in recordings for cycle in cycles
@@ -166,15 +270,10 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     within = {name: angles.values[side][name] for name in known}
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
     turned = _against(within, side, _heading(way, angles.heading) - angles.heading)
-    smooth = np.column_stack([_unwrapped(turned[name], rows) for name in known])
+    smooth = np.column_stack([turned[name] for name in known])
+    smooth[rows] = np.unwrap(smooth[rows], axis=0)
     curves = normalised_cycles(times, smooth, [cycle], known, trial=angles.trial, nodes=NODES)[0]
     return dict(zip(known, curves, strict=True))
-
-
-def _unwrapped(angle: Array, rows: slice) -> Array:
-    whole = angle.copy()
-    whole[rows] = np.unwrap(angle[rows])
-    return whole
 
 
 def _against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:
@@ -190,12 +289,6 @@ def _heading(way: Array, otherwise: float = 0.0) -> float:
     """Where a way over the floor leads, (n, 3), m, from its first to its last point."""
     gone = way[-1] - way[0] if len(way) else np.zeros(3)
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
-
-
-def _between_hips(points: Points, n_frames: int) -> Array:
-    if "RHJC" not in points or "LHJC" not in points:
-        return np.full((n_frames, 3), np.nan)
-    return np.asarray((points["RHJC"] + points["LHJC"]) / 2.0)
 
 
 def _without_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
@@ -222,12 +315,9 @@ def _left_out(
         "foot_internal_progression": "ankle and foot: the model has no heel and toe",
         "ankle_dorsiflexion": "ankle: the model has no lateral malleoli or ankle centres",
     }
+    told_with = {"hip_flexion": "pelvis_anterior_tilt", "ankle_dorsiflexion": "foot_internal_progression"}
     absent = [name for name in reasons if name not in names]
-    if "pelvis_anterior_tilt" in absent and "hip_flexion" in absent:
-        absent.remove("hip_flexion")
-    if "foot_internal_progression" in absent and "ankle_dorsiflexion" in absent:
-        absent.remove("ankle_dorsiflexion")
-    yield from (reasons[name] for name in absent)
+    yield from (reasons[name] for name in absent if told_with.get(name) not in absent)
     locked = [name for name in KNEE if any(name in sides[s] and name not in values[s] for s in values)]
     if locked:
         yield f"{' and '.join(name.replace('_', ' ') for name in locked)}: the model's knee does not turn so"

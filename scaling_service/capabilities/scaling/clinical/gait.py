@@ -1,52 +1,174 @@
-"""What a gait laboratory reads from one model's motions: angles, cycles, profile and score."""
+"""What a gait laboratory reads from one model's motions: angles over cycles, profile, score, documents."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+import csv
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import yaml
 
 from scaling_service.capabilities.scaling.clinical.angles import (
-    SIDES,
     ClinicalAngles,
     ClinicalCycles,
     clinical_angles,
     clinical_cycles,
 )
-from scaling_service.capabilities.scaling.clinical.gait_profile import (
-    GaitProfile,
-    Reference,
-    gait_profile,
-    schwartz2008,
-)
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, find_gait_cycles
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.core.errors import InputError
+from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents.writing import CYCLES_TABLE
+from scaling_service.model.anatomy.conventional import ANGLES, PELVIS
 from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Motion
+from scaling_service.model.reference import reference_folder
+from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.statistics.cycles import NODES
+
+VARIABLES = (
+    "pelvis_anterior_tilt",
+    "pelvis_obliquity_up",
+    "pelvis_internal_rotation",
+    "hip_flexion",
+    "hip_adduction",
+    "hip_internal_rotation",
+    "knee_flexion",
+    "ankle_dorsiflexion",
+    "foot_internal_progression",
+)
+"""The nine angles of the score, in the order of the profile."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """One angle of a reference population over the gait cycle.
+
+    ``mean``, ``sd`` ((n_nodes,), rad): equally spaced from 0 to 100 %; ``sd`` is between persons.
+    """
+
+    mean: Array
+    sd: Array
+
+    @property
+    def typical(self) -> float:
+        """RMS distance of the population's members from its mean, rad."""
+        return float(np.sqrt(np.mean(self.sd**2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """The curves of a reference population.
+
+    ``bands``: angle to its band, all of one length.
+    """
+
+    source: str
+    population: str
+    bands: Mapping[str, Band]
+
+
+@dataclass(frozen=True, slots=True)
+class GaitProfile:
+    """How far a gait is from the reference, for one person.
+
+    ``variable_scores``: side to angle to its Gait Variable Score, rad: the Movement Analysis Profile.
+    ``side_scores``: side to its Gait Profile Score over nine variables, rad; a side that lacks one has none.
+    ``score`` (rad): of both sides: six variables of each, and the pelvis' as in the cycles of the left (Baker
+        2009).
+    """
+
+    variable_scores: Mapping[Side, Mapping[str, float]]
+    side_scores: Mapping[Side, float]
+    score: float | None
+
+
+@cache
+def schwartz2008() -> Reference:
+    """Walking at free speed of children and adolescents (Schwartz et al. 2008, J Biomech 41:1639)."""
+    text = (reference_folder() / "gait_bands_schwartz2008.yaml").read_text(encoding="utf-8")
+    document = yaml.safe_load(text)
+    bands = {
+        name: Band(np.radians(curve["mean"]), np.radians(curve["sd"]))
+        for name, curve in document["curves"].items()
+    }
+    return Reference(document["source"], document["population"], bands)
+
+
+def gait_variable_score(cycles: Array, mean: Array) -> float:
+    """RMS difference from a reference's mean over the cycle, averaged over cycles.
+
+    ``cycles`` ((n_cycles, n_nodes), rad): cycles with NaN do not count.
+    ``mean`` ((n_reference_nodes,), rad): every reference node is one of the cycles' nodes: 51 and 101, or
+        equally many.
+    Returns rad, NaN without a cycle.
+    Raises InputError: nodes that do not fall on each other.
+
+    Examples
+    --------
+    >>> round(gait_variable_score(np.full((2, 101), 0.3), np.full(51, 0.2)), 9)
+    0.1
+    """
+    step, rest = divmod(cycles.shape[1] - 1, len(mean) - 1)
+    if rest or not step:
+        raise InputError(
+            f"a curve of {cycles.shape[1]} nodes has none at those of a reference of {len(mean)}",
+            field="reference",
+            remedy=f"Give curves of {len(mean)} nodes, or of a whole multiple of its intervals",
+        )
+    whole = cycles[np.isfinite(cycles).all(axis=1)]
+    if not len(whole):
+        return float("nan")
+    return float(np.sqrt(np.mean((whole[:, ::step] - mean) ** 2, axis=1)).mean())
+
+
+def gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Reference) -> GaitProfile:
+    """Scores of both sides.
+
+    ``curves``: side to angle to its cycles, (n_cycles, n_nodes), rad. Sides, angles and cycles may be
+    missing.
+    """
+    scores = {
+        side: {
+            name: gait_variable_score(angles[name], reference.bands[name].mean)
+            for name in VARIABLES
+            if name in angles and np.isfinite(angles[name]).all(axis=1).any()
+        }
+        for side, angles in curves.items()
+    }
+    complete = {side: by for side, by in scores.items() if len(by) == len(VARIABLES)}
+    both = None
+    if "r" in complete and "l" in complete:
+        once = [score for name, score in complete["r"].items() if name not in PELVIS]
+        both = _rms([*once, *complete["l"].values()])
+    return GaitProfile(scores, {side: _rms(list(by.values())) for side, by in complete.items()}, both)
+
+
+def typical_score(reference: Reference) -> float:
+    """RMS distance of the reference's members from its mean over the nine variables, rad."""
+    return _rms([reference.bands[name].typical for name in VARIABLES])
+
+
+def _rms(scores: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(scores))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClinicalGait:
     """The conventional angles of one model of one person.
 
-    Parameters
-    ----------
-    recordings : mapping
-        Trial to its angles, of every trial that the model follows.
-    cycles : mapping
-        Side to its gait cycles; sides without one are absent.
-    profile : GaitProfile
-        Over these cycles.
-    reference : Reference
-        What the profile is compared with.
-    held_out : bool
-        Whether the cycles are from trials that were not fitted.
-    left_out : tuple of str
-        Which angles are not there and why.
-    doubtful : tuple of str
-        Which are there but rest on little.
-    reason : str
-        Why there is no cycle, one sentence without a full stop; empty where there is one.
+    ``recordings``: trial to its angles, of every trial that the model follows.
+    ``cycles``: side to its gait cycles; sides without one are absent.
+    ``profile``: over these cycles.
+    ``reference``: what the profile is compared with.
+    ``held_out``: whether the cycles are from trials that were not fitted.
+    ``left_out``: which angles are not there and why.
+    ``doubtful``: which are there but rest on little.
+    ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
     recordings: Mapping[str, ClinicalAngles]
@@ -59,20 +181,20 @@ class ClinicalGait:
     reason: str = ""
 
 
+def clinical_of(scaling: Scaling, results: Results) -> ClinicalGait:
+    """What one method's model says in a gait laboratory's terms."""
+    fitted = {trial.name for trial in results.session.calibration}
+    return clinical_gait(scaling.calibration.model, scaling.motions, results.session.dynamic, fitted)
+
+
 def clinical_gait(
     model: BodyModel, motions: Mapping[str, Motion], trials: Sequence[Trial], fitted: Container[str] = ()
 ) -> ClinicalGait:
     """The conventional angles of a model over its motions, and over the gait cycles that the markers show.
 
-    Parameters
-    ----------
-    model : BodyModel
-    motions : mapping
-        Trial to motion; trials without one are passed over.
-    trials : sequence of Trial
-        Processed: gait cycles are found in their markers.
-    fitted : container of str
-        Trials that the model was fitted to: their cycles count only where no other trial shows one.
+    ``motions``: trial to motion; trials without one are passed over.
+    ``trials``: processed: gait cycles are found in their markers.
+    ``fitted``: trials that the model was fitted to: their cycles count only where no other trial shows one.
     """
     followed = [trial for trial in trials if trial.name in motions]
     recordings = {trial.name: clinical_angles(model, motions[trial.name]) for trial in followed}
@@ -111,3 +233,86 @@ def _reason(trials: Sequence[Trial]) -> str:
     reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
     said = [reason for reason in reasons if reason]
     return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
+
+
+_OVER_TIME = "_clinical.csv"
+
+
+def write_clinical(folder: Path, gait: ClinicalGait) -> None:
+    """``<trial>_clinical.csv`` with every angle over time, and all cycles in ``clinical_angles.csv``.
+
+    Nothing is written where the model tells none of the angles, or where there is no cycle.
+    """
+    for trial, angles in gait.recordings.items():
+        columns = {
+            f"{name}_{side}_deg": np.degrees(angles.values[side][name])
+            for side in SIDES
+            for name in ANGLES
+            if name in angles.values[side]
+        }
+        if columns:
+            rows = np.column_stack([angles.times, *columns.values()])
+            _write(folder / f"{trial}{_OVER_TIME}", ["time_s", *columns], map(_numbers, rows))
+    if gait.cycles:
+        heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in ANGLES)]
+        found = [row for cycles in gait.cycles.values() for row in _cycle_rows(cycles)]
+        _write(folder / CYCLES_TABLE, heads, found)
+
+
+def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
+    """The same, summed up over cycles, as it stands in ``scaling.json``."""
+    profile, reference = gait.profile, gait.reference
+    return ClinicalDocument(
+        reference=reference.source,
+        population=reference.population,
+        sides={
+            side: ClinicalSide(
+                cycles=[
+                    ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
+                    for trial, start, end in cycles.cycles
+                ],
+                curves={name: _curve(values) for name, values in cycles.values.items()},
+                gvs_deg={name: _deg(score) for name, score in profile.variable_scores[side].items()},
+                gps_deg=_deg(profile.side_scores[side]) if side in profile.side_scores else None,
+            )
+            for side, cycles in gait.cycles.items()
+        },
+        gps_deg=None if profile.score is None else _deg(profile.score),
+        reference_gvs_deg={name: _deg(reference.bands[name].typical) for name in VARIABLES},
+        reference_gps_deg=_deg(typical_score(reference)),
+        held_out=gait.held_out,
+        left_out=list(gait.left_out),
+        doubtful=list(gait.doubtful),
+        reason=gait.reason,
+    )
+
+
+def _curve(values: Array) -> ClinicalCurve:
+    """Mean and scatter of the cycles that are known, at every second node."""
+    known = np.degrees(values[np.isfinite(values).all(axis=1)][:, ::2])
+    sd = known.std(axis=0, ddof=1).round(3).tolist() if len(known) > 1 else None
+    return ClinicalCurve(mean_deg=known.mean(axis=0).round(3).tolist(), sd_deg=sd, n_cycles=len(known))
+
+
+def _cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
+    unknown = np.full((len(cycles.cycles), NODES), np.nan)
+    table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in ANGLES], axis=2))
+    for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
+        for percent, row in enumerate(rows):
+            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *_numbers(row)]
+
+
+def _numbers(row: Array) -> list[str]:
+    """Empty where a number is not known."""
+    return [f"{value:.4f}" if np.isfinite(value) else "" for value in row]
+
+
+def _write(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(heads)
+        writer.writerows(rows)
+
+
+def _deg(angle: float) -> float:
+    return round(float(np.degrees(angle)), 3)

@@ -23,6 +23,7 @@ from scaling_service.numerics.signals.filters import runs
 
 Cycle = tuple[float, float]
 Side = Literal["r", "l"]
+SIDES: tuple[Side, ...] = ("r", "l")
 
 _FEET = ("HEE", "LM", "MM")
 """Heel, as Zeni et al. 2008; else the malleoli, which the method's authors did not test."""
@@ -63,16 +64,10 @@ at 100 Hz over which the default smoothing has fewer neighbours on one side."""
 class GaitCycles:
     """The strides of one leg in one recording.
 
-    Parameters
-    ----------
-    cycles : tuple of (start_s, end_s)
-        From each contact of the foot to its next one, on the recording's clock.
-    contacts : tuple of float, s
-        All that were found; a stride needs two with nothing hidden between them.
-    marker : str
-        The foot's marker that was followed; empty where there is none.
-    reason : str
-        Why there is no cycle, one sentence without a full stop; empty where there is one.
+    ``cycles``: from each contact of the foot to its next one, on the recording's clock.
+    ``contacts`` (float, s): all that were found; a stride needs two with nothing hidden between them.
+    ``marker``: the foot's marker that was followed; empty where there is none.
+    ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
     cycles: tuple[Cycle, ...]
@@ -81,30 +76,13 @@ class GaitCycles:
     reason: str = ""
 
 
-def gait_cycles(trial: Trial, side: Side) -> tuple[Cycle, ...]:
-    """The strides of one leg, (start_s, end_s) each; empty where the recording shows none.
-
-    :func:`find_gait_cycles` says why there is none.
-    """
-    return find_gait_cycles(trial, side).cycles
-
-
 def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     """The strides of one leg from its foot's way before the pelvis.
 
-    Parameters
-    ----------
-    trial : Trial
-        Processed: m, Y up. Labels are the built-in models' names or any known alias. It may go along any
-        horizontal direction.
-    side : 'r' or 'l'
+    ``trial``: processed: m, Y up. Labels are the built-in models' names or any known alias. It may go along
+        any horizontal direction.
+    ``side``: 'r' or 'l'.
 
-    Returns
-    -------
-    GaitCycles
-
-    Notes
-    -----
     A contact is the instant at which the heel (else a malleolus) is furthest ahead of the sacrum (Zeni et
     al. 2008), between frames by a parabola. Over ground, ahead is where the pelvis goes. As a foot
     stands still while the body passes over it, a stride then carries the pelvis further than the foot
@@ -115,33 +93,30 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     four persons, from 0.05 s early to 0.003 s late) and in virtual persons. A person's strides are early
     alike, so their lengths are right.
     """
-    pelvis = _pelvis(trial)
-    if pelvis is None:
-        return _none("no marker of the pelvis is seen")
-    name, foot = _foot(trial, side)
-    if foot is None:
-        return _none(f"neither heel nor malleolus of side '{side}' is seen")
-    way = _way(trial, pelvis)
-    if way.reason:
-        return _none(way.reason, name)
-    ahead = (foot - pelvis) @ way.direction
-    reason = "" if way.travels else _not_in_turn(trial, side, pelvis, way.direction, ahead)
-    if reason:
-        return _none(reason, name)
+    marker = ""
+    try:
+        pelvis = _pelvis(trial)
+        marker, foot = _foot(trial, side)
+        direction, travels = _way(trial, pelvis)
+        ahead = (foot - pelvis) @ direction
+        if not travels:
+            _check_turns(trial, side, pelvis, direction, ahead)
+    except _NoWalking as why:
+        return GaitCycles((), (), marker, str(why))
     groups = list(_contacts(trial.times, ahead))
     contacts = tuple(time for group in groups for time in group)
     cycles = tuple(cycle for group in groups for cycle in pairwise(group))
     if not cycles:
-        return GaitCycles((), contacts, name, _too_few(len(contacts), side))
-    if way.travels:
-        gone = pelvis @ way.direction
+        return GaitCycles((), contacts, marker, _too_few(len(contacts), side))
+    if travels:
+        gone = pelvis @ direction
         cycles = tuple(c for c in cycles if _carried(trial.times, gone, c) > _excursion(ahead))
     said = "" if cycles else "no stride carries the pelvis as far as the foot goes against it"
-    return GaitCycles(cycles, contacts, name, said)
+    return GaitCycles(cycles, contacts, marker, said)
 
 
-def _none(reason: str, marker: str = "") -> GaitCycles:
-    return GaitCycles((), (), marker, reason)
+class _NoWalking(Exception):
+    """Why a recording has no strides."""
 
 
 def _too_few(contacts: int, side: Side) -> str:
@@ -150,10 +125,13 @@ def _too_few(contacts: int, side: Side) -> str:
     return f"between the {contacts} contacts of foot '{side}' markers are hidden"
 
 
-def _pelvis(trial: Trial) -> Array | None:
+def _pelvis(trial: Trial) -> Array:
     """Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden."""
     found = [_middle(trial, names) for names in _PELVIS]
-    return _seen_longest([where for where in found if where is not None])
+    best = _seen_longest([where for where in found if where is not None])
+    if best is None:
+        raise _NoWalking("no marker of the pelvis is seen")
+    return best
 
 
 def _middle(trial: Trial, names: Sequence[str]) -> Array | None:
@@ -165,12 +143,14 @@ def _middle(trial: Trial, names: Sequence[str]) -> Array | None:
     return mean
 
 
-def _foot(trial: Trial, side: Side) -> tuple[str, Array | None]:
+def _foot(trial: Trial, side: Side) -> tuple[str, Array]:
     """The foot's marker that is seen longest, the earlier in the list where two are, and its places."""
     names = [f"{side.upper()}{name}" for name in _FEET]
     found = {name: where for name in names if (where := _position(trial, name)) is not None}
     best = _seen_longest(list(found.values()))
-    return next((name for name, where in found.items() if where is best), ""), best
+    if best is None:
+        raise _NoWalking(f"neither heel nor malleolus of side '{side}' is seen")
+    return next(name for name, where in found.items() if where is best), best
 
 
 def _position(trial: Trial, landmark: str) -> Array | None:
@@ -184,29 +164,20 @@ def _seen_longest(places: Sequence[Array]) -> Array | None:
     return places[int(np.argmax(counts))] if counts and max(counts) > 0 else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """The horizontal unit vector (3,) that is ahead, whether the pelvis goes there, or why there is none."""
-
-    direction: Array
-    travels: bool
-    reason: str = ""
-
-
-def _way(trial: Trial, pelvis: Array) -> _Way:
+def _way(trial: Trial, pelvis: Array) -> tuple[Array, bool]:
+    """The horizontal unit vector (3,) that is ahead, and whether the pelvis goes there."""
     known = np.flatnonzero(seen(pelvis))
     step = max(1, round(_PATH_STEP_S * trial.rate_hz))
     path = pelvis[np.unique([*known[::step], known[-1]])] * [1.0, 0.0, 1.0]
     gone, faced = path[-1] - path[0], _faced(trial)
     travelled = float(np.linalg.norm(gone))
     if travelled < _LEAST_TRAVEL_M:
-        return _Way(faced / np.linalg.norm(faced), travels=False)
-    reason = ""
+        return faced / np.linalg.norm(faced), False
     if travelled < _LEAST_STRAIGHTNESS * float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()):
-        reason = "the pelvis does not go straight"
-    elif faced @ gone < 0.0:
-        reason = "the person walks backwards"
-    return _Way(gone / travelled, travels=True, reason=reason)
+        raise _NoWalking("the pelvis does not go straight")
+    if faced @ gone < 0.0:
+        raise _NoWalking("the person walks backwards")
+    return gone / travelled, True
 
 
 def _faced(trial: Trial) -> Array:
@@ -223,18 +194,18 @@ def _faced(trial: Trial) -> Array:
     return np.array([1.0, 0.0, 0.0])
 
 
-def _not_in_turn(trial: Trial, side: Side, pelvis: Array, direction: Array, ahead: Array) -> str:
-    """Why feet under a pelvis that stays in place do not walk; empty where they do."""
-    other = _foot(trial, "l" if side == "r" else "r")[1]
-    if other is None:
-        return "the pelvis stays in place, and one foot is not seen"
+def _check_turns(trial: Trial, side: Side, pelvis: Array, direction: Array, ahead: Array) -> None:
+    """Refuse feet that do not go to and fro in turn under a pelvis that stays in place."""
+    try:
+        _, other = _foot(trial, "l" if side == "r" else "r")
+    except _NoWalking:
+        raise _NoWalking("the pelvis stays in place, and one foot is not seen") from None
     theirs = (other - pelvis) @ direction
     both = np.isfinite(ahead) & np.isfinite(theirs)
     if min(_excursion(ahead), _excursion(theirs)) < _LEAST_SWING_M or not both.any():
-        return "the pelvis stays in place, and the feet do not walk under it"
+        raise _NoWalking("the pelvis stays in place, and the feet do not walk under it")
     if np.corrcoef(ahead[both], theirs[both])[0, 1] > _MOST_ALIKE:
-        return "the pelvis stays in place, and the feet do not go to and fro in turn"
-    return ""
+        raise _NoWalking("the pelvis stays in place, and the feet do not go to and fro in turn")
 
 
 def _excursion(ahead: Array) -> float:

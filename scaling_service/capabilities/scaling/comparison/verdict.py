@@ -4,25 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Literal
 
-from scaling_service.capabilities.scaling.comparison.verdict_evidence import (
+from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     MethodEvidence,
     Strength,
     Verdict,
 )
-from scaling_service.capabilities.scaling.comparison.verdict_rules import (
+from scaling_service.capabilities.scaling.comparison.rules import (
+    AGREES,
     NOISE,
-    RULES,
     agreement,
+    find,
     gates,
     implausible,
     mm,
     mostly_undetermined,
     overfitted,
 )
-from scaling_service.capabilities.scaling.comparison.verdict_trust import trust
 from scaling_service.core.text import few
+from scaling_service.documents.results import TrustNote
+
+Level = Literal["good", "fair", "poor", "unknown"]
+"""How far something can be trusted; ``unknown`` where nothing was measured that could tell."""
+
+Graded = tuple[Level, str]
+"""How far to trust something, and why."""
 
 RULES_IN_WORDS = (
     "Models that pass OpenSim's limits on marker errors are preferred to those that do not. Passing proves "
@@ -48,23 +56,12 @@ RULES_IN_WORDS = (
 def judge(evidence: Evidence) -> Verdict:
     """The verdict on a person's scaled models, by :data:`RULES_IN_WORDS`.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        Of at least one method.
-
-    Returns
-    -------
-    Verdict
-
-    Raises
-    ------
-    ValueError
-        There is no method.
+    ``evidence``: of at least one method.
+    Raises ValueError: there is no method.
 
     Examples
     --------
-    >>> from scaling_service.capabilities.scaling.comparison.verdict_evidence import Following
+    >>> from scaling_service.capabilities.scaling.comparison.evidence import Following
     >>> near, far = Following(0.004, 0.005, 0.012, 2), Following(0.009, 0.011, 0.025, 2)
     >>> found = judge(Evidence((
     ...     MethodEvidence("EB", from_images=True, fitted=far, held_out=far),
@@ -86,17 +83,14 @@ def judge(evidence: Evidence) -> Verdict:
         why=(*_why(chosen, evidence), *doubts, *unchecked),
         trust=trust(chosen, evidence),
         gates=gates(evidence),
-        findings=tuple(finding for rule in RULES for finding in rule(evidence)),
-        agreement=agreement(evidence),
+        findings=tuple(find(evidence)),
     )
 
 
 def _eligible(evidence: Evidence) -> Sequence[MethodEvidence]:
     """Image-based models that pass the gates, else other models that pass, else all."""
-    failed = _failed(evidence)
-    passing = [m for m in evidence.methods if m.method not in failed]
-    imaged = [m for m in passing if m.from_images]
-    return imaged or passing or evidence.methods
+    passing = [m for m in evidence.methods if m.method not in _failed(evidence)]
+    return [m for m in passing if m.from_images] or passing or evidence.methods
 
 
 def _failed(evidence: Evidence) -> set[str]:
@@ -114,13 +108,8 @@ def _choose(pool: Sequence[MethodEvidence], evidence: Evidence) -> MethodEvidenc
 
 
 def _better(refined: MethodEvidence, plain: MethodEvidence | None, evidence: Evidence) -> bool:
-    """Whether it follows what it was not fitted to more closely, and not its own trials alone."""
-    return _improves(refined, plain) and not overfitted(refined, evidence)
-
-
-def _improves(refined: MethodEvidence, plain: MethodEvidence | None) -> bool:
-    """Whether it follows held-out trials better, by more than the noise."""
-    if refined.held_out is None:
+    """Whether it follows held-out trials better, by more than the noise, and not its own trials alone."""
+    if refined.held_out is None or overfitted(refined, evidence):
         return False
     return plain is None or plain.held_out is None or refined.held_out.mean < plain.held_out.mean - NOISE
 
@@ -156,7 +145,11 @@ def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
         )
     odd = implausible(chosen, evidence)
     if odd:
-        yield f"{', '.join(odd)} would be unusual for the person's height."
+        yield _unusual(odd)
+
+
+def _unusual(lengths: Sequence[str]) -> str:
+    return f"{', '.join(lengths)} would be unusual for the person's height."
 
 
 def _unchecked(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
@@ -245,3 +238,97 @@ def _off_the_image(method: MethodEvidence, evidence: Evidence) -> str:
     if found is None or math.isnan(found.worst):
         return ""
     return f" (up to {1e3 * found.worst:.0f} mm from the image)"
+
+
+ANGLE_GOOD = math.radians(2.0)
+ANGLE_FAIR = math.radians(5.0)
+"""McGinley et al. 2009 (Gait Posture 29:360-369), discussion: errors of 2 deg or less are likely to be
+acceptable, between 2 and 5 deg reasonable with some care, beyond 5 deg they may mislead a reader."""
+
+
+def trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
+    """One line each for markers, for lengths and joint centres, and for joint angles."""
+    topics = {
+        "Following the markers": _markers(chosen, evidence),
+        "Lengths and joint centres": _geometry(chosen, evidence),
+        "Joint angles": _angles(chosen, evidence),
+    }
+    return tuple(TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items())
+
+
+def _markers(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+    judged = chosen.judged_on
+    if judged is None:
+        return "unknown", "No movement was recorded."
+    where = "held-out" if chosen.held_out is not None else "fitted"
+    text = f"{mm(judged.mean)} mm on average, {mm(judged.max)} mm at most on {where} trials."
+    if not all(gate.passed for gate in gates(evidence) if gate.method == chosen.method):
+        return "poor", f"{text} Beyond OpenSim's limits."
+    if chosen.held_out is None:
+        return "unknown", f"{text} Trials that were not fitted could tell more."
+    return "good", f"{text} Within OpenSim's limits, which is necessary, not sufficient."
+
+
+def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+    odd = implausible(chosen, evidence)
+    if odd:
+        return "poor", _unusual(odd)
+    if chosen.from_images:
+        sides = [word for side, word in (("r", "right"), ("l", "left")) if f"knee_{side}" in evidence.imaged]
+        whole = len(sides) == 2
+        rest = "" if whole else " The other leg is inferred from it and from markers: trust it less."
+        return (
+            "good" if whole else "fair",
+            f"From the bones of the {' and '.join(sides) or 'imaged'} leg.{rest}",
+        )
+    found = agreement(evidence).get(chosen.method)
+    if found is not None and not math.isnan(found.worst):
+        level: Level = "good" if found.worst <= AGREES else "poor"
+        return level, f"Up to {1e3 * found.worst:.0f} mm from the image."
+    if chosen.fits_lengths:
+        return "poor", "Lengths were fitted to moving skin, and no image checks them."
+    return (
+        "unknown",
+        f"No image checks them. {_spread(chosen)}Over 26 persons, femur lengths from markers differed from "
+        "images by 4.0 ± 13.8 mm, inter-hip distances by -10.8 ± 19.9 mm (Puchaud 2019, section 3.1).",
+    )
+
+
+def _spread(chosen: MethodEvidence) -> str:
+    """How well the lengths are known by their own errors, and which segments were not measured at all."""
+    text = ""
+    if chosen.length_sds:
+        worst = max(chosen.length_sds, key=lambda name: chosen.length_sds[name])
+        text += f"By the errors of markers and sizes, up to ± {mm(chosen.length_sds[worst])} mm ({worst}). "
+    if chosen.inferred:
+        text += (
+            f"Not measured, so as large as in persons of this size and as other segments suggest: "
+            f"{few(chosen.inferred)}. "
+        )
+    return text
+
+
+def _angles(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+    others = {
+        (a if b == chosen.method else b): gap
+        for (a, b), gap in evidence.angles_apart.items()
+        if chosen.method in (a, b)
+    }
+    # A method that is not trusted anyhow says little of those that are.
+    apart = {n: gap for n, gap in others.items() if not evidence.method(n).fits_lengths} or others
+    if not apart:
+        return "unknown", "No second model's angles to compare with."
+    other = max(apart, key=lambda name: apart[name][1])
+    coordinate, gap = apart[other]
+    where = "held-out" if chosen.held_out is not None else "fitted"
+    level: Level = "good" if gap <= ANGLE_GOOD else "fair" if gap <= ANGLE_FAIR else "poor"
+    offset = (
+        " Most of its fitted numbers are not determined by the recordings, so angles may be offset."
+        if mostly_undetermined(chosen)
+        else ""
+    )
+    return (
+        level,
+        f"They depend on the method by up to {math.degrees(gap):.1f}° ({coordinate}, against {other}, RMS "
+        f"over {where} trials); 5° may mislead a clinical reading.{offset}",
+    )

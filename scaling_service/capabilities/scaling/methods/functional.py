@@ -7,17 +7,21 @@ expressed in ground in one posture, the standing one: the segments' poses are mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.posture import Cluster, Posture
+from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
 from scaling_service.capabilities.subject.settings import CalibrationSettings
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
+from scaling_service.model.anatomy.centres import Points
+from scaling_service.model.anatomy.frames import femur_frame
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.parameters import Tilt, tilt_of
+from scaling_service.model.poses import marker_position, model_values
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.geometry.functional import (
     Poses,
@@ -26,8 +30,97 @@ from scaling_service.numerics.geometry.functional import (
     rotation_axis,
     rotation_centre,
 )
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import MIN_POINTS
+from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
+
+FOREIGN_M = 0.03
+"""RMS misfit of a cluster beyond which a label is another marker's. Chosen: skin deforms a segment's
+markers by 4 to 16 mm (fluoroscopy of six knees, PMC8631460); exchanged epicondyles leave 40 mm and more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cluster:
+    """The markers of one segment where they are in the posture: ``local`` is (n_markers, 3), m."""
+
+    segment: str
+    labels: tuple[str, ...]
+    local: Array
+
+    def poses(self, trial: Trial) -> Poses:
+        """How the segment has moved since the posture.
+
+        NaN in frames that show fewer than three of its markers, or markers that do not fit each other.
+
+        References
+        ----------
+        Soderkvist & Wedin 1993, J Biomech 26:1473-1477.
+        """
+        measured = trial.selected(self.labels).markers
+        rotation, position = fit_rigid(self.local, measured)
+        gaps = np.einsum("nij,mj->nmi", rotation, self.local) + position[:, None] - measured
+        squared = np.where(seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
+        foreign = squared > FOREIGN_M**2 * np.maximum(seen(gaps).sum(axis=1), 1)
+        rotation[foreign], position[foreign] = np.nan, np.nan
+        return Poses(rotation, position)
+
+    def shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
+        """Those of its labels that at least one of the trials shows."""
+        found = {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen(t.markers)))}
+        return tuple(label for label in self.labels if label in found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posture:
+    """A person in one posture.
+
+    ``points``: label to its place in ground, (3,), m.
+    ``carriers``: segment to the labels on it.
+    """
+
+    points: Mapping[str, Array]
+    carriers: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(
+        cls, model: BodyModel, extra: Mapping[str, str], static: Trial | None, trials: Sequence[Trial]
+    ) -> Posture:
+        """The mean of the static trial; without one, the frame of the others that shows most markers.
+
+        ``extra``: further labels, and the segment that each sits on.
+        """
+        carriers: dict[str, list[str]] = {}
+        for marker in model.markers:
+            if marker.weight > 0.0:
+                carriers.setdefault(marker.segment, []).append(marker.name)
+        for label, segment in extra.items():
+            if label not in model.marker_names:
+                carriers.setdefault(segment, []).append(label)
+        labels = [label for own in carriers.values() for label in own]
+        if static is not None:
+            places = static.selected(labels).markers
+        else:
+            nowhere = np.full((1, len(labels), 3), np.nan)
+            places = np.concatenate([nowhere, *(t.selected(labels).markers for t in trials)])
+            fullest = int(np.argmax(seen(places).sum(axis=1)))
+            places = places[fullest : fullest + 1]
+        shown = ever(seen(places))
+        points = {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
+        return cls(
+            points, {name: tuple(label for label in own if label in points) for name, own in carriers.items()}
+        )
+
+    def cluster(self, segment: str) -> Cluster:
+        """The markers of a segment; it may be too few of them."""
+        labels = self.carriers.get(segment, ())
+        return Cluster(segment, labels, np.array([self.points[label] for label in labels]).reshape(-1, 3))
+
+    def as_trial(self) -> Trial:
+        """The posture as a recording of one frame."""
+        labels = tuple(self.points)
+        places = np.array([self.points[label] for label in labels]).reshape(1, -1, 3)
+        return Trial("posture", np.zeros(1), labels, places, 1.0)
+
 
 HIP_RANGE_DEG = 20.0
 """About two directions, for a hip moved in one plane has a line of centres. The least range of motion for
@@ -45,16 +138,10 @@ SHARPEST = 0.5
 class FunctionalJoints:
     """What functional movements say of a person's joints.
 
-    Parameters
-    ----------
-    posture : Posture
-        In which centres and axes are given.
-    hips : mapping
-        ``r`` or ``l`` to the hip centre, (3,), m, of the pelvis.
-    knees : mapping
-        ``r`` or ``l`` to the knee axis of the thigh, unit (3,), either way round.
-    notes : tuple of str
-        How each was found, and why others were not.
+    ``posture``: in which centres and axes are given.
+    ``hips``: ``r`` or ``l`` to the hip centre, (3,), m, of the pelvis.
+    ``knees``: ``r`` or ``l`` to the knee axis of the thigh, unit (3,), either way round.
+    ``notes``: how each was found, and why others were not.
     """
 
     posture: Posture
@@ -71,31 +158,9 @@ class _NotFound(Exception):
     """Why a joint's centre or axis was not taken."""
 
 
-def functional_joints(
-    posture: Posture, trials: Sequence[Trial], settings: CalibrationSettings
-) -> FunctionalJoints:
-    """Hip centres and knee axes, those of them that the settings ask for.
-
-    A side that its recordings do not determine is left out, with the reason among the notes.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Functional movements. For each joint those are used in which it moves enough.
-
-    Raises
-    ------
-    TrialUnusable
-        Nothing of what was asked for can be found on either side.
-    """
-    hips, of_hips = _both_sides("hip", posture, trials) if settings.hip_centre == "functional" else _NOTHING
-    knees, of_knees = _both_sides("knee", posture, trials) if settings.knee_axis == "functional" else _NOTHING
-    return FunctionalJoints(posture, hips, knees, (*of_hips, *of_knees))
-
-
 def _both_sides(
-    joint: Literal["hip", "knee"], posture: Posture, trials: Sequence[Trial]
-) -> tuple[Mapping[str, Array], tuple[str, ...]]:
+    joint: str, posture: Posture, trials: Sequence[Trial]
+) -> tuple[Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
     find, what, instead = _SOUGHT[joint]
     found: dict[str, Array] = {}
@@ -114,41 +179,33 @@ def _both_sides(
             remedy=f"Give functional movements of the {joint} and three markers on each segment "
             f"(`extra_markers:`), or take {instead}",
         )
-    return found, tuple(notes)
+    return found, notes
 
 
 def _hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
-    used = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
-    found = rotation_centre(used.proximal, used.distal)
+    first, second, told = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
+    found = rotation_centre(first, second)
     return found.proximal, (
-        f"{used.told}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
+        f"{told}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
         f"standard deviation at least {1e3 * found.sd:.1f} mm"
     )
 
 
 def _knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
-    used = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
-    found = rotation_axis(used.proximal, used.distal)
+    first, second, told = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
+    found = rotation_axis(first, second)
     if not found.sharpness < SHARPEST:
-        raise _NotFound(f"no axis stands out in {used.told}")
+        raise _NotFound(f"no axis stands out in {told}")
     return found.proximal, (
-        f"{used.told}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
+        f"{told}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Moving:
-    """Poses of both segments in the trials in which the joint moves enough."""
-
-    proximal: Poses
-    distal: Poses
-    told: str
 
 
 def _moving(
     posture: Posture, trials: Sequence[Trial], proximal: str, distal: str, limits_deg: Sequence[float]
-) -> _Moving:
+) -> tuple[Poses, Poses, str]:
+    """Poses of both segments in the trials in which the joint moves enough, and which these are."""
     clusters = [_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
     names, kept, best = [], [], np.zeros(len(limits_deg))
     for trial in trials:
@@ -164,7 +221,7 @@ def _moving(
             f"it turns by at most {_angles(best)} in a calibration trial, "
             f"and {_angles(limits_deg)} are needed"
         )
-    return _Moving(joined([p for p, _ in kept]), joined([d for _, d in kept]), few(names))
+    return joined([p for p, _ in kept]), joined([d for _, d in kept]), few(names)
 
 
 def _enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
@@ -182,9 +239,91 @@ def _angles(values_deg: Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
 
 
-_NOTHING: tuple[Mapping[str, Array], tuple[str, ...]] = (MappingProxyType({}), ())
 _SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Array, str]], str, str]] = {
     "hip": (_hip, "functional centre", "the regression"),
     "knee": (_knee, "functional axis", "the epicondyles"),
 }
 """How a joint is sought, what is sought, and what stands in where it is not found."""
+
+
+def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
+    """Hip centres and knee axes from the session's movements, None where the settings do not ask for them.
+
+    A side that its recordings do not determine is left out, with the reason among the notes.
+
+    Raises SubjectInvalid: an ``.osim`` file or another model that keeps its own joints.
+    Raises TrialUnusable: nothing of what was asked for can be found on either side.
+    """
+    if not settings.uses_movements:
+        return None
+    names = session.model.segment_names
+    own_file = session.subject.model.lower().endswith(".osim")
+    if own_file or not any({"pelvis", f"femur_{s}", f"tibia_{s}"} <= set(names) for s in "rl"):
+        raise SubjectInvalid(
+            "functional hip centres and knee axes are for built-in leg models: the joints of another model "
+            "stay where it has them",
+            field="model",
+            remedy="Choose a built-in leg model, or take regression and epicondyles",
+        )
+    posture = Posture.of(session.model, session.subject.extra_markers, session.static, session.calibration)
+    found: dict[str, Mapping[str, Array]] = {"hip": {}, "knee": {}}
+    notes = list[str]()
+    for joint, how in (("hip", settings.hip_centre), ("knee", settings.knee_axis)):
+        if how == "functional":
+            found[joint], more = _both_sides(joint, posture, session.calibration)
+            notes += more
+    return FunctionalJoints(posture, found["hip"], found["knee"], tuple(notes))
+
+
+def with_functional(
+    model: BodyModel, joints: FunctionalJoints, points: Points, settings: CalibrationSettings
+) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
+    """The scaled model with its joints where the movements have them.
+
+    A hip centre is put where it lies among the pelvis' markers, fitted as inverse kinematics fits
+    them. A knee axis is taken in the thigh's frame of the ISB, which is the built-in models'.
+
+    ``points``: landmarks and hip centres in the posture, (1, 3) each, m.
+    Returns ``tilts``: knee to the turns of its axis about x and y of the thigh, rad; ``notes``: axes that
+        were not believed.
+    """
+    notes = []
+    for side, centre in joints.hips.items():
+        model = with_centre(model, f"femur_{side}", _in_pelvis(model, joints, centre))
+    tilts: dict[str, Tilt] = {}
+    for side, axis in joints.knees.items():
+        joint = model.segment(f"tibia_{side}").joint_name
+        try:
+            tilts[joint] = _tilt(points, axis, side, settings)
+            model = with_axis(model, joint, tilts[joint])
+        except _NotFound as doubt:
+            notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
+    return model, tilts, tuple(notes)
+
+
+def _in_pelvis(model: BodyModel, joints: FunctionalJoints, centre: Array) -> Vector:
+    cluster, values = joints.posture.cluster("pelvis"), model_values(model)
+    known = [name for name in cluster.labels if name in model.marker_names]
+    local = [marker_position(model.marker(name), values) for name in known]
+    rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
+    x, y, z = (float(v) for v in rotation.T @ (centre - position))
+    return (x, y, z)
+
+
+def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> Tilt:
+    """The axis' turns about x and y of the thigh, if they are believed."""
+    names = [f"hip_{side}", f"{side.upper()}LFE", f"{side.upper()}MFE"]
+    missing = [name for name in names if name not in points or not np.isfinite(points[name]).all()]
+    if missing:
+        raise _NotFound(f"{', '.join(missing)} not known in the posture, so the thigh has no frame")
+    hip, lateral, medial = (points[name] for name in names)
+    femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
+    direction = femur.rotation[0].T @ axis
+    tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    x, y = np.degrees(tilt)
+    if abs(x) > settings.axis_bound_x_deg or abs(y) > settings.axis_bound_y_deg:
+        raise _NotFound(
+            f"the functional axis is turned by {x:.0f} deg about x and {y:.0f} deg about y, more than any "
+            "person's"
+        )
+    return tilt

@@ -1,4 +1,4 @@
-"""Putting markers where a standing trial shows them on the scaled model."""
+"""Joints and markers of a model put where a person's are."""
 
 from __future__ import annotations
 
@@ -6,20 +6,51 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
 from scaling_service.capabilities.motion.start import first_guess
-from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
 from scaling_service.model.compile import compile_model, coordinate_ranges, default_coordinates
+from scaling_service.model.parameters import Tilt, fold, free_axis
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
 from scaling_service.numerics.multibody.tree import forward
+
+
+def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
+    """The model with a segment's joint elsewhere in its parent: its three leading shifts replaced.
+
+    ``segment``: the one that the joint carries.
+    ``centre``: (3,) m, in the parent's frame.
+    Raises SubjectInvalid: the joint does not start with three plain shifts, as those of built-in models do.
+    """
+    joints = model.segment(segment).joints
+    leading = [j for j in joints[:3] if j.kind == "translation" and j.law.is_constant]
+    if len(leading) != 3:
+        raise SubjectInvalid(
+            f"the centre of '{model.segment(segment).joint_name}' is not three plain shifts",
+            field="model",
+            remedy="Use a built-in model",
+        )
+    new: tuple[Joint, ...] = tuple(
+        replace(j, law=Law.constant(value)) for j, value in zip(leading, centre, strict=True)
+    )
+    segments = tuple(
+        replace(s, joints=(*new, *joints[3:])) if s.name == segment else s for s in model.segments
+    )
+    return replace(model, segments=segments)
+
+
+def with_axis(model: BodyModel, joint: str, tilt: Tilt) -> BodyModel:
+    """The model with a joint's axis turned about x, then y, of the parent, rad."""
+    freed = free_axis(model, joint, np.pi, np.pi)
+    return fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
+
 
 _FEWEST = 3  # landmarks without which a body cannot be placed at all
 _SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
@@ -38,17 +69,9 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
 
     The model's pose comes from the markers it has; a marker that the trial does not show is left out.
 
-    Parameters
-    ----------
-    extra : mapping
-        Label (already the name that the marker will have) to segment.
-    trial : Trial
-        The static trial, or any other in which the markers are seen.
-
-    Raises
-    ------
-    TrialUnusable
-        ``extra`` names a segment that the model does not have.
+    ``extra``: label (already the name that the marker will have) to segment.
+    ``trial``: the static trial, or any other in which the markers are seen.
+    Raises TrialUnusable: ``extra`` names a segment that the model does not have.
     """
     wanted = {name: segment for name, segment in extra.items() if name not in model.marker_names}
     unknown = sorted(set(wanted.values()) - set(model.segment_names))
@@ -60,9 +83,7 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
         )
     if not wanted:
         return model
-    few = trial.frames(_some_frames(trial))
-    q = solve_task(Task.of(model, few), few.times).q
-    found = _local_means(model, few, q, wanted)
+    found = _found_on(model, trial, wanted)
     added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
     return model.with_markers((*model.markers, *added))
 
@@ -73,20 +94,14 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     Where tracking markers sit is each laboratory's own choice, so a generic model's positions say
     nothing of them; the pose comes from the landmarks alone.
 
-    Returns
-    -------
-    model : BodyModel
-    placed : tuple of str
-        The markers moved; none if the landmarks do not determine a pose.
+    Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
     landmarks = {m.name: float(canonical(m.name) is not None) for m in model.markers}
     tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
     shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:
         return model, ()
-    few = trial.frames(_some_frames(trial))
-    q = solve_task(Task.of(model, few, weights=landmarks), few.times).q
-    found = _local_means(model, few, q, tracking)
+    found = _found_on(model, trial, tracking, landmarks)
     return moved(model, found), tuple(found)
 
 
@@ -96,22 +111,16 @@ def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyMo
     The model is posed by the markers of the other segments, whose places are known; those to be placed
     decide only what these leave open, such as the pose of a leg that was not imaged.
     """
-    few = trial.frames(_some_frames(trial))
     own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
     weights = {m.name: m.weight * (_FOLLOWER if m.name in own else 1.0) for m in model.markers}
-    q = solve_task(Task.of(model, few, weights=weights), few.times).q
-    return moved(model, _local_means(model, few, q, own))
+    return moved(model, _found_on(model, trial, own, weights))
 
 
 def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
     """OpenSim's marker placer: fit the averaged static pose, then move every marker that is not fixed.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Already scaled.
-    trial : Trial
-        The static trial.
+    ``model``: already scaled.
+    ``trial``: the static trial.
 
     References
     ----------
@@ -124,7 +133,7 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     return moved(model, found)
 
 
-def moved(model: BodyModel, local: Mapping[str, tuple[float, float, float]]) -> BodyModel:
+def moved(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
     """The model with some markers at other local positions (m)."""
     return model.with_markers(
         tuple(
@@ -134,8 +143,13 @@ def moved(model: BodyModel, local: Mapping[str, tuple[float, float, float]]) -> 
     )
 
 
-def _some_frames(trial: Trial) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp))
+def _found_on(
+    model: BodyModel, trial: Trial, segments: Mapping[str, str], weights: Mapping[str, float] | None = None
+) -> dict[str, Vector]:
+    """Local positions of labels on their segments, the model posed by its weighted markers, m."""
+    few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
+    q = solve_task(Task.of(model, few, weights=weights), few.times).q
+    return _local_means(model, few, q, segments)
 
 
 def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice:
@@ -144,10 +158,7 @@ def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice
     From the last frame at or before its start to the first at or after its end: a range between two
     frames holds both. All frames if no range is given.
 
-    Raises
-    ------
-    TrialUnusable
-        The trial does not reach into the range.
+    Raises TrialUnusable: the trial does not reach into the range.
     """
     times = trial.times
     if time_range is None:
@@ -209,9 +220,7 @@ def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> A
     return min(found, key=lambda solution: float(solution.cost[0])).q
 
 
-def _local_means(
-    model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
-) -> dict[str, tuple[float, float, float]]:
+def _local_means(model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]) -> dict[str, Vector]:
     """Mean position of labels in their segments' frames over the frames that show them (m)."""
     carriers = [Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())]
     tree = compile_model(model.with_markers(tuple(carriers)))

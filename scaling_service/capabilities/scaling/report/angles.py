@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from scaling_service.capabilities.scaling.report.data import Curves, CycleCurves, Gait, SubjectData
-from scaling_service.numerics.statistics.waveform_clusters import CurveTest
+from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.report.blocks import Block, Details, Grid, Heading, Row, Table, Text
-from scaling_service.report.figures import Figure, chart
-from scaling_service.report.methods import lines, method_legend, words
+from scaling_service.report.figures import Figure, chart, cycle_figure, lines, ranges, stretches
+from scaling_service.report.methods import method_legend, words
 from scaling_service.report.page import Section
-from scaling_service.report.waves import cycle_figure, ranges, stretches
 
 
-def angles_section(data: SubjectData) -> Section:
-    """Joint angles by each method."""
-    return Section("Joint angles", list(_blocks(data)), new_page=True)
+def angles_section(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Section:
+    """Joint angles by each method, over time in one trial and over the gait cycle."""
+    return Section("Joint angles", list(_blocks(methods, angles, gait)), new_page=True)
 
 
-def _blocks(data: SubjectData) -> Iterator[Block]:
-    if not data.angles and not data.gait.curves:
+def _blocks(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Iterator[Block]:
+    if not angles and not gait.curves:
         yield Text("No movement was recorded, so there are no joint angles.")
         return
-    yield method_legend(list(data.document.methods))
-    if data.gait.curves:
-        yield from _gait(data.gait)
+    yield method_legend(methods)
+    if gait.curves:
+        yield from _gait(gait)
     else:
-        yield Text(f"No gait cycle is shown: {data.gait.reason}.", quiet=True)
-    if data.angles:
-        trial = data.angles[0]
-        title = f"Over time: {trial.trial} ({'held out' if trial.held_out else 'used to fit'})"
-        grid = Grid([_over_time(curve) for curve in data.angles])
-        if data.gait.curves:
+        yield Text(f"No gait cycle is shown: {gait.reason}.", quiet=True)
+    if angles:
+        title = f"Over time: {angles[0].trial} ({_role(angles[0].held_out)})"
+        grid = Grid([_over_time(curve) for curve in angles])
+        if gait.curves:
             yield Details(title, [grid])
         else:
             yield Heading(title)
             yield grid
+
+
+def _role(held_out: bool) -> str:
+    return "held out" if held_out else "used to fit"
 
 
 def _gait(gait: Gait) -> Iterator[Block]:
@@ -46,7 +47,7 @@ def _gait(gait: Gait) -> Iterator[Block]:
     yield Heading("Over the gait cycle")
     yield Text(
         f"{'Mean and SD (shaded) over' if counts[-1] > 1 else 'From'} {many} of each leg from {where} "
-        f"({'held out' if gait.held_out else 'used to fit'}), from contact to contact of the same foot, as "
+        f"({_role(gait.held_out)}), from contact to contact of the same foot, as "
         "the markers show it."
     )
     tested = [curve for curve in gait.curves if curve.anova is not None]
@@ -56,7 +57,7 @@ def _gait(gait: Gait) -> Iterator[Block]:
         yield _tests(tested, gait)
 
 
-def _said(tested: list[CycleCurves]) -> str:
+def _said(tested: Sequence[CycleCurves]) -> str:
     """What the tests along the curve can and cannot say of one person."""
     if not tested:
         return "Methods were not tested against each other: that takes two cycles and two methods."
@@ -83,16 +84,18 @@ def _over_cycle(curve: CycleCurves) -> Figure:
     return cycle_figure(title, described, curve.mean, sd, curve.anova)
 
 
-def _tests(tested: list[CycleCurves], gait: Gait) -> Table:
+def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
     rows = []
     for curve in tested:
-        assert curve.anova is not None
-        rows.append(
-            Row(
-                words(curve.name),
-                [str(curve.n_cycles), _p(curve.anova), stretches(curve.anova), _pairs(curve)],
-            )
-        )
+        test = curve.anova
+        assert test is not None
+        p = f"{test.p:.3f}" if test.can_decide else f"cannot decide (smallest possible {test.smallest_p:.2g})"
+        pairs = [
+            f"{method}: {stretches(pair) if pair.can_decide else 'too few cycles'}"
+            for method, pair in curve.pairs.items()
+        ]
+        cells = [str(curve.n_cycles), p, stretches(test), "; ".join(pairs) or "not tested"]
+        rows.append(Row(words(curve.name), cells))
     return Table(
         "Do the methods differ along the curve?",
         ["angle", "cycles", "p", "where, % of the cycle", f"pairs with {gait.reference}"],
@@ -100,22 +103,6 @@ def _tests(tested: list[CycleCurves], gait: Gait) -> Table:
         "Statistical parametric mapping by permutation; pairs share 5 % (Bonferroni).",
         words=True,
     )
-
-
-def _p(test: CurveTest) -> str:
-    if not test.can_decide:
-        return f"cannot decide (smallest possible {test.smallest_p:.2g})"
-    return f"{test.p:.3f}"
-
-
-def _pairs(curve: CycleCurves) -> str:
-    if not curve.pairs:
-        return "not tested"
-    said = []
-    for method, test in curve.pairs.items():
-        where = stretches(test) if test.can_decide else "too few cycles"
-        said.append(f"{method}: {where}")
-    return "; ".join(said)
 
 
 def _over_time(curve: Curves) -> Figure:

@@ -8,11 +8,9 @@ from typing import Final, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.scaling.clinical.gait_profile import VARIABLES, Band, schwartz2008
-from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.documents.results import ClinicalCurve, ClinicalDocument
+from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, Band, schwartz2008
+from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
 from scaling_service.model.anatomy.conventional import ANGLES
-from scaling_service.model.results import Array
 from scaling_service.report.blocks import (
     Block,
     Bullets,
@@ -26,10 +24,9 @@ from scaling_service.report.blocks import (
     Table,
     Text,
 )
-from scaling_service.report.figures import Figure, chart
-from scaling_service.report.methods import method_columns, number
+from scaling_service.report.figures import Figure, band, chart, faded
+from scaling_service.report.methods import FAINT, Style, method_columns, number
 from scaling_service.report.page import Section
-from scaling_service.report.palette import FAINT, Style
 
 _Side = Literal["r", "l"]
 
@@ -70,14 +67,13 @@ _RESTS_ON = (
 )
 
 
-def clinical_section(data: SubjectData) -> Section:
+def clinical_section(methods: Mapping[str, MethodResult], method: str) -> Section:
     """Conventional angles of the verdict's method, its profile, and the scores of all methods."""
-    return Section("Angles as a clinic reads them", list(_blocks(data)), new_page=True)
+    return Section("Angles as a clinic reads them", list(_blocks(methods, method)), new_page=True)
 
 
-def _blocks(data: SubjectData) -> Iterator[Block]:
-    method = data.verdict.method
-    found = {name: r.clinical for name, r in data.document.methods.items() if r.clinical is not None}
+def _blocks(methods: Mapping[str, MethodResult], method: str) -> Iterator[Block]:
+    found = {name: m.clinical for name, m in methods.items() if m.clinical is not None}
     shown = found.get(method)
     if shown is None or not shown.sides:
         yield Text(
@@ -120,13 +116,15 @@ def _has(shown: ClinicalDocument, angle: str) -> bool:
     return any(angle in side.curves for side in shown.sides.values())
 
 
-def _figure(angle: str, shown: ClinicalDocument, band: Band) -> Figure:
+def _figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
     title, low, high = _WAYS[angle]
-    traces = [_shade(np.degrees(band.mean), np.degrees(band.sd), _BAND)]
+    traces = [band(np.degrees(usual.mean), np.degrees(usual.sd), _BAND)]
     curves = {side: shown.sides[side].curves[angle] for side in _SIDES if _in(shown, side, angle)}
     for side, curve in curves.items():
         if curve.sd_deg is not None:
-            traces.append(_shade(np.array(curve.mean_deg), np.array(curve.sd_deg), _faded(side)))
+            traces.append(
+                band(np.array(curve.mean_deg), np.array(curve.sd_deg), faded(_SIDES[side][1].colour))
+            )
     traces += [_line(side, curve) for side, curve in curves.items()]
     said = "; ".join(
         f"{_SIDES[side][0]} {min(curve.mean_deg):.0f} to {max(curve.mean_deg):.0f}"
@@ -144,36 +142,13 @@ def _in(shown: ClinicalDocument, side: _Side, angle: str) -> bool:
 def _line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
     name, style = _SIDES[side]
     return go.Scatter(
-        x=_percent(len(curve.mean_deg)),
+        x=np.linspace(0.0, 100.0, len(curve.mean_deg)),
         y=np.asarray(curve.mean_deg, dtype=np.float32),
         name=name,
         mode="lines",
         line={"color": style.colour, "dash": style.dash, "width": 2},
         hovertemplate="%{y:.1f}",
     )
-
-
-def _shade(mean: Array, sd: Array, colour: str) -> go.Scatter:
-    percent = _percent(len(mean))
-    return go.Scatter(
-        x=np.concatenate([percent, percent[::-1]]).astype(np.float32),
-        y=np.concatenate([mean + sd, (mean - sd)[::-1]]).astype(np.float32),
-        fill="toself",
-        fillcolor=colour,
-        line={"width": 0},
-        mode="lines",
-        hoverinfo="skip",
-    )
-
-
-def _percent(nodes: int) -> Array:
-    return np.linspace(0.0, 100.0, nodes)
-
-
-def _faded(side: _Side) -> str:
-    colour = _SIDES[side][1].colour
-    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
-    return f"rgba({red},{green},{blue},0.15)"
 
 
 def _profile(shown: ClinicalDocument) -> Figure:
@@ -232,35 +207,28 @@ def _score_in_words(method: str, shown: ClinicalDocument) -> str:
 
 def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
     columns: list[str | Cell] = ["", *method_columns(list(found))]
-    totals = [_row(title, values) for title, values in _totals(list(found.values())) if _any(values)]
-    if totals:
-        yield Table("Gait Profile Score by method, degrees", columns, totals)
-    rows = [
-        _row(f"{_WAYS[angle][0]}, {name}", scores)
-        for side, (name, _) in _SIDES.items()
-        for angle in VARIABLES
-        if _any(scores := [_score(document, side, angle) for document in found.values()])
+    documents = list(found.values())
+    sides = {side: [d.sides.get(side) for d in documents] for side in _SIDES}
+    totals = [
+        _row(f"GPS, {_SIDES[s][0]}", [None if x is None else x.gps_deg for x in of])
+        for s, of in sides.items()
     ]
-    table = Table("Gait Variable Scores by method, degrees", columns, rows)
+    totals.append(_row("GPS, both sides", [d.gps_deg for d in documents]))
+    if any(totals):
+        yield Table("Gait Profile Score by method, degrees", columns, [row for row in totals if row])
+    rows = [
+        _row(f"{_WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of])
+        for s, of in sides.items()
+        for angle in VARIABLES
+    ]
+    table = Table("Gait Variable Scores by method, degrees", columns, [row for row in rows if row])
     yield Details("The scores of each angle", [table])
 
 
-def _any(scores: Sequence[float | None]) -> bool:
-    return any(score is not None for score in scores)
-
-
-def _row(title: str, scores: Sequence[float | None]) -> Row:
-    return Row(title, [number(score) for score in scores])
-
-
-def _score(document: ClinicalDocument, side: _Side, angle: str) -> float | None:
-    return document.sides[side].gvs_deg.get(angle) if side in document.sides else None
-
-
-def _totals(documents: Sequence[ClinicalDocument]) -> Iterator[tuple[str, list[float | None]]]:
-    for side, (name, _) in _SIDES.items():
-        yield f"GPS, {name}", [d.sides[side].gps_deg if side in d.sides else None for d in documents]
-    yield "GPS, both sides", [d.gps_deg for d in documents]
+def _row(title: str, scores: Sequence[float | None]) -> Row | None:
+    """The scores of all methods; None where no method has one."""
+    known = any(score is not None for score in scores)
+    return Row(title, [number(score) for score in scores]) if known else None
 
 
 def _left_out(shown: ClinicalDocument | None) -> Iterator[Block]:

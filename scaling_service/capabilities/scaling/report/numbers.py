@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
-from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.documents.results import FittedParameter, MethodResult
+from scaling_service.documents.results import ComparisonDocument, FittedParameter, MethodResult
 from scaling_service.report.blocks import Block, Cell, Details, Row, Table, Text
 from scaling_service.report.methods import method_columns
 from scaling_service.report.page import Section
@@ -16,9 +15,9 @@ _SHOWN = {"m": ("mm", 1e3, 1), "rad": ("°", 180.0 / math.pi, 1), "1": ("", 1.0,
 """Unit of a parameter to the unit shown, the factor and the digits."""
 
 
-def numbers_section(data: SubjectData) -> Section:
+def numbers_section(methods: Mapping[str, MethodResult]) -> Section:
     """How many numbers were fitted, how many of them mean little, and each of them."""
-    return Section("Fitted numbers", list(_numbers(data.document.methods)), new_page=True)
+    return Section("Fitted numbers", list(_numbers(methods)), new_page=True)
 
 
 def _numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
@@ -35,7 +34,7 @@ def _numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
                 "not determined",
                 [str(sum(not p.identifiable for p in m.parameters)) for m in fitted.values()],
             ),
-            Row("at a bound", [_count(p.at_bound for p in m.parameters) for m in fitted.values()]),
+            Row("at a bound", [str(sum(p.at_bound for p in m.parameters)) for m in fitted.values()]),
         ],
         "Not determined: the recordings say less about it than the first guess, or it belongs to a "
         "combination that changes nothing in the markers. Such numbers mean little alone.",
@@ -54,10 +53,6 @@ def _numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
         )
 
 
-def _count(which: Iterable[bool]) -> str:
-    return str(sum(which))
-
-
 def _parameter(parameter: FittedParameter) -> Row:
     unit, factor, digits = _SHOWN[parameter.unit]
     sd = "not known" if parameter.sd is None else f"{factor * parameter.sd:.{digits}f}"
@@ -72,23 +67,19 @@ def _parameter(parameter: FittedParameter) -> Row:
     )
 
 
-def provenance_section(data: SubjectData) -> Section:
+def provenance_section(document: ComparisonDocument, titles: Mapping[str, str]) -> Section:
     """What was repaired, skipped or warned of, and what is needed to get the same results again."""
-    return Section("Where this comes from", list(_provenance(data)), new_page=True)
+    return Section("Where this comes from", list(_provenance(document, titles)), new_page=True)
 
 
-def _provenance(data: SubjectData) -> Iterator[Block]:
-    document = data.document
-    warnings = list(
-        dict.fromkeys([*document.warnings, *(w for m in document.methods.values() for w in m.warnings)])
-    )
+def _provenance(document: ComparisonDocument, titles: Mapping[str, str]) -> Iterator[Block]:
     yield Table(
         "Methods",
         ["method", "what it does"],
-        [Row(name, [data.titles.get(name, "")]) for name in document.methods],
+        [Row(name, [titles[name]]) for name in document.methods],
         words=True,
     )
-    yield from warning_blocks(warnings)
+    yield from warning_blocks(document.all_warnings)
     yield from repair_blocks(document)
     yield from input_blocks(document)
     times = [

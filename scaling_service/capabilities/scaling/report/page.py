@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from scaling_service.capabilities.scaling.comparison.curves import (
+    Gait,
+    angle_curves,
+    error_curves,
+    gait_curves,
+)
+from scaling_service.capabilities.scaling.comparison.evidence import Evidence, Gate, Strength, Verdict
+from scaling_service.capabilities.scaling.comparison.verdict import RULES_IN_WORDS
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.report.angles import angles_section
+from scaling_service.capabilities.scaling.report.bodies import errors_section, geometry_section
 from scaling_service.capabilities.scaling.report.clinical import clinical_section
-from scaling_service.capabilities.scaling.report.data import SubjectData
-from scaling_service.capabilities.scaling.report.errors import errors_section
-from scaling_service.capabilities.scaling.report.geometry import geometry_section
 from scaling_service.capabilities.scaling.report.numbers import numbers_section, provenance_section
-from scaling_service.capabilities.scaling.report.verdict import verdict_section
-from scaling_service.report.blocks import Block, Text
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.scene import overlay
+from scaling_service.documents.results import ComparisonDocument, TruthDocument
+from scaling_service.model.trial import Trial
+from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Row, Table, Text, Tone
+from scaling_service.report.methods import method_columns, number, union
 from scaling_service.report.page import Page, Section
 
+_TONES: dict[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
+_SPEAKS: dict[str, Tone] = {"for": "good", "against": "poor", "neither": "unknown"}
 _HOW_TO_READ = (
     "Black dots are the measured markers. Each model stands where it follows them best; rings are its "
     "markers, dots its joint centres, dashed lines its knee axes. Drag to turn. Floor lines are 25 cm apart; "
@@ -19,38 +34,117 @@ _HOW_TO_READ = (
 )
 
 
-def subject_page(data: SubjectData) -> Page:
-    """The page of one person.
+def report_page(results: Results, document: ComparisonDocument, evidence: Evidence, verdict: Verdict) -> Page:
+    """The report as one page that needs nothing else.
 
-    Parameters
-    ----------
-    data : SubjectData
+    ``document``: what is written as ``comparison.json``; the report's tables take their numbers from it.
     """
-    document = data.document
+    methods, trial = document.methods, shown_trial(results)
+    reference = None if evidence.reference is None else evidence.reference.method
+    titles = {name: METHODS[name].title for name in methods}
     return Page(
         f"Scaled models of {document.subject}",
         [
-            verdict_section(data),
-            _overlay_section(data),
-            errors_section(data),
-            geometry_section(data),
-            angles_section(data),
-            clinical_section(data),
-            numbers_section(data),
-            provenance_section(data),
+            Section("Verdict", list(_verdict(verdict, document.truth))),
+            Section("The models in space", list(_in_space(results, trial, verdict)), new_page=True),
+            errors_section(methods, error_curves(results)),
+            geometry_section(document, reference, evidence.imaged_lengths),
+            angles_section(
+                list(methods),
+                () if trial is None else angle_curves(results, trial),
+                Gait(reason="no movement was recorded")
+                if trial is None
+                else gait_curves(results, verdict.method),
+            ),
+            clinical_section(methods, verdict.method),
+            numbers_section(methods),
+            provenance_section(document, titles),
         ],
-        subtitle=f"Methods: {', '.join(document.methods)}",
+        subtitle=f"Methods: {', '.join(methods)}",
         footer=f"scaling-service {document.code_version}. The numbers are in comparison.json, too.",
     )
 
 
-def _overlay_section(data: SubjectData) -> Section:
-    blocks: list[Block] = (
-        [Text("No movement was recorded, so there is nothing to show.")]
-        if data.scene is None
-        else [
-            Text(_HOW_TO_READ),
-            data.scene,
-        ]
+def shown_trial(results: Results) -> Trial | None:
+    """The trial that the overlay shows: the first that was held out, else the first of all."""
+    trials = sorted(results.session.dynamic, key=lambda trial: trial.name not in results.held_out)
+    return trials[0] if trials else None
+
+
+def _in_space(results: Results, trial: Trial | None, verdict: Verdict) -> Iterator[Block]:
+    scene = None if trial is None else overlay(results, trial, verdict.method)
+    if scene is None:
+        yield Text("No movement was recorded, so there is nothing to show.")
+    else:
+        yield Text(_HOW_TO_READ)
+        yield scene
+
+
+def _verdict(verdict: Verdict, truth: TruthDocument | None) -> Iterator[Block]:
+    """Which method to use for this person, why, and how far to trust it; the quality gates and the rules."""
+    yield Callout(verdict.headline, [Bullets(verdict.why)], _TONES[verdict.strength])
+    yield Table(
+        f"How far to trust {verdict.method}",
+        ["", "trust", "because"],
+        [
+            Row(t.topic, [Cell("not known" if t.level == "unknown" else t.level, tone=t.level), t.text])
+            for t in verdict.trust
+        ],
+        words=True,
     )
-    return Section("The models in space", blocks, new_page=True)
+    if truth is not None:
+        yield from _truth(verdict.method, truth)
+    if verdict.gates:
+        yield _gates(verdict.gates)
+    if verdict.findings:
+        rows = [
+            Row(f.method, [f.rule, Cell(f.speaks, tone=_SPEAKS[f.speaks]), f.text]) for f in verdict.findings
+        ]
+        table = Table("Findings", ["method", "rule", "speaks", "what was found"], rows, words=True)
+        yield Details("What each rule says of each method", [table])
+    yield Details("The rules", [Bullets(RULES_IN_WORDS, numbered=True)])
+
+
+def _gates(gates: tuple[Gate, ...]) -> Table:
+    rows: dict[tuple[str, float], list[Cell]] = {}
+    for gate in gates:
+        cell = Cell(
+            f"{1e3 * gate.value:.1f} {'passes' if gate.passed else 'fails'}",
+            tone="good" if gate.passed else "poor",
+        )
+        rows.setdefault(("RMS" if gate.quantity == "rms" else "largest", 1e3 * gate.limit), []).append(cell)
+    where = "held-out trials" if all(gate.held_out for gate in gates) else "the trials that were fitted"
+    return Table(
+        f"Quality gates: marker error on {where}, mm",
+        ["", *method_columns(list(dict.fromkeys(gate.method for gate in gates)))],
+        [Row(f"{title}, below {limit:.0f}", cells) for (title, limit), cells in rows.items()],
+        "Limits of OpenSim's best practices. Necessary, not sufficient: a wrong model can pass them.",
+    )
+
+
+def _truth(chosen: str, truth: TruthDocument) -> Iterator[Block]:
+    """Of a virtual person: how the verdict fares against what is known."""
+    methods, names = list(truth.errors), union(truth.errors.values())
+    plain = {name: name.rpartition("_")[0].replace("_", " ") for name in names}
+    best = [
+        plain[name]
+        for name in names
+        if truth.errors[chosen][name] <= min(errors[name] for errors in truth.errors.values())
+    ]
+    yield Table(
+        "This person is virtual: distance from the truth on held-out trials",
+        ["", *method_columns(methods)],
+        [
+            Row(
+                f"{plain[name]}, {name.rpartition('_')[2]}",
+                [number(truth.errors[method].get(name)) for method in methods],
+            )
+            for name in names
+        ],
+    )
+    which = f": {', '.join(best)}." if best else "."
+    yield Text(
+        f"The verdict does not know these numbers. {chosen} is nearest to the truth in {len(best)} of "
+        f"{len(names)} of them{which} That the nearest markers need not make the nearest joints is why a "
+        "small error alone is no proof."
+    )

@@ -34,12 +34,9 @@ Input = tuple[str, int]
 class Ratios:
     """Logarithms of a person's distances over the model's.
 
-    Parameters
-    ----------
-    measurements : tuple of SegmentMeasurement, length n
-        What each distance measures.
-    logs : (n,)
-    covariance : (n, n)
+    ``measurements`` (SegmentMeasurement, length n): what each distance measures.
+    ``logs``: (n,).
+    ``covariance``: (n, n).
     """
 
     measurements: tuple[SegmentMeasurement, ...]
@@ -61,16 +58,10 @@ def measure_ratios(
 ) -> Ratios:
     """Every distance that can be taken, each on the first recording that shows it.
 
-    Parameters
-    ----------
-    people : sequence of PersonPoints
-        The recordings, the best first.
-    model : mapping
-        The model's points, one frame.
-    segments : sequence of str
-        The model's; measurements of others are left out.
-    besides : bool
-        Whether to take what only a weighted estimate can use.
+    ``people``: the recordings, the best first.
+    ``model``: the model's points, one frame.
+    ``segments``: the model's; measurements of others are left out.
+    ``besides``: whether to take what only a weighted estimate can use.
     """
     taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
     for measurement in MEASUREMENTS:

@@ -1,17 +1,27 @@
 """Lengths that are measured alike on a person's markers and on a model's.
 
 A measurement is a set of distances between *points*: a landmark, the middle of several, or a joint's centre.
-On the person a centre is constructed from markers (``centres``); on the model it
-is constructed likewise, or the joint's own. A distance is used where both sides have all its points.
+On the person a centre is constructed from markers; on the model it is constructed likewise, or the joint's
+own. A distance is used where both sides have all its points.
+
+A segment's length alone says little of its breadth: one factor for a large bone such as the pelvis misplaces
+the hips (Puchaud 2019, section 4.4). Where segments get a factor along each axis, the pelvis takes its depth
+(x) from ASIS to PSIS, its breadth (z) from side to side, its height (y) from how far the hip centres lie
+below; thigh and shank their length (y) as always, their breadth (z) from the epicondyles or malleoli, and as
+thickness (x) the mean of both. Everything else keeps one factor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from scaling_service.model.anatomy.centres import Points
+from scaling_service.model.anatomy.frames import Frames, pelvis_frame
+from scaling_service.model.body import Vector
 from scaling_service.numerics.multibody.laws import Array
 
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
@@ -22,19 +32,12 @@ Pair = tuple[tuple[str, ...], tuple[str, ...]]
 class SegmentMeasurement:
     """Distances of one kind of segment.
 
-    Parameters
-    ----------
-    segments : tuple of str
-        Segments that take this factor, those that the model has.
-    pairs : tuple of pairs of points
-        Each point is a tuple of landmarks whose mean is meant.
-    source : str
-    shape_m : float
-        Standard deviation of such a distance between persons in whom the segment has one size, in the model.
-    instead : tuple of pairs
-        Taken where more of these than of ``pairs`` can be.
-    besides : tuple of pairs
-        What a weighted estimate takes in addition.
+    ``segments``: segments that take this factor, those that the model has.
+    ``pairs``: each point is a tuple of landmarks whose mean is meant.
+    ``shape_m``: standard deviation of such a distance between persons in whom the segment has one size, in
+        the model.
+    ``instead``: taken where more of these than of ``pairs`` can be.
+    ``besides``: what a weighted estimate takes in addition.
     """
 
     segments: tuple[str, ...]
@@ -119,10 +122,7 @@ def available(
 ) -> tuple[Pair, ...]:
     """The distances that both sides have: those of ``pairs``, unless more of ``instead`` can be taken.
 
-    Parameters
-    ----------
-    besides : bool
-        Whether to add those that only a weighted estimate takes.
+    ``besides``: whether to add those that only a weighted estimate takes.
     """
     usual, other, more = (
         tuple(pair for pair in pairs if _has(pair, person) and _has(pair, model))
@@ -151,3 +151,95 @@ def distances(pair: Pair, points: Points) -> Array:
 def _has(pair: Pair, points: Points) -> bool:
     known = all(name in points for end in pair for name in end)
     return known and bool(np.isfinite(distances(pair, points)).any())
+
+
+AXES: Mapping[str, str] = {
+    "pelvis": "xyz",
+    "femur_r": "yz",
+    "tibia_r": "yz",
+    "femur_l": "yz",
+    "tibia_l": "yz",
+}
+"""Segments that take factors of their own along these axes; where ``x`` is not one, it is the mean."""
+
+_ASIS, _PSIS = ("RASIS", "LASIS"), ("RPSIS", "LPSIS")
+_WIDTH = SegmentMeasurement(
+    ("pelvis",),
+    (((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
+    "side to side, as Puchaud 2019, 2.2.2",
+)
+_DEPTH = SegmentMeasurement(("pelvis",), ((_ASIS, _PSIS),), "chosen: Harrington 2007's pelvic depth")
+
+
+def per_axis(
+    factors: Mapping[str, Vector], people: Sequence[Points], ours: Points
+) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """Uniform factors opened along the axes that can be measured.
+
+    ``factors``: segment to its uniform factor thrice; of thigh and shank it is that of the length.
+    ``people``: the recordings, the best first.
+    ``ours``: the model's.
+    Returns ``notes``: what could not be measured and follows the uniform factor.
+    """
+    opened, notes = dict(factors), list[str]()
+
+    def measured(measure: Callable[[Points, Points], float | None]) -> float | None:
+        """On the first recording on which it can be."""
+        return next((value for p in people if (value := measure(p, ours)) is not None), None)
+
+    if "pelvis" in factors:
+        found = {
+            "depth": measured(partial(ratio, _DEPTH)),
+            "width": measured(partial(ratio, _WIDTH)),
+            "height": measured(_hip_depth_ratio),
+        }
+        missing = [name for name, value in found.items() if value is None]
+        if missing:
+            notes.append(f"MB: pelvis: {' and '.join(missing)} not measured: as its mean factor")
+        depth, width, height = (factors["pelvis"][0] if v is None else v for v in found.values())
+        opened["pelvis"] = (depth, height, width)
+    for side in "rl":
+        for segment, ends in ((f"femur_{side}", ("LFE", "MFE")), (f"tibia_{side}", ("LM", "MM"))):
+            if segment in factors:
+                lateral, medial = (f"{side.upper()}{name}" for name in ends)
+                across = SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth")
+                length, breadth = factors[segment][1], measured(partial(ratio, across))
+                if breadth is None:
+                    notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
+                else:
+                    opened[segment] = (0.5 * (length + breadth), length, breadth)
+    return opened, tuple(notes)
+
+
+def _hip_depth_ratio(person: Points, model: Points) -> float | None:
+    """How far the hip centres lie below the plane of ASIS and PSIS, over the model's."""
+    theirs, own = _hip_depth(person), _hip_depth(model)
+    return None if theirs is None or own is None else theirs / own
+
+
+def _hip_depth(points: Points) -> float | None:
+    """Mean over both sides, m; the sacrum stands for both PSIS where these were not marked."""
+    psis = [name if name in points else "SACR" for name in _PSIS]
+    if any(name not in points for name in (*_ASIS, *psis, "hip_r", "hip_l")):
+        return None
+    frame: Frames = pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
+    depths: Array = -np.concatenate([frame.to_local(points[f"hip_{side}"])[:, 1] for side in "rl"])
+    known = depths[np.isfinite(depths)]
+    return float(known.mean()) if known.size and known.mean() > 0.0 else None
+
+
+def fitted_factor(values: Mapping[str, float], segment: str) -> Vector:
+    """What a fit multiplied a segment's size by, along x, y and z; ones where it was not free.
+
+    ``values``: parameter name to value.
+    """
+    if f"scale.{segment}" in values:
+        return (values[f"scale.{segment}"],) * 3
+    freed = {
+        letter: values[f"scale.{segment}.{letter}"]
+        for letter in "xyz"
+        if f"scale.{segment}.{letter}" in values
+    }
+    rest = float(np.mean(list(freed.values()))) if freed else 1.0
+    x, y, z = (freed.get(letter, rest) for letter in "xyz")
+    return (x, y, z)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -20,9 +20,10 @@ from scaling_service.model.anatomy.centres import (
 from scaling_service.model.anatomy.hip_centre import chord_centre
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
-from scaling_service.model.body import BodyModel
+from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import neutral_frames
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
 
 _MIDDLES: Mapping[str, tuple[str, str]] = MappingProxyType({"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")})
@@ -38,21 +39,12 @@ _NOTHING: Points = MappingProxyType({})
 class PersonPoints:
     """Landmarks of one recording, and the joint centres that they give.
 
-    Parameters
-    ----------
-    landmarks : mapping
-        Canonical name to trajectory, (n_frames, 3), m.
-    sizes : BodySizes
-    regression : str
-        Of the hip centres.
-    standing : bool
-        Whether the person stands still; in movement skin moves.
-    scale : float
-        The person's size over that of the adults on whom palpation was studied.
-    hips : mapping
-        Hip centres that are known better than by regression.
-    centres : mapping
-        ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
+    ``landmarks``: canonical name to trajectory, (n_frames, 3), m.
+    ``regression``: of the hip centres.
+    ``standing``: whether the person stands still; in movement skin moves.
+    ``scale``: the person's size over that of the adults on whom palpation was studied.
+    ``hips``: hip centres that are known better than by regression.
+    ``centres``: ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
     """
 
     landmarks: Points
@@ -94,16 +86,10 @@ def person_points(
 ) -> PersonPoints:
     """Landmarks of a recording by canonical name, with the joint centres.
 
-    Parameters
-    ----------
-    standing : bool
-        Only a standing trial gives the leg length that the fuller regressions use, where it was not measured.
-    regression : str
-        Gives the hip centres that ``joints`` does not.
-    sizes : BodySizes
-    joints : FunctionalJoints, optional
-    scale : float
-        See :class:`PersonPoints`.
+    ``standing``: only a standing trial gives the leg length that the fuller regressions use, where it was not
+        measured.
+    ``regression``: gives the hip centres that ``joints`` does not.
+    ``scale``: see :class:`PersonPoints`.
     """
     landmarks = read_landmarks(trial)
     if standing:
@@ -176,3 +162,60 @@ def _ankle_kinds(points: Points, side: str) -> Points:
         f"ankle_{side}_middle": ankle,
         f"ankle_{side}_chord": ankle if chord is None or not np.isfinite(chord).all() else chord,
     }
+
+
+_OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
+"""Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
+
+SACRUM = "SACR"
+
+
+def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
+    """The model with a sacral marker half-way between its PSIS, where recordings show one and no PSIS.
+
+    It takes the name of the label; a model that has such a marker is left as it is.
+    """
+    shown = {label for trial in trials for label in _labels_seen(trial)}
+    landmarks = {canonical(label) for label in shown}
+    marked = {canonical(m.name): m for m in model.markers}
+    labels = [label for label in shown if canonical(label) == SACRUM]
+    if (
+        not labels
+        or landmarks & {"RPSIS", "LPSIS"}
+        or SACRUM in marked
+        or not {"RPSIS", "LPSIS"} <= marked.keys()
+    ):
+        return model
+    right, left = marked["RPSIS"], marked["LPSIS"]
+    x, y, z = np.add(right.nominal, left.nominal) / 2.0
+    new = Marker.at(sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight)
+    return model.with_markers((*model.markers, new))
+
+
+def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial:
+    """The trial with medial epicondyles and malleoli that it does not show, mirrored at the joint's centre.
+
+    ``trial``: a standing trial.
+    ``centres``: ``knee_r`` … in the frames of this trial.
+    """
+    at = {canonical(label): trial.position(label) for label in _labels_seen(trial)}
+    added: dict[str, Array] = {}
+    for joint, lateral, medial in _OPPOSITE:
+        for side in "rl":
+            outer, inner = f"{side.upper()}{lateral}", f"{side.upper()}{medial}"
+            centre = centres.get(f"{joint}_{side}")
+            if centre is not None and len(centre.at) == trial.n_frames and outer in at and inner not in at:
+                added[inner] = 2.0 * centre.at - at[outer]
+    if not added:
+        return trial
+    kept = [k for k, label in enumerate(trial.labels) if label not in added]
+    return replace(
+        trial,
+        labels=(*(trial.labels[k] for k in kept), *added),
+        markers=np.concatenate([trial.markers[:, kept], np.stack([*added.values()], axis=1)], axis=1),
+    )
+
+
+def _labels_seen(trial: Trial) -> list[str]:
+    present = ever(seen(trial.markers))
+    return [label for label, once in zip(trial.labels, present, strict=True) if once]

@@ -1,15 +1,23 @@
-"""From recordings to the factor of every segment: points, distances, estimate, and what to tell of them."""
+"""Every segment's size as one weighted estimate: measured distances, and anthropometry as prior.
+
+In logarithms the person's size over the model's is Gaussian beforehand (what persons of this sex, stature and
+mass are like, ``anthropometry``), and every measured distance is that size with an
+error. The posterior weighs both, and what one segment says of another: a leg that was not marked follows the
+marked one as far as legs resemble each other.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
-from scaling_service.capabilities.scaling.methods.per_axis import per_axis
 from scaling_service.capabilities.scaling.sizes.measured import Ratios, centre_sds, measure_ratios
+from scaling_service.capabilities.scaling.sizes.measurements import per_axis
 from scaling_service.capabilities.scaling.sizes.points import (
     PersonPoints,
     model_points,
@@ -17,19 +25,152 @@ from scaling_service.capabilities.scaling.sizes.points import (
     read_landmarks,
     standing_leg_lengths,
 )
-from scaling_service.capabilities.scaling.sizes.segment_sizes import (
-    dimension_of,
-    estimate_sizes,
-    expect_dimensions,
-)
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
-from scaling_service.model.anatomy.anthropometry import DimensionPrior
+from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
+from scaling_service.numerics.multibody.laws import Array
+
+_WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        "inter_hip": "pelvis sacrum",
+        "femur": "femur thigh patella",
+        "shank": "tibia shank fibula",
+        "foot": "talus calcn calcaneus foot midfoot toes",
+        "trunk": "torso trunk thorax abdomen lumbar spine rib ribs",
+        "head_length": "head skull neck cervical",
+        "upper_arm": "humerus upperarm arm scapula clavicle clavicula",
+        "forearm": "ulna radius forearm lunate",
+        "hand": "hand fingers",
+    }
+)
+"""Dimension, and the words in a segment's name that say that its size follows it."""
+
+_DIMENSION_OF: Mapping[str, str] = MappingProxyType(
+    {word: dimension for dimension, words in _WORDS.items() for word in words.split()}
+)
+DECLARED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.02, "mass": 0.05})
+"""Relative standard deviation of what files declare. Mass is often 2 to 5 % off (shoes, clothes, an older
+value); stature, chosen: shoes, and a child grows by 4 % in a year."""
+
+_PRIOR_NAMES: Mapping[str, str] = MappingProxyType({"asis_width": "pelvis_width"})
+"""Sizes measured by hand that anthropometry has under another name."""
+
+_MIDLINE = frozenset({"inter_hip", "trunk", "head_length"})
+_NO_PERSONS = 0.5
+"""Chosen: logarithm of a model's length over an adult's beyond which it is defined otherwise."""
+
+_EXACT = 1e-4
+"""Chosen: relative standard deviation of a model's own length, which is known but must not be zero."""
+
+
+def dimension_of(segment: str) -> str | None:
+    """The person's dimension that a segment's size follows, None where its name says nothing.
+
+    Examples
+    --------
+    >>> dimension_of("tibia_r"), dimension_of("l_humerus"), dimension_of("lumbar3"), dimension_of("crate")
+    ('shank_r', 'upper_arm_l', 'trunk', None)
+    """
+    words = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", segment).lower())
+    dimension = next(
+        (_DIMENSION_OF[w] for word in words for w in (word, word.removesuffix("s")) if w in _DIMENSION_OF),
+        None,
+    )
+    if "trunk" in words:
+        dimension = "trunk"
+    if dimension is None or dimension in _MIDLINE:
+        return dimension
+    left = any(word in ("l", "left") for word in words)
+    return f"{dimension}_{'l' if left else 'r'}"
+
+
+def expect_dimensions(subject: Subject) -> DimensionPrior:
+    """What is known of a person's dimensions before markers are looked at: declared and measured by hand."""
+    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None).names
+    sizes = {
+        _PRIOR_NAMES.get(name, name): (value, size_sd(name, value)) for name, value in subject.sizes_m.items()
+    }
+    return predict_dimensions(
+        sex=subject.sex,
+        height_m=subject.height_m,
+        mass_kg=subject.mass_kg,
+        sizes={name: size for name, size in sizes.items() if name in blank},
+        stated_sd=DECLARED_SD,
+    )
+
+
+def estimate_sizes(
+    model: BodyModel, ratios: Ratios, prior: DimensionPrior, *, weighted: bool = True
+) -> dict[str, SegmentSize]:
+    """The size of every segment over the model's, with its standard deviation and what it rests on.
+
+    ``model``: the generic model.
+    ``ratios``: what was measured.
+    ``prior``: of the person.
+    ``weighted``: whether prior and distances are weighed; else a measured segment takes the mean of its
+        distances as it is, and the prior serves the others.
+    Returns segment to its size. Segments whose names say nothing take their parent's.
+    """
+    dimensions = {name: found for name in model.segment_names if (found := dimension_of(name)) is not None}
+    names = tuple(dict.fromkeys(dimensions.values()))
+    if not names:
+        return {}
+    expected = prior.select(names)
+    ratios = ratios if weighted else ratios.averaged()
+    mean = expected.mean - _own_dimensions(model, names)
+    rows = [next(dimensions[s] for s in m.segments if s in dimensions) for m in ratios.measurements]
+    pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
+    before = expected.covariance
+    noise = ratios.covariance if weighted else np.zeros_like(ratios.covariance)
+    gain = np.linalg.solve(pick @ before @ pick.T + noise, pick @ before).T
+    logs = mean + gain @ (ratios.logs - pick @ mean)
+    kept = np.eye(len(names)) - gain @ pick
+    covariance = kept @ before @ kept.T + gain @ ratios.covariance @ gain.T
+    sizes = {}
+    for segment, dimension in dimensions.items():
+        k = names.index(dimension)
+        mine = [j for j, row in enumerate(rows) if row == dimension]
+        share = float(gain[k, mine].sum())
+        sizes[segment] = SegmentSize(
+            dimension,
+            float(np.exp(logs[k])),
+            float(np.sqrt(covariance[k, k])),
+            share,
+            float(gain[k].sum()) - share,
+            bool(mine),
+        )
+    return _with_followers(model, sizes)
+
+
+def _own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
+    """Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths."""
+    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
+    lengths = {}
+    for name, length in segment_lengths(model).items():
+        sided = name if name in blank.names else f"{name}_r"
+        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
+            lengths[sided] = (length, _EXACT * length)
+    alike = blank.condition(lengths)
+    return np.array([np.log(alike.value(name)) for name in names])
+
+
+def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
+    """Segments whose names say nothing take the size of the nearest one above, else of the first."""
+    found = dict(sizes)
+    parents = {segment.name: segment.parent for segment in model.segments}
+    for segment in model.segments:
+        above = segment.name
+        while above not in found and above != GROUND:
+            above = parents[above]
+        found.setdefault(segment.name, found.get(above) or next(iter(sizes.values())))
+    return {name: found[name] for name in model.segment_names}
+
 
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 
@@ -38,17 +179,10 @@ _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this 
 class Sizing:
     """Factors of all segments, and how they came about.
 
-    Parameters
-    ----------
-    factors : mapping
-        Segment to its x, y, z factors.
-    sizes : mapping
-        Segment to its estimate.
-    centres : mapping
-        ``hip_r`` … to how the first recording that shows it gave the person's joint centre.
-    people : tuple of PersonPoints
-        The recordings' points, the best first.
-    notes : tuple of str
+    ``factors``: segment to its x, y, z factors.
+    ``sizes``: segment to its estimate.
+    ``centres``: ``hip_r`` … to how the first recording that shows it gave the person's joint centre.
+    ``people``: the recordings' points, the best first.
     """
 
     factors: Mapping[str, Vector]
@@ -65,20 +199,25 @@ def size_segments(
 
     Each distance is taken on the first trial that shows both of its ends, the static trial before movements.
 
-    Parameters
-    ----------
-    joints : FunctionalJoints, optional
-        Hip centres that take the regression's place.
-
-    Raises
-    ------
-    TrialUnusable
-        Nothing could be measured, or a size is no person's.
+    ``joints``: hip centres that take the regression's place.
+    Raises TrialUnusable: nothing could be measured, or a size is no person's.
     """
     subject, model = session.subject, session.model
     prior = expect_dimensions(subject)
     scale = prior.value("stature") / ADULT_STATURE_M
-    people = _people(session, settings, body_sizes(session, prior), joints, scale)
+    known = body_sizes(session, prior)
+    people = tuple(
+        person_points(
+            trial,
+            standing=trial is session.static,
+            regression=settings.hip_regression,
+            sizes=known,
+            joints=joints,
+            scale=scale,
+        )
+        for trial in (session.static, *session.calibration)
+        if trial is not None
+    )
     ours = model_points(model)
     weighted = settings.sizes == "weighted"
     ratios = measure_ratios(people, ours, model.segment_names, besides=weighted)
@@ -122,36 +261,13 @@ def body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
     return sizes.with_leg_lengths(standing_leg_lengths(read_landmarks(session.static)))
 
 
-def _people(
-    session: Session,
-    settings: CalibrationSettings,
-    sizes: BodySizes,
-    joints: FunctionalJoints | None,
-    scale: float,
-) -> tuple[PersonPoints, ...]:
-    static = () if session.static is None else (session.static,)
-    return tuple(
-        person_points(
-            trial,
-            standing=trial is session.static,
-            regression=settings.hip_regression,
-            sizes=sizes,
-            joints=joints,
-            scale=scale,
-        )
-        for trial in (*static, *session.calibration)
-    )
-
-
 def _centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
     found: dict[str, EstimatedCentre] = {}
     for person in people:
-        missing = [name for name in person.centres if name not in found]
-        sds = centre_sds(person) if missing else {}
-        for name in missing:
-            if name in sds:
-                x, y, z = (float(v) for v in sds[name])
-                found[name] = EstimatedCentre(person.centres[name].source, (x, y, z))
+        if not found.keys() >= person.centres.keys():
+            for name, (x, y, z) in centre_sds(person).items():
+                sds = (float(x), float(y), float(z))
+                found.setdefault(name, EstimatedCentre(person.centres[name].source, sds))
     return found
 
 

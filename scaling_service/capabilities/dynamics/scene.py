@@ -9,7 +9,7 @@ import numpy as np
 from scaling_service.capabilities.dynamics.run import DynamicsResults
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.capabilities.scaling.saving import write_json
+from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles
 
 FILE_NAME = f"{FOLDER}/residuals.json"
@@ -18,11 +18,7 @@ FILE_NAME = f"{FOLDER}/residuals.json"
 def write_residuals(results: DynamicsResults, outputs: Path) -> ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
-    Parameters
-    ----------
-    results : DynamicsResults
-    outputs : Path
-        The folder of the job's files.
+    ``outputs``: the folder of the job's files.
     """
     files = ArrayFiles(outputs, FOLDER)
     found = {}

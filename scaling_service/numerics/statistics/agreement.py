@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from scaling_service.model.results import Array
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing, absent, checked
 
 LIMITS = 0.95
@@ -29,18 +29,11 @@ class Estimate:
 class BlandAltman:
     """Differences of a method from a reference, in the quantity's unit.
 
-    Parameters
-    ----------
-    bias : Estimate
-        Mean of method minus reference.
-    sd : float
-        Of the differences (n - 1).
-    lower, upper : Estimate
-        Limits of agreement, bias ± 1.96 SD.
-    slope : Estimate
-        Of the differences against the means of method and reference: away from zero where the
+    ``bias``: mean of method minus reference.
+    ``sd``: of the differences (n - 1).
+    ``lower``, ``upper``: limits of agreement, bias ± 1.96 SD.
+    ``slope``: of the differences against the means of method and reference: away from zero where the
         disagreement grows with size (Bland & Altman 1999, section 3); NaN where all means are one.
-    n : int
     """
 
     bias: Estimate

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.joints import with_axis, with_centre
-from scaling_service.capabilities.scaling.methods.placement import moved, place_on
+from scaling_service.capabilities.scaling.methods.placement import moved, place_on, with_axis, with_centre
+from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame
@@ -25,6 +25,7 @@ from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
+from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
@@ -42,62 +43,6 @@ class _Leg:
     knee: Vector
     ankle: Vector
     tilt: Tilt
-
-
-def image_based(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
-    """Replace joint centres, knee axes and markers of a marker-based model by what images show.
-
-    Parameters
-    ----------
-    start : Calibration
-        The marker-based model (MB): it stays where nothing was imaged.
-    evidence : ImageEvidence
-    standing : Trial, optional
-        Where the image shows no marker, those of imaged segments are placed from this trial.
-
-    Raises
-    ------
-    SubjectInvalid
-        The model is not of the built-in leg's kind, or no leg is imaged whole.
-    """
-    clock = time.perf_counter()
-    model, notes = start.model, [*start.warnings]
-    pelvis = _pelvis(evidence)
-    sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
-    if not sides or pelvis is None or "pelvis" not in model.segment_names:
-        raise SubjectInvalid(
-            "the images do not show a pelvis and one whole leg of the model",
-            field="bones",
-            remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
-        )
-    frames: dict[str, Frames] = {"pelvis": pelvis}
-    tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
-    for side in sides:
-        leg = _leg(evidence, side)
-        frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
-        model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
-        tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
-    for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
-        x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
-        mirrored = (-x, -y)
-        model = _with_axis(_with_other_leg(model, evidence, pelvis, side, standing), mirrored, side)
-        tilts[model.segment(f"tibia_{side}").joint_name] = mirrored
-    placed = _image_markers(evidence, frames)
-    model = moved(_with_new(model, evidence, placed), placed)
-    seen = {evidence.markers[name][0] for name in placed}
-    if standing is not None:
-        model = place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += _notes(model, sides, placed)
-    return Calibration(
-        "EB",
-        model,
-        start.generic,
-        _factors(start, model),
-        tilts,
-        wall_s=time.perf_counter() - clock,
-        warnings=tuple(notes),
-        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
-    )
 
 
 def _pelvis(evidence: ImageEvidence) -> Frames | None:
@@ -175,11 +120,8 @@ def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     foot = segment_of(model, "foot", side)
     if foot is not None:
         model = with_centre(model, foot, leg.ankle)
-    return moved(_with_axis(model, leg.tilt, side), {f"{side.upper()}AJC": leg.ankle})
-
-
-def _with_axis(model: BodyModel, tilt: Tilt, side: str) -> BodyModel:
-    return with_axis(model, model.segment(f"tibia_{side}").joint_name, tilt)
+    model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
+    return moved(model, {f"{side.upper()}AJC": leg.ankle})
 
 
 def _with_other_leg(
@@ -219,24 +161,6 @@ def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) ->
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
 
 
-def _image_markers(evidence: ImageEvidence, frames: Mapping[str, Frames]) -> dict[str, Vector]:
-    return {
-        name: _vector(frames[segment].to_local(at)[0])
-        for name, (segment, at) in evidence.markers.items()
-        if segment in frames
-    }
-
-
-def _with_new(model: BodyModel, evidence: ImageEvidence, placed: Mapping[str, Vector]) -> BodyModel:
-    """The model with image markers that it does not have yet; they are told from their segment alone."""
-    new = tuple(
-        Marker.at(name, evidence.markers[name][0], at, anatomical=False)
-        for name, at in placed.items()
-        if name not in model.marker_names
-    )
-    return model.with_markers((*model.markers, *new))
-
-
 def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
     generic, now = segment_lengths(start.generic), segment_lengths(model)
@@ -268,3 +192,87 @@ def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> 
 def _vector(values: Array) -> Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageBased:
+    """Joint centres, knee axes and markers from images, the rest from markers."""
+
+    title: str = "joint centres, knee axes and markers from images"
+    needs: str | None = "MB"
+    needs_images: bool = True
+    needs_movements: bool = False
+    fits_lengths: bool = False
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,  # noqa: ARG002 (all methods are called alike; nothing is fitted here)
+        progress: object,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Replace joint centres, knee axes and markers of a marker-based model by what images show.
+
+        The marker-based model stays where nothing was imaged. Where the image shows no marker, those of
+        imaged segments are placed from the standing trial.
+
+        Raises
+        ------
+        SubjectInvalid
+            There are no images, the model is not of the built-in leg's kind, or no leg is imaged whole.
+        """
+        assert start is not None
+        evidence, standing = session.images, session.static
+        if evidence is None:
+            raise SubjectInvalid(
+                "there are no bones to scale from",
+                field="bones",
+                remedy="Give `bones:` in the subject file, or choose a marker-based method",
+            )
+        clock = time.perf_counter()
+        model, notes = start.model, [*start.warnings]
+        pelvis = _pelvis(evidence)
+        sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
+        if not sides or pelvis is None or "pelvis" not in model.segment_names:
+            raise SubjectInvalid(
+                "the images do not show a pelvis and one whole leg of the model",
+                field="bones",
+                remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
+            )
+        frames: dict[str, Frames] = {"pelvis": pelvis}
+        tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
+        for side in sides:
+            leg = _leg(evidence, side)
+            frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
+            model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
+            tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
+        for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
+            x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
+            joint = model.segment(f"tibia_{side}").joint_name
+            tilts[joint] = (-x, -y)
+            model = with_axis(_with_other_leg(model, evidence, pelvis, side, standing), joint, tilts[joint])
+        imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
+        placed = {n: _vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
+        # Markers that the model does not have yet are told from their segment alone.
+        new = [name for name in placed if name not in model.marker_names]
+        added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+        model = moved(model.with_markers((*model.markers, *added)), placed)
+        seen = {segment for segment, _ in imaged.values()}
+        if standing is not None:
+            model = place_on(model, standing, frozenset(model.segment_names) - seen)
+        notes += _notes(model, sides, placed)
+        return Calibration(
+            "EB",
+            model,
+            start.generic,
+            _factors(start, model),
+            tilts,
+            wall_s=time.perf_counter() - clock,
+            warnings=tuple(notes),
+            image_poses={
+                name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
+            },
+        )
+
+
+EB = ImageBased()

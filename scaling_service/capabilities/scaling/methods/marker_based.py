@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
-from scaling_service.capabilities.scaling.methods.functional_model import joints_of, with_functional
+from scaling_service.capabilities.scaling.methods.functional import (
+    FunctionalJoints,
+    joints_of,
+    with_functional,
+)
 from scaling_service.capabilities.scaling.methods.placement import (
     add_markers,
     frames_around,
     place_markers,
     place_tracking_markers,
 )
-from scaling_service.capabilities.scaling.sizes.points import person_points
+from scaling_service.capabilities.scaling.sizes.points import (
+    person_points,
+    with_sacrum,
+    with_virtual_landmarks,
+)
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
-from scaling_service.capabilities.scaling.sizes.virtual_markers import with_sacrum, with_virtual_landmarks
 from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
@@ -39,19 +45,13 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     """Scale the session's model from marker distances.
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
-    every segment's size is estimated from distances and anthropometry
-    (``size_segments``).
-    Extra markers are then placed from the standing trial. Where the settings ask for it, hip centres
-    and knee axes come from the functional movements; a side that these do not determine keeps
-    regression and epicondyles, and a warning says why.
+    every segment's size is estimated from distances and anthropometry. Extra markers are then placed from the
+    standing trial. Where the settings ask for it, hip centres and knee axes come from the functional
+    movements; a side that these do not determine keeps regression and epicondyles, and a warning says why.
 
-    Raises
-    ------
-    TrialUnusable
-        No recording, or none of the measurements can be taken, or no side's movements determine a joint
-        that was asked for.
-    SubjectInvalid
-        A setting that is not for this kind of model.
+    Raises TrialUnusable: no recording, or none of the measurements can be taken, or no side's movements
+        determine a joint that was asked for.
+    Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
     standing = _standing(session)
@@ -63,7 +63,12 @@ def linear(session: Session, settings: CalibrationSettings) -> Calibration:
     joints = joints_of(session, settings)
     sizing: Sizing | None = None
     if setup is not None:
-        _refuse_own_axes(settings)
+        if settings.scaling != "uniform":
+            raise SubjectInvalid(
+                "a scale set-up says itself along which axes it scales",
+                field="scale_setup",
+                remedy="Leave out either the set-up or the per-axis scaling",
+            )
         factors = setup_factors(session.model, standing, setup)
     else:
         sizing = size_segments(session, settings, joints)
@@ -136,50 +141,35 @@ def _with_knee(session: Session, settings: CalibrationSettings) -> Session:
     return replace(session, model=with_knee(session.model, settings.knee))
 
 
-def _refuse_own_axes(settings: CalibrationSettings) -> None:
-    if settings.scaling != "uniform":
-        raise SubjectInvalid(
-            "a scale set-up says itself along which axes it scales",
-            field="scale_setup",
-            remedy="Leave out either the set-up or the per-axis scaling",
-        )
-
-
 def _standing(session: Session) -> Trial:
-    for trial in (session.static, *session.calibration):
-        if trial is not None:
-            return trial
-    raise TrialUnusable(
-        "there is no trial to measure lengths on",
-        field="trials.static",
-        remedy="Give a static trial or at least one calibration trial",
-    )
+    standing = next((trial for trial in (session.static, *session.calibration) if trial is not None), None)
+    if standing is None:
+        raise TrialUnusable(
+            "there is no trial to measure lengths on",
+            field="trials.static",
+            remedy="Give a static trial or at least one calibration trial",
+        )
+    return standing
 
 
 def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
     """Factors by an OpenSim scale set-up: the same as its ScaleTool gives.
 
-    Raises
-    ------
-    TrialUnusable
-        A marker pair cannot be measured, or a length is zero.
+    Raises TrialUnusable: a marker pair cannot be measured, or a length is zero.
     """
     factors = {s: [1.0, 1.0, 1.0] for s in model.segment_names}
     for step in setup.order:
         if step == "measurements":
             for measurement in setup.measurements:
-                _apply(measurement, _pair_factor(model, trial, measurement, setup.time_range), factors)
+                factor = _pair_factor(model, trial, measurement, setup.time_range)
+                for segment, axes in measurement.axes.items():
+                    for letter in axes if segment in factors else "":
+                        factors[segment]["XYZ".index(letter)] = factor
         else:
             for segment, given in setup.manual.items():
                 if segment in factors:
                     factors[segment] = list(given)
     return {s: (x, y, z) for s, (x, y, z) in factors.items()}
-
-
-def _apply(measurement: Measurement, factor: float, factors: Mapping[str, list[float]]) -> None:
-    for segment, axes in measurement.axes.items():
-        for letter in axes if segment in factors else "":
-            factors[segment]["XYZ".index(letter)] = factor
 
 
 def _pair_factor(
@@ -210,3 +200,27 @@ def _pair_factor(
             )
         ratios.append(person / generic)
     return float(np.mean(ratios))
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerBased:
+    """Linear scaling from marker distances."""
+
+    title: str = "segment sizes from marker distances"
+    needs: str | None = None
+    needs_images: bool = False
+    needs_movements: bool = False
+    fits_lengths: bool = False
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,  # noqa: ARG002 (all methods are called alike; this one needs no first guess)
+        settings: CalibrationSettings,
+        progress: object,  # noqa: ARG002 (one step: nothing to report)
+    ) -> Calibration:
+        """Scale the session's model from its standing trial."""
+        return linear(session, settings)
+
+
+MB = MarkerBased()

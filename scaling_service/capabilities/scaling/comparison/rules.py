@@ -9,13 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from scaling_service.capabilities.scaling.comparison.verdict_evidence import (
+from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     Finding,
     Gate,
     ImageAgreement,
     MethodEvidence,
+    Speaks,
 )
+from scaling_service.capabilities.scaling.comparison.geometry import unusual
+
+Said = tuple[Speaks, str]
+"""Whether a rule speaks for a method, and what it found."""
 
 RMS_LIMIT = 0.020
 MAX_LIMIT = 0.040
@@ -86,12 +91,7 @@ def mostly_undetermined(method: MethodEvidence) -> bool:
 
 def implausible(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
     """Its lengths that are unusual for the person's height."""
-    usual = evidence.usual_lengths
-    return tuple(
-        name
-        for name, length in method.lengths.items()
-        if name in usual and abs(length - usual[name]) > evidence.usual_spread * usual[name]
-    )
+    return unusual(method.lengths, evidence.usual_lengths)
 
 
 def agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:
@@ -116,99 +116,96 @@ def agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:
     }
 
 
-def _held_out(evidence: Evidence) -> Iterator[Finding]:
+def _gate(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    for gate in gates(evidence):
+        if gate.method == method.method and not gate.passed:
+            what = "RMS" if gate.quantity == "rms" else "largest"
+            yield "against", f"{what} marker error {mm(gate.value)} mm, limit {1e3 * gate.limit:.0f} mm"
+
+
+def _held_out(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
     """The mean error on trials that were not fitted."""
-    known = {m.method: m.held_out.mean for m in evidence.methods if m.held_out is not None}
-    best = min(known.values(), default=math.nan)
-    for name, error in known.items():
+    if method.held_out is not None:
+        error = method.held_out.mean
+        best = min(m.held_out.mean for m in evidence.methods if m.held_out is not None)
         near = error <= best + NOISE
         more = "" if near else f", {mm(error - best)} mm more than the smallest"
-        yield Finding(
-            "held-out error", name, "for" if near else "against", f"{mm(error)} mm on average{more}"
+        yield "for" if near else "against", f"{mm(error)} mm on average{more}"
+
+
+def _overfitting(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    gained, against = gain(method, evidence), overfitted(method, evidence)
+    if gained is not None:
+        yield (
+            "against" if against else "for",
+            f"against {method.start} the error fell by {mm(gained[0])} mm on fitted trials "
+            f"and by {mm(gained[1])} mm on held-out ones",
+        )
+    elif method.parameters and method.fitted is not None and method.held_out is not None:
+        text = f"{mm(method.held_out.mean)} mm held out, {mm(method.fitted.mean)} mm on fitted trials"
+        yield "against" if against else "neither", text
+
+
+def _image(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    found = agreement(evidence).get(method.method)
+    if found is not None and method.from_images:
+        yield "for", "its lengths and joint centres are the image's"
+    elif found is not None and (found.lengths or found.hips):
+        parts = [f"{length} {1e3 * gap:+.0f} mm" for length, gap in found.lengths.items()]
+        parts += [f"{hip} {1e3 * gap:.0f} mm apart" for hip, gap in found.hips.items()]
+        yield "for" if found.worst <= AGREES else "against", ", ".join(parts)
+
+
+def _fitted_lengths(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+    if method.fits_lengths:
+        yield (
+            "against",
+            "its lengths were fitted to moving markers and take up skin movement: over 26 persons thighs "
+            "and shanks came out 5 to 16 mm too long (Puchaud 2019, table 2)",
         )
 
 
-def _overfitting(evidence: Evidence) -> Iterator[Finding]:
-    for m in evidence.methods:
-        gained = gain(m, evidence)
-        speaks = "against" if overfitted(m, evidence) else "for"
-        if gained is not None:
-            text = (
-                f"against {m.start} the error fell by {mm(gained[0])} mm on fitted trials "
-                f"and by {mm(gained[1])} mm on held-out ones"
-            )
-            yield Finding("overfitting", m.method, "against" if speaks == "against" else "for", text)
-        elif m.parameters and m.fitted is not None and m.held_out is not None:
-            text = f"{mm(m.held_out.mean)} mm held out, {mm(m.fitted.mean)} mm on fitted trials"
-            yield Finding("overfitting", m.method, "against" if speaks == "against" else "neither", text)
+def _implausible_sizes(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    usual = evidence.usual_lengths
+    odd = [
+        f"{name} {1e3 * method.lengths[name]:.0f} mm (usual {1e3 * usual[name]:.0f})"
+        for name in implausible(method, evidence)
+    ]
+    if odd:
+        yield "against", f"for the person's height: {', '.join(odd)}"
 
 
-def _image(evidence: Evidence) -> Iterator[Finding]:
-    for name, found in agreement(evidence).items():
-        method = evidence.method(name)
-        if method.from_images:
-            yield Finding("image", name, "for", "its lengths and joint centres are the image's")
-        elif found.lengths or found.hips:
-            parts = [f"{length} {1e3 * gap:+.0f} mm" for length, gap in found.lengths.items()]
-            parts += [f"{hip} {1e3 * gap:.0f} mm apart" for hip, gap in found.hips.items()]
-            speaks = found.worst <= AGREES
-            yield Finding("image", name, "for" if speaks else "against", ", ".join(parts))
+def _identifiability(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+    if method.parameters:
+        loose = f"{method.undetermined} of {method.parameters} fitted numbers"
+        speaks: Speaks = "against" if mostly_undetermined(method) else "for"
+        yield speaks, f"{loose} are not determined by the recordings"
 
 
-def _lengths(evidence: Evidence) -> Iterator[Finding]:
-    for m in evidence.methods:
-        if m.fits_lengths:
-            yield Finding(
-                "fitted lengths",
-                m.method,
-                "against",
-                "its lengths were fitted to moving markers and take up skin movement: over 26 persons thighs "
-                "and shanks came out 5 to 16 mm too long (Puchaud 2019, table 2)",
-            )
-        odd = implausible(m, evidence)
-        if odd:
-            sizes = ", ".join(
-                f"{name} {1e3 * m.lengths[name]:.0f} mm (usual {1e3 * evidence.usual_lengths[name]:.0f})"
-                for name in odd
-            )
-            yield Finding("implausible sizes", m.method, "against", f"for the person's height: {sizes}")
+def _bounds(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+    if method.at_bounds:
+        yield "against", f"{method.at_bounds} of {method.parameters} fitted numbers stopped at a bound"
 
 
-def _determined(evidence: Evidence) -> Iterator[Finding]:
-    for m in evidence.methods:
-        if m.parameters:
-            yield Finding(
-                "identifiability",
-                m.method,
-                "against" if mostly_undetermined(m) else "for",
-                f"{m.undetermined} of {m.parameters} fitted numbers are not determined by the recordings",
-            )
-        if m.at_bounds:
-            yield Finding(
-                "bounds",
-                m.method,
-                "against",
-                f"{m.at_bounds} of {m.parameters} fitted numbers stopped at a bound",
-            )
-
-
-def _gates(evidence: Evidence) -> Iterator[Finding]:
-    for gate in gates(evidence):
-        if not gate.passed:
-            what = "RMS" if gate.quantity == "rms" else "largest"
-            text = f"{what} marker error {mm(gate.value)} mm, limit {1e3 * gate.limit:.0f} mm"
-            yield Finding("quality gate", gate.method, "against", text)
-
-
-RULES: tuple[Callable[[Evidence], Iterator[Finding]], ...] = (
-    _gates,
-    _held_out,
-    _overfitting,
-    _image,
-    _lengths,
-    _determined,
-)
+RULES: Mapping[str, Callable[[MethodEvidence, Evidence], Iterator[Said]]] = {
+    "quality gate": _gate,
+    "held-out error": _held_out,
+    "overfitting": _overfitting,
+    "image": _image,
+    "fitted lengths": _fitted_lengths,
+    "implausible sizes": _implausible_sizes,
+    "identifiability": _identifiability,
+    "bounds": _bounds,
+}
 """In the order in which their findings are told. A new rule is a function and an entry."""
+
+
+def find(evidence: Evidence) -> Iterator[Finding]:
+    """What every rule says of every method."""
+    for rule, of_method in RULES.items():
+        for method in evidence.methods:
+            for speaks, text in of_method(method, evidence):
+                yield Finding(rule, method.method, speaks, text)
 
 
 def mm(metres: float) -> str:

@@ -1,0 +1,251 @@
+"""Errors and joint angles over time, and joint angles over the strides of one person, by every method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, Side, find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
+from scaling_service.capabilities.scaling.run import Results
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.streams import stream
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Array, Motion
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.statistics.cycles import Curves as CohortCurves
+from scaling_service.numerics.statistics.cycles import normalised_cycles
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
+from scaling_service.numerics.statistics.waveforms import WaveformSettings, compare_waveforms
+
+_JOINTS = ("hip", "knee", "ankle")
+"""How the names of a leg's coordinates begin. Puchaud 2019 (section 2.3) compares hips and knees."""
+
+MOST_POINTS = 300
+"""Of a curve over time. Chosen: as many as a chart has pixels."""
+
+TESTS = WaveformSettings(rearrangements=2000)
+"""Chosen: enough for a p of 5 % to be 5 ± 0.5 %, and a quarter of a second for all angles."""
+
+_FEWEST_TESTED = 2
+
+Motions = Mapping[str, Mapping[str, Motion]]
+"""Method to trial to motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """One quantity of one trial by method, mm or degrees, at the times ``x``, s; NaN where unknown."""
+
+    name: str
+    trial: str
+    held_out: bool
+    x: Array
+    values: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CycleCurves:
+    """A joint angle over the gait cycle, by each method.
+
+    ``mean``, ``sd``: method to (n_nodes,), degrees, over the cycles; 0 to 100 % of the cycle.
+    ``anova``: between the methods over these cycles; None where it could not be computed.
+    ``pairs``: method to its test against the reference; empty unless ``anova`` is significant.
+    """
+
+    name: str
+    mean: Mapping[str, Array]
+    sd: Mapping[str, Array]
+    n_cycles: int
+    anova: CurveTest | None = None
+    pairs: Mapping[str, CurveTest] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gait:
+    """Joint angles over the gait cycles of one person.
+
+    ``reference``: the method that the others are tested against.
+    ``trials``: where the cycles are from.
+    ``held_out``: whether none of these trials was fitted.
+    ``reason``: why there are no curves; empty where there are.
+    """
+
+    curves: tuple[CycleCurves, ...] = ()
+    reference: str = ""
+    trials: tuple[str, ...] = ()
+    held_out: bool = True
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrideCurves:
+    """Mean curves of one subject.
+
+    ``curves``: method to coordinate to its mean over strides, (n_nodes,), rad.
+    ``strides``: ``r``, ``l`` to the number of strides.
+    ``reasons``: ``r``, ``l`` to why there are none, where there are none.
+    """
+
+    curves: Mapping[str, Mapping[str, Array]]
+    strides: Mapping[str, int]
+    reasons: Mapping[str, str]
+
+
+def error_curves(results: Results) -> tuple[Curves, ...]:
+    """Mean distance between measured and model markers over time, mm, of each trial."""
+    found = []
+    for trial in results.session.dynamic:
+        motions = {n: s.motions[trial.name] for n, s in results.scalings.items() if trial.name in s.motions}
+        found += _over_time(
+            results, trial, "mean distance", {n: 1e3 * _mean_distance(m) for n, m in motions.items()}
+        )
+    return tuple(found)
+
+
+def angle_curves(results: Results, trial: Trial) -> tuple[Curves, ...]:
+    """Joint angles over time, degrees, in one trial."""
+    motions = {name: scaling.motions[trial.name] for name, scaling in results.scalings.items()}
+    found = []
+    for angle in _angles(results):
+        known = {n: np.degrees(m.column(angle)) for n, m in motions.items() if angle in m.estimated}
+        found += _over_time(results, trial, angle, known)
+    return tuple(found)
+
+
+def _over_time(results: Results, trial: Trial, name: str, values: Mapping[str, Array]) -> list[Curves]:
+    """The curves of those methods that know any value, as many points as a chart shows."""
+    rows = slice(None, None, max(1, -(-trial.n_frames // MOST_POINTS)))
+    known = {method: v[rows] for method, v in values.items() if np.isfinite(v[rows]).any()}
+    held_out = trial.name in results.held_out
+    return [Curves(name, trial.name, held_out, trial.times[rows], known)] if known else []
+
+
+def gait_curves(results: Results, reference: str) -> Gait:
+    """Joint angles over the gait cycle, and where methods differ from ``reference``.
+
+    Held-out trials are taken where they show a cycle, else those that were fitted.
+    """
+    trials = results.session.dynamic
+    for held_out in (True, False):
+        group = [trial for trial in trials if (trial.name in results.held_out) == held_out]
+        gait = _gait(results, group, reference, held_out=held_out)
+        if gait.curves:
+            return gait
+    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
+    return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
+
+
+def _gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out: bool) -> Gait:
+    curves: list[CycleCurves] = []
+    used: list[str] = []
+    for side in SIDES:
+        angles = [name for name in _moving(results, trials) if name.endswith(f"_{side}")]
+        cycles: list[Array] = []
+        for trial in trials if angles else ():
+            motions = [scaling.motions[trial.name] for scaling in results.scalings.values()]
+            cut, _ = _strides(trial, motions, angles, side)
+            used += [trial.name] if cut and trial.name not in used else []
+            cycles += cut
+        if cycles:
+            degrees = np.degrees(np.stack(cycles))
+            curves += [
+                _cycle_curves(angle, degrees[:, :, k], reference, results) for k, angle in enumerate(angles)
+            ]
+    return Gait(tuple(curves), reference, tuple(used), held_out)
+
+
+def _cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
+    """One angle's cycles, (n_cycles, n_methods, n_nodes), degrees, summed up and tested."""
+    n, methods = len(values), tuple(results.scalings)
+    mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1 if n > 1 else 0)
+    anova, pairs = None, {}
+    if n >= _FEWEST_TESTED and len(methods) >= 2:
+        tested = compare_waveforms(
+            CohortCurves(angle, tuple(f"cycle {k + 1}" for k in range(n)), methods, values),
+            stream(results.settings.seed, f"report {angle}"),
+            reference=reference,
+            settings=TESTS,
+        )
+        anova = tested.anova
+        pairs = {method: pair.test for pair in tested.pairs for method in pair.methods if method != reference}
+    by_method = dict(zip(methods, mean, strict=True)), dict(zip(methods, spread, strict=True))
+    return CycleCurves(angle, *by_method, n, anova, pairs)
+
+
+def _angles(results: Results) -> tuple[str, ...]:
+    return joint_angles(next(iter(results.scalings.values())).calibration.model)
+
+
+def _moving(results: Results, trials: Sequence[Trial]) -> list[str]:
+    """The joint angles that some recording determines."""
+    motions = [s.motions[t.name] for s in results.scalings.values() for t in trials]
+    return [name for name in _angles(results) if any(name in motion.estimated for motion in motions)]
+
+
+def _mean_distance(motion: Motion) -> Array:
+    """Over the markers seen in each frame, m; NaN where none is seen."""
+    distances = motion.distances
+    seen = np.isfinite(distances)
+    counts = seen.sum(axis=1)
+    sums = np.where(seen, distances, 0.0).sum(axis=1)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
+    """Cut every method's joint angles at the strides that the markers show, and average them.
+
+    A stride counts for all methods or for none: one in which any method's angle is not determined is left
+    out. Coordinates that some recording does not determine at all are no curves.
+
+    ``trials``: processed; those that show no walking add nothing.
+    ``motions``: method to trial to motion; every method has every trial.
+    """
+    curves: dict[str, dict[str, Array]] = {method: {} for method in motions}
+    strides: dict[str, int] = {}
+    reasons: dict[str, str] = {}
+    every = [motion for by_trial in motions.values() for motion in by_trial.values()]
+    for side in SIDES:
+        names = [n for n in leg_coordinates(model, side) if all(n in motion.estimated for motion in every)]
+        cut, why = list[Array](), list[str]()
+        for trial in trials if names else ():
+            found, said = _strides(
+                trial, [by_trial[trial.name] for by_trial in motions.values()], names, side
+            )
+            cut, why = cut + found, why + said
+        strides[side] = len(cut)
+        if cut:
+            for method, of_method in zip(motions, np.mean(cut, axis=0), strict=True):
+                curves[method].update(zip(names, of_method, strict=True))
+        else:
+            none = "there is no trial" if names else "no angle of this leg"
+            reasons[side] = "; ".join(dict.fromkeys(why)) or none
+    return StrideCurves(curves, strides, reasons)
+
+
+def leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
+    """The rotations of hip, knee and ankle of one side, by their OpenSim-like names (``hip_flexion_r``)."""
+    return tuple(
+        c.name
+        for c in model.coordinates
+        if c.kind == "rotation" and c.name.startswith(_JOINTS) and c.name.endswith(f"_{side}")
+    )
+
+
+def _strides(
+    trial: Trial, motions: Sequence[Motion], names: Sequence[str], side: Side
+) -> tuple[list[Array], list[str]]:
+    """Each stride that all methods follow, (n_methods, n_curves, n_nodes), rad; and why not others."""
+    found = find_gait_cycles(trial, side)
+    cut, why = list[Array](), [f"{trial.name}: {found.reason}"] if found.reason else []
+    tables = [np.stack([motion.column(name) for name in names], axis=1) for motion in motions]
+    for cycle in found.cycles:
+        try:
+            curves = [normalised_cycles(trial.times, t, [cycle], names, trial=trial.name)[0] for t in tables]
+        except TrialUnusable as error:
+            why.append(error.problem)
+        else:
+            cut.append(np.stack(curves))
+    return cut, why

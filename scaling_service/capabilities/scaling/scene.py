@@ -1,0 +1,151 @@
+"""Scaled models in motion: the overlay of a report, and what is played back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.capabilities.playback.document import CycleScene, GaitScene, SceneDocument, TestEntry
+from scaling_service.capabilities.playback.overlay import centred, draw_body, place_points
+from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
+from scaling_service.capabilities.playback.shapes import MOST_FACES, local_bones
+from scaling_service.capabilities.scaling.comparison.curves import CycleCurves, gait_curves
+from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.core.errors import InputError
+from scaling_service.files.forces import read_forces
+from scaling_service.model.body import BodyModel, Marker, Vector
+from scaling_service.model.forces import GroundForces, PlateRecording
+from scaling_service.model.results import Array
+from scaling_service.model.trial import ImagePose, Trial
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
+from scaling_service.recording.plates import ground_forces, orient_forces
+from scaling_service.report.methods import styles
+from scaling_service.report.scene import Scene, coarsened
+
+MOST_FRAMES = 60
+"""Chosen: a second of walking at 60 per second, or a minute of slow movement at one per second."""
+
+_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
+    """All models in one trial, with the measured markers and bones; None where no frame shows anything.
+
+    ``chosen``: the method that is seen at first, beside the first one computed.
+    """
+    rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, MOST_FRAMES)).astype(np.intp))
+    scalings = {name: s for name, s in results.scalings.items() if trial.name in s.motions}
+    labels = tuple(dict.fromkeys(m for s in scalings.values() for m in s.motions[trial.name].markers))
+    measured = trial.selected(labels).markers[rows]
+    if not np.isfinite(measured).any():
+        return None
+    images = {} if results.session.images is None else results.session.images.bones
+    colours, shown = styles(list(results.scalings)), (chosen, next(iter(scalings)))
+    bodies = []
+    for name, scaling in scalings.items():
+        calibration, motion = scaling.calibration, scaling.motions[trial.name]
+        model, q = calibration.model, motion.q[rows]
+        poses = {s: _image_poses(model, s, pose, q) for s, pose in calibration.image_poses.items()}
+        bodies.append(
+            draw_body(
+                name, colours[name].colour, model, q, motion.markers, labels, poses, shown=name in shown
+            )
+        )
+    imaged = dict.fromkeys(segment for body in bodies for segment in body.bones)
+    return centred(
+        Scene(
+            f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
+            f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
+            trial.times[rows],
+            labels,
+            measured,
+            bodies,
+            {segment: coarsened(images[segment]) for segment in imaged if segment in images},
+        )
+    )
+
+
+def _image_poses(model: BodyModel, segment: str, image: ImagePose, q: Array) -> Array:
+    """From the image to the laboratory with a segment: rotation by rows and origin, (n_frames, 12), m."""
+    corners = tuple(Marker.at(f"point {k}", segment, at) for k, at in enumerate(_CORNERS))
+    placed = place_points(model, corners, q)
+    R_ground_segment = np.transpose(placed[:, 1:] - placed[:, :1], (0, 2, 1))
+    R_ground_image = R_ground_segment @ image.rotation.T
+    origin = placed[:, 0] - R_ground_image @ image.origin
+    return np.concatenate([R_ground_image.reshape(len(q), 9), origin], axis=1)
+
+
+def scene_of_results(results: Results, outputs: Path) -> SceneDocument:
+    """Write the models of all methods in all recordings into the folder of a job's files."""
+    session = results.session
+    images = {} if session.images is None else session.images.bones
+    coarse = {segment: coarsened(bone, MOST_FACES) for segment, bone in images.items()}
+    bodies = [
+        Body(name, scaling.calibration.model, local_bones(scaling.calibration, coarse))
+        for name, scaling in results.scalings.items()
+    ]
+    recorded = [
+        Recorded(
+            trial,
+            "evaluation" if trial.name in results.held_out else "calibration",
+            tuple(_played(name, scaling, trial) for name, scaling in results.scalings.items()),
+            *_ground(results, trial),
+        )
+        for trial in session.dynamic
+    ]
+    return write_scene(session.subject.id, bodies, recorded, _gait(results), outputs)
+
+
+def _played(name: str, scaling: Scaling, trial: Trial) -> Played:
+    motion, model = scaling.motions[trial.name], scaling.calibration.model
+    return Played(name, model, motion.q, motion.markers, motion.distances, frozenset(motion.estimated))
+
+
+def _ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:
+    """Forces and corners of plates in our axes; none where they cannot be used, as the file check tells."""
+    subject, axes = results.session.subject, results.loaded.orientation
+    paths = {path.stem: path for path in (*subject.calibration, *subject.evaluation)}
+    path = paths.get(trial.name)
+    if path is None or axes is None:
+        return None, None
+    named, plates = subject.forces.get(path.name), results.loaded.plates.get(path)
+    try:
+        if named is not None:
+            return (orient_forces(axes, read_forces(named)), None) if axes.up == "+y" else (None, None)
+        if not isinstance(plates, PlateRecording):
+            return None, None
+        corners = axes.rotate(np.stack([plate.corners for plate in plates.plates]))
+        return orient_forces(axes, ground_forces(plates)), corners
+    except InputError:
+        return None, None
+
+
+def _gait(results: Results) -> GaitScene:
+    reference = next(iter(results.scalings))
+    found = gait_curves(results, reference)
+    return GaitScene(
+        trials=list(found.trials),
+        held_out=found.held_out,
+        reason=found.reason,
+        reference=reference,
+        angles={curve.name: _cycle(curve) for curve in found.curves},
+    )
+
+
+def _cycle(curve: CycleCurves) -> CycleScene:
+    return CycleScene(
+        cycles=curve.n_cycles,
+        mean_deg={name: values.round(3).tolist() for name, values in curve.mean.items()},
+        sd_deg={name: values.round(3).tolist() for name, values in curve.sd.items()},
+        pairs={name: _test(pair) for name, pair in curve.pairs.items()},
+        **dict(_test(curve.anova)),
+    )
+
+
+def _test(test: CurveTest | None) -> TestEntry:
+    return TestEntry(
+        p=None if test is None else test.p,
+        can_decide=test is not None and test.can_decide,
+        differ_percent=[] if test is None else [(c.start, c.end) for c in test.clusters],
+    )

@@ -1,0 +1,45 @@
+"""What documents of results tell of where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.reading import input_hashes
+from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.documents.results import RepairNote
+from scaling_service.documents.subject import SIZE_UNIT
+from scaling_service.documents.writing import code_version
+from scaling_service.model.subject import Subject
+from scaling_service.model.trial import Repair
+
+
+def provenance(loaded: Loaded, settings: Settings, subject_file: Path | None) -> dict[str, Any]:
+    """The fields of a ``Provenance``: what is needed to get the same results again."""
+    session = loaded.session
+    trials = [*([session.static] if session.static is not None else []), *session.dynamic]
+    return {
+        "code_version": code_version(),
+        "subject": session.subject.id,
+        "settings": settings.resolved(),
+        "input_hashes": input_hashes(session.subject, subject_file),
+        "seed": settings.seed,
+        "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
+        "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},
+        "sizes": stated_sizes(session.subject),
+    }
+
+
+def stated_sizes(subject: Subject) -> dict[str, float]:
+    """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
+    whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
+    lengths = {f"{name}{SIZE_UNIT}": round(value * 1e3, 2) for name, value in subject.sizes_m.items()}
+    return {name: value for name, value in whole.items() if value is not None} | lengths
+
+
+def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
+    """What was changed in a recording, as results tell it."""
+    return [RepairNote(**asdict(repair)) for repair in repairs]

@@ -159,8 +159,8 @@ class ConsistentProblem:
                 markers.add_shared(rows, glide, found.gradient, found.corner, found.cross)
             self._add_wrench(wrenches, mechanism, screws, motion.block(rows), rows, m)
         markers.value += self.prior * float(at.shared @ at.shared)
-        markers.shared_gradient += self.prior * at.shared
-        markers.corner[np.diag_indices(k)] += self.prior
+        markers.of.shared_gradient[:] += self.prior * at.shared
+        markers.of.corner[np.diag_indices(k)] += self.prior
         return markers.quadratic(), wrenches.quadratic()
 
     def _marker_block(
@@ -208,37 +208,31 @@ class ConsistentProblem:
 
 @dataclass(slots=True, eq=False)
 class _Sum:
-    """A quadratic while frames are added."""
+    """A quadratic while frames are added; its own value comes last."""
 
     basis: SplineBasis
-    value: float
-    gradient: Array
-    blocks: Array
-    shared_gradient: Array
-    border: Array
-    corner: Array
+    of: Quadratic
+    value: float = 0.0
 
     @classmethod
     def empty(cls, basis: SplineBasis, m: int, k: int) -> _Sum:
         """Nothing said yet."""
         count = basis.n_coefficients
         zeros = (np.zeros((count, m)), np.zeros((ORDER, count, m, m)), np.zeros(k), np.zeros((count, m, k)))
-        return cls(basis, 0.0, *zeros, np.zeros((k, k)))
+        return cls(basis, Quadratic(0.0, *zeros, np.zeros((k, k))))
 
     def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
         """Add what some frames say of the coefficients."""
         self.value += value
-        gathered_rows(self.basis, rows, self.gradient, gradient)
-        gathered(self.basis, rows, self.blocks, curvature)
+        gathered_rows(self.basis, rows, self.of.gradient, gradient)
+        gathered(self.basis, rows, self.of.blocks, curvature)
 
     def add_shared(self, rows: slice, which: slice, gradient: Array, corner: Array, cross: Array) -> None:
         """Add what some frames say of some shared numbers."""
-        self.shared_gradient[which] += gradient
-        self.corner[which, which] += corner
-        gathered_rows(self.basis, rows, self.border[:, :, which], cross)
+        self.of.shared_gradient[which] += gradient
+        self.of.corner[which, which] += corner
+        gathered_rows(self.basis, rows, self.of.border[:, :, which], cross)
 
     def quadratic(self) -> Quadratic:
         """The sum."""
-        return Quadratic(
-            self.value, self.gradient, self.blocks, self.shared_gradient, self.border, self.corner
-        )
+        return replace(self.of, value=self.value)

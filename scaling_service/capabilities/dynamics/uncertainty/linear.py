@@ -6,7 +6,9 @@ frame i's wrench with respect to the coordinates of frame i + l,
     Cov(W_i) = sigma^2 sum_{l, m} r(l - m) K_l K_m^T,
 
 and with the markers' own derivatives J, Cov(x_i) = sigma^2 r(0) J J^T. Both indicators then follow as
-functions of sigma, and so does the dispersion of one where the other is uniform.
+functions of sigma, and so does the dispersion of one where the other is uniform. The wrench of frame i is a
+function of the coordinates of frames i - HALO … i + HALO (see ``points``); its derivatives follow from those
+of the vectors ``y`` that stand for the body.
 """
 
 from __future__ import annotations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +100,7 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     parameters = result.inertial.parameters if result.inertial is not None else ()
-    chosen = {"consistent": asdict(results.chosen)}
+    chosen = {"consistent": results.chosen.resolved()}
     return ConsistentDocument(
         **provenance(prepared, results.settings, results.subject_file, chosen),
         mass_kg=round(total_mass(prepared.model), 3),

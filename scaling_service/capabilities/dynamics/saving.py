@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -142,7 +141,7 @@ def provenance(
 def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
-    chosen = {"dynamics": asdict(results.chosen)}
+    chosen = {"dynamics": results.chosen.resolved()}
     known = provenance(prepared, results.settings, results.subject_file, chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)

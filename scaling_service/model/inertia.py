@@ -152,7 +152,7 @@ def inertias_of(model: BodyModel) -> Inertias:
 
 def tensor_of(numbers: Tensor) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
-    tensor = np.empty(3, 3)
+    tensor = np.empty((3, 3))
     for (i, j), value in zip(TENSOR, numbers, strict=True):
         tensor[i, j] = tensor[j, i] = value
     return tensor

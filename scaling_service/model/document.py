@@ -7,13 +7,14 @@ Infinite bounds are the strings ``"inf"`` and ``"-inf"``, for JSON has no such n
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
-from functools import cache
+from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.model.body import BodyModel, Law, Segment
@@ -69,18 +70,52 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
     ModelRefused
         The model is no tree, or a law or marker names something that is not in it.
     """
-    at = _Place(str(file) if file is not None else None)
-    content = at.mapping(document)
+    if not isinstance(document, Mapping):
+        raise InputError("it is not a mapping of keys to values", file=file, remedy="Give a model document")
+    content = dict(document)
     version = content.pop("schema_version", None)
     if version != SCHEMA_VERSION:
-        raise at.key("schema_version").error(
+        raise InputError(
             f"model document of version {version!r}, this program reads {SCHEMA_VERSION}",
-            "Write the model again with the present program",
+            file=file,
+            field="schema_version",
+            remedy="Write the model again with the present program",
         )
-    model = _decode_object(BodyModel, content, at)
-    assert isinstance(model, BodyModel)
-    _check_names(model, at)
+    try:
+        (model,) = _MODELS.validate_json(json.dumps([_numbers(content)]))
+    except ValidationError as error:
+        raise _wrong_value(error, file) from None
+    _check_names(model, file)
     return model
+
+
+_MODELS = TypeAdapter(tuple[BodyModel], config=ConfigDict(extra="forbid", strict=True))
+"""In a tuple, so that the configuration holds for the standard library's dataclasses within."""
+
+
+def _numbers(value: Any) -> Any:
+    """A document with infinite bounds as numbers, and numbers that JSON does not have as words."""
+    if isinstance(value, Mapping):
+        return {str(key): _numbers(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_numbers(item) for item in value]
+    if isinstance(value, str):
+        return _INFINITE.get(value, value)
+    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
+
+
+def _wrong_value(error: ValidationError, file: str | Path | None) -> InputError:
+    first = error.errors(include_url=False, include_context=False)[0]
+    kind, place = first["type"], list(first["loc"][1:])
+    if kind == "missing" and isinstance(place[-1], int):
+        kind, place = "too few", place[:-1]
+    problem, remedy = {
+        "missing": ("missing key", "Add it"),
+        "unexpected_keyword_argument": ("unknown key", "Remove it or correct its spelling"),
+        "too few": ("the list is too short", "Add what is missing"),
+    }.get(kind, (f"{first['input']!r} does not fit: {first['msg'].lower()}", "Correct the value"))
+    path = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).lstrip(".")
+    return InputError(problem, file=file, field=path or None, remedy=remedy)
 
 
 def _encode(value: object) -> Any:
@@ -111,108 +146,17 @@ def _is_default(item: Field[Any], value: object) -> bool:
     return item.default is not MISSING and value == item.default and repr(value) == repr(item.default)
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where in the document a value stands, for errors."""
-
-    file: str | None
-    path: str = ""
-
-    def key(self, name: str) -> _Place:
-        return _Place(self.file, f"{self.path}.{name}" if self.path else name)
-
-    def item(self, number: int) -> _Place:
-        return _Place(self.file, f"{self.path}[{number}]")
-
-    def error(self, problem: str, remedy: str) -> InputError:
-        return InputError(problem, file=self.file, field=self.path or None, remedy=remedy)
-
-    def wrong(self, value: object, wanted: str) -> InputError:
-        return self.error(f"{value!r} is not {wanted}", f"Give {wanted}")
-
-    def mapping(self, value: object) -> dict[str, Any]:
-        if not isinstance(value, Mapping):
-            raise self.wrong(value, "a mapping of keys to values")
-        return dict(value)
-
-    def sequence(self, value: object) -> list[Any]:
-        if not isinstance(value, list | tuple):
-            raise self.wrong(value, "a list")
-        return list(value)
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
-
-
-def _decode_object(kind: type, value: object, at: _Place) -> object:
-    content = at.mapping(value)
-    known = {f.name: f for f in fields(kind)}
-    for name in content:
-        if name not in known:
-            raise at.key(str(name)).error("unknown key", f"Keys here are {', '.join(known)}")
-    for name, item in known.items():
-        if name not in content and item.default is MISSING:
-            raise at.key(name).error("missing key", "Add it")
-    hints = _hints(kind)
-    return kind(**{name: _decode(hints[name], v, at.key(name)) for name, v in content.items()})
-
-
-def _decode(hint: Any, value: object, at: _Place) -> object:
-    origin, inner = get_origin(hint), get_args(hint)
-    if origin is tuple:
-        return _decode_tuple(inner, value, at)
-    if origin in (Union, UnionType):
-        (other,) = (a for a in inner if a is not NoneType)
-        return None if value is None else _decode(other, value, at)
-    if origin is Literal:
-        if value not in inner:
-            raise at.wrong(value, f"one of {', '.join(map(str, inner))}")
-        return value
-    if is_dataclass(hint) and isinstance(hint, type):
-        return _decode_object(hint, value, at)
-    if hint is float:
-        return _decode_number(value, at)
-    if not isinstance(value, hint):
-        raise at.wrong(value, {str: "a text", bool: "true or false"}[hint])
-    return value
-
-
-def _decode_tuple(inner: tuple[Any, ...], value: object, at: _Place) -> tuple[object, ...]:
-    items = at.sequence(value)
-    kinds = [inner[0]] * len(items) if inner[-1] is Ellipsis else list(inner)
-    if len(items) != len(kinds):
-        raise at.wrong(value, f"a list of {len(kinds)}")
-    return tuple(_decode(k, v, at.item(n)) for n, (k, v) in enumerate(zip(kinds, items, strict=True)))
-
-
-def _decode_number(value: object, at: _Place) -> float:
-    if isinstance(value, str) and value in _INFINITE:
-        return _INFINITE[value]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
-        raise at.wrong(value, "a number")
-    return float(value)
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond what a double holds
-        return False
-
-
-def _check_names(model: BodyModel, at: _Place) -> None:
+def _check_names(model: BodyModel, file: str | Path | None) -> None:
     """Every coordinate, parameter and segment that is named must exist, every axis be a unit vector."""
     coordinates, parameters = set(model.coordinate_names), {p.name for p in model.parameters}
 
     def check(law: Law, where: str) -> None:
         for term in law.terms:
-            _must_exist(term.coordinate, coordinates, "coordinate", where, at)
-            _must_exist(term.parameter, parameters, "parameter", where, at)
+            _must_exist(term.coordinate, coordinates, "coordinate", where, file)
+            _must_exist(term.parameter, parameters, "parameter", where, file)
 
     for segment in model.segments:
-        _check_joints(segment, set(model.segment_names), at)
+        _check_joints(segment, set(model.segment_names), file)
         for joint in segment.joints:
             check(joint.law, segment.joint_name)
     for marker in model.markers:
@@ -220,23 +164,23 @@ def _check_names(model: BodyModel, at: _Place) -> None:
             check(law, marker.name)
     for coupler in model.couplers:
         check(coupler.law, coupler.dependent)
-        _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, at)
+        _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, file)
 
 
-def _check_joints(segment: Segment, segments: set[str], at: _Place) -> None:
+def _check_joints(segment: Segment, segments: set[str], file: str | Path | None) -> None:
     for joint in segment.joints:
-        _must_exist(joint.scales_with, segments, "segment", segment.joint_name, at)
+        _must_exist(joint.scales_with, segments, "segment", segment.joint_name, file)
         if abs(math.hypot(*joint.axis) - 1.0) > _UNIT_TOLERANCE:
             raise ModelRefused(
                 f"the axis {joint.axis} is not of length 1",
-                file=at.file,
+                file=file,
                 field=segment.joint_name,
                 remedy="Divide the axis by its length",
             )
 
 
-def _must_exist(name: str | None, known: set[str], what: str, where: str, at: _Place) -> None:
+def _must_exist(name: str | None, known: set[str], what: str, where: str, file: str | Path | None) -> None:
     if name is not None and name not in known:
         raise ModelRefused(
-            f"{what} '{name}' is not in the model", file=at.file, field=where, remedy=f"Declare the {what}"
+            f"{what} '{name}' is not in the model", file=file, field=where, remedy=f"Declare the {what}"
         )

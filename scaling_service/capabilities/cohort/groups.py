@@ -79,11 +79,7 @@ class GroupComparison:
 
 
 def compare_groups(
-    values: Mapping[str, Mapping[str, float]],
-    methods: Sequence[str],
-    *,
-    quantity: str,
-    alpha: float = 0.05,
+    values: Mapping[str, Mapping[str, float]], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
 ) -> GroupComparison:
     """Compare a quantity between methods, given as ``{subject: {method: value}}``.
 
@@ -107,12 +103,7 @@ def compare_groups(
 
 
 def compare_columns(
-    values: ArrayLike,
-    subjects: Sequence[str],
-    methods: Sequence[str],
-    *,
-    quantity: str,
-    alpha: float = 0.05,
+    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
 ) -> GroupComparison:
     """As :func:`compare_groups`, from an array of shape (n_subjects, n_methods)."""
     if not 0.0 < alpha < 1.0:

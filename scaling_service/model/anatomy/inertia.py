@@ -258,12 +258,7 @@ CENTRES = {
 }
 """Joint centre to the segment whose origin it is."""
 
-MARKERS = {
-    "AJC": ("AJC",),
-    "MHC": ("MH2", "MH5"),
-    "MTC": ("MT1", "MT5"),
-    "HEEL": ("HEE",),
-}
+MARKERS = {"AJC": ("AJC",), "MHC": ("MH2", "MH5"), "MTC": ("MT1", "MT5"), "HEEL": ("HEE",)}
 """Landmark to the markers whose middle it is, without the side's letter."""
 
 LUMBAR = {"M": (-0.335, -0.032), "F": (-0.340, 0.049)}

@@ -232,19 +232,13 @@ def held_out_residual_deceives(persons: Persons) -> Answer:
 
 CLAIMS: tuple[Claim[Persons], ...] = (
     Claim(
-        "3.1",
-        "Uncertainty grows linearly with the added reconstruction error",
-        "R2 0.963 to 0.999",
-        linear,
+        "3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999", linear
     ),
     Claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide", consistent),
     Claim("figure 8", "Vertical force and moment are least uncertain", "stated in words", least_vertical),
     Claim("3.1", "Both horizontal directions are alike", "same order of magnitude", horizontals_alike),
     Claim(
-        "3.2",
-        "The plates' noise is negligible",
-        "5 orders of magnitude lower, about 1e-6",
-        plates_negligible,
+        "3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6", plates_negligible
     ),
     Claim(
         "3.3, H1",

@@ -112,9 +112,7 @@ class ExcitedPerson:
 
 
 def excited_person(
-    seed: int,
-    settings: ExcitationSettings = WHOLE,
-    names: tuple[str, ...] = ("in_order", "shuffled"),
+    seed: int, settings: ExcitationSettings = WHOLE, names: tuple[str, ...] = ("in_order", "shuffled")
 ) -> ExcitedPerson:
     """Draw a person and record them.
 

@@ -130,9 +130,7 @@ class PersonStudied:
 
 
 def study_person(
-    seed: int,
-    settings: UncertaintySettings,
-    recorded: ExcitationSettings = WHOLE,
+    seed: int, settings: UncertaintySettings, recorded: ExcitationSettings = WHOLE
 ) -> PersonStudied:
     """The whole study of one person, in this thread.
 

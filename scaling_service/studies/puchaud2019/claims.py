@@ -262,18 +262,12 @@ CLAIMS: tuple[Claim[Study], ...] = (
     ),
     Claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above", femurs_nearer),
     Claim(
-        "3.1",
-        "Knee axes turn by about -2 to 2 deg on average",
-        "table 3: at most 2.1 deg",
-        axes_turn_little,
+        "3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg", axes_turn_little
     ),
     Claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg", axes_scatter),
     Claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm", shifts),
     Claim(
-        "3.2",
-        "MB has the largest kinematic error, larger than all others",
-        "27.4 ± 3.7 mm",
-        largest_error,
+        "3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm", largest_error
     ),
     Claim(
         "figure 5",

@@ -28,13 +28,7 @@ from scaling_service.studies.puchaud2019.paper import (
     marker_shifts,
     paper,
 )
-from scaling_service.studies.puchaud2019.persons import (
-    DIFFERENCES,
-    SUBJECTS,
-    WALKERS,
-    Generic,
-    VirtualPerson,
-)
+from scaling_service.studies.puchaud2019.persons import DIFFERENCES, SUBJECTS, WALKERS, Generic, VirtualPerson
 
 
 @dataclass(frozen=True, slots=True, eq=False)

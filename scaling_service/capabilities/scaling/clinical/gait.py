@@ -12,13 +12,12 @@ import numpy as np
 import yaml
 
 from scaling_service.capabilities.scaling.clinical.angles import (
-    SIDES,
     ClinicalAngles,
     ClinicalCycles,
     clinical_angles,
     clinical_cycles,
 )
-from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, find_gait_cycles
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide

@@ -63,8 +63,8 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     ):
         app.include_router(router)
     problems.install(app)
-    models = {*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS, *jobs.models(service.kinds)}
-    documentation.install(app, models)
+    bodies = (*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS)
+    documentation.install(app, jobs.models(service.kinds).union(bodies))
     app.add_middleware(problems.Shield)
     app.add_middleware(monitoring.Watching, registry=app.state.registry)
     return app

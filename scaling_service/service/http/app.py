@@ -8,7 +8,6 @@ from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
-from pydantic import BaseModel
 
 from scaling_service.service.http import (
     contents,
@@ -64,13 +63,8 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     ):
         app.include_router(router)
     problems.install(app)
-    models: set[type[BaseModel]] = {
-        *subjects.DOCUMENTS,
-        *laboratory.DOCUMENTS,
-        *contents.DOCUMENTS,
-        *jobs.models(service.kinds),
-    }
-    documentation.install(app, models)
+    bodies = (*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS)
+    documentation.install(app, jobs.models(service.kinds).union(bodies))
     app.add_middleware(problems.Shield)
     app.add_middleware(monitoring.Watching, registry=app.state.registry)
     return app

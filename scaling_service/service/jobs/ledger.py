@@ -190,12 +190,8 @@ class Ledger:
     ) -> State:
         """Write where a locked job stands after an event, with all that changes with it."""
         new = after(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
-        written: dict[str, Any] = {
-            "state": new.state.value,
-            "attempt": new.attempt,
-            "losses": new.losses,
-        }
-        written |= values or {}
+        written: dict[str, Any] = dict(values or {})
+        written |= {"state": new.state.value, "attempt": new.attempt, "losses": new.losses}
         if not new.state.is_leased:
             written |= {"worker": None, "lease_until_us": None}
         if new.state.is_over:

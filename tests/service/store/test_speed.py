@@ -75,7 +75,7 @@ def test_status_lists_choosing_and_counting_keep_what_is_promised(store: Store) 
     add_many(store, "crowd", PROMISED, state=State.QUEUED.value)
     with store.write() as connection:
         times["next queued"] = median_s(lambda: queueing.next_queued(connection))
-        times["10,000 waiting"] = median_s(lambda: jobs.waiting_at_least(connection, "crowd", 10_000))
+        times["10,000 waiting"] = median_s(lambda: queueing.waiting_at_least(connection, "crowd", 10_000))
     for name, taken in times.items():
         sys.stdout.write(f"{name}: {1e3 * taken:.2f} ms\n")
     assert {name: taken for name, taken in times.items() if taken > LIMIT_S} == {}

@@ -14,8 +14,7 @@ import pytest
 
 from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.intake.roles import bone_of
-from scaling_service.capabilities.intake.run import prove
-from scaling_service.capabilities.intake.saving import prove_folder
+from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.capabilities.intake.warnings import _OTHER
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.subject.reading import load_subject

@@ -12,8 +12,7 @@ import pytest
 import yaml
 
 from scaling_service.capabilities.intake.document import ProblemEntry, ProofDocument
-from scaling_service.capabilities.intake.run import prove
-from scaling_service.capabilities.intake.saving import prove_folder
+from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates

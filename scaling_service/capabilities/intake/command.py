@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.capabilities.intake.document import ProofDocument
-from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
+from scaling_service.capabilities.intake.run import SUBJECT, prove_folder
 from scaling_service.capabilities.scaling.saving import check_folder
 from scaling_service.capabilities.shared import options
 from scaling_service.capabilities.shared.screen import progress_bar

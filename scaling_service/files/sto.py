@@ -203,7 +203,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     lines += ["endheader", "\t".join(table.columns), ""]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(tables.formatted_rows("\t".join(["%.12g"] * columns), table.data))
+        stream.writelines(tables.format_rows("\t".join(["%.12g"] * columns), table.data))
 
 
 def motion_table(

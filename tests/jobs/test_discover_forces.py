@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.search.catalogue import candidates
 from scaling_service.capabilities.discovery.search.separating import would_separate
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
-from scaling_service.files.forces import forces_of_table, read_forces
+from scaling_service.files.forces import read_forces, read_forces_from_table
 from scaling_service.files.sto import read_sto
 from scaling_service.model.forces import GroundForces
 from scaling_service.recording.plates_feet import FootContacts
@@ -44,7 +44,7 @@ def test_recordings_with_forces_are_weighed(prepared: Prepared) -> None:
 
 def test_forces_come_back_as_they_were_written(prepared: Prepared) -> None:
     ground = next(iter(prepared.forces.by_trial.values())).ground
-    again = forces_of_table(forces_table("again", ground), "again.mot")
+    again = read_forces_from_table(forces_table("again", ground), "again.mot")
     np.testing.assert_allclose(again.force, ground.force, atol=1e-9)
     np.testing.assert_allclose(again.moment, ground.moment, atol=1e-9)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.bones.mesh import shells
+from scaling_service.bones.mesh import label_pieces
 from scaling_service.files.mesh import read_mesh
 from scaling_service.model.anatomy.lengths import joint_centres
 from scaling_service.virtual.bones.person import PersonBones, leg_shapes, virtual_bones
@@ -43,7 +43,7 @@ def test_every_edge_has_two_faces_wound_alike(exact: dict[int, Imaged]) -> None:
 
 def test_every_shell_faces_outwards(bones: PersonBones) -> None:
     for name, (vertices, faces) in bones.meshes.items():
-        of = shells(len(vertices), faces)
+        of = label_pieces(len(vertices), faces)
         assert of.max() + 1 == SHELLS[name], name
         for k in range(SHELLS[name]):
             assert volume(vertices, faces[of[faces[:, 0]] == k]) > 3e-5, name  # m3; a fibula has 5e-5

@@ -20,19 +20,19 @@ from scaling_service.capabilities.intake.document import (
     ProofDocument,
     RecordingProof,
 )
-from scaling_service.capabilities.intake.files import Found, look_into
+from scaling_service.capabilities.intake.files import InputFile, look_into
 from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
-from scaling_service.capabilities.intake.markers import extra_markers, propose, with_extra_markers
+from scaling_service.capabilities.intake.markers import extra_markers, propose_markers, with_extra_markers
 from scaling_service.capabilities.intake.proposal import (
+    assign_roles,
     named_in,
     ordered,
-    proposal,
-    roles_of,
+    propose_subject,
     sizes_proof,
     unknown_person,
     with_sizes,
 )
-from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of, session_axes
+from scaling_service.capabilities.intake.recordings import RecordingFile, axes_entry, problem_of, session_axes
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.scaling.methods.table import calibrate
@@ -160,7 +160,7 @@ def prove(
     check_axes(settings.up, settings.forward)
     report = progress or (lambda _what, _share: None)
     names = sorted(p.name for p in folder.iterdir() if p.is_file() and p.name not in skip)
-    found: list[Found] = []
+    found: list[InputFile] = []
     for k, name in enumerate(names):
         report(f"reading {name}", _READ * k / len(names))
         found.append(look_into(folder / name, settings.up, settings.forward))
@@ -173,8 +173,8 @@ def prove(
     usual, why = look.usual_model()
     model = look.read_model(usual)
     standing = trials.get(look.static or "") or next(iter(trials.values()), None)
-    markers, unused = propose(model, trials, standing, known.get("markers") or {}, labels or {})
-    proposed = proposal(known, found, look.roles, usual, _explicit(markers, known))
+    markers, unused = propose_markers(model, trials, standing, known.get("markers") or {}, labels or {})
+    proposed = propose_subject(known, found, look.roles, usual, _explicit(markers, known))
     if proposed is not None:
         proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
@@ -212,13 +212,13 @@ class _Look:
     """What is known of a folder: its files and their roles, and what is found on the way."""
 
     def __init__(
-        self, folder: Path, document: Mapping[str, Any], found: Sequence[Found], settings: Settings
+        self, folder: Path, document: Mapping[str, Any], found: Sequence[InputFile], settings: Settings
     ) -> None:
         self.folder, self.found, self.settings = folder, found, settings
         self.known = _known(found, document)
-        self.roles = roles_of(found, self.known)
+        self.roles = assign_roles(found, self.known)
         self.static = static_of(self.roles)
-        self.seen = [f.content for f in found if isinstance(f.content, Seen)]
+        self.seen = [f.content for f in found if isinstance(f.content, RecordingFile)]
         self.forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
         self.recordings: list[RecordingProof] = []
         self.trials: dict[str, Trial] = {}
@@ -273,7 +273,7 @@ class _Look:
                 self.recordings.append(entry)
                 self.trials[item.file] = trial
 
-    def _ground(self, item: Seen) -> Ground | None:
+    def _ground(self, item: RecordingFile) -> Ground | None:
         """The forces of the file that is for this recording, else of its own plates."""
         for file, (role, _) in self.roles.items():
             if role == f"forces.{item.file}" and file in self.forces:
@@ -306,12 +306,12 @@ class _Look:
     def compared(self) -> Iterator[ProblemEntry]:
         """What the recordings, compared with each other and with their forces, give cause to correct."""
         spans = {name: (float(f.times[0]), float(f.times[-1])) for name, f in self.forces.items()}
-        yield from warnings.of_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
-        yield from warnings.of_units(self.seen)
-        yield from warnings.of_labels(self.seen)
-        yield from warnings.of_exchanges(self.trials)
-        yield from warnings.of_times(self.recordings, spans)
-        yield from warnings.of_plates(self.recordings)
+        yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
+        yield from warnings.check_units(self.seen)
+        yield from warnings.check_labels(self.seen)
+        yield from warnings.check_exchanges(self.trials)
+        yield from warnings.check_times(self.recordings, spans)
+        yield from warnings.check_plates(self.recordings)
 
     def refusals(self, proposed: Mapping[str, Any] | None) -> Iterator[ProblemEntry]:
         """The first thing that scaling would refuse, and what it would warn of."""
@@ -328,7 +328,7 @@ class _Look:
         except InputError as error:
             yield problem_of(error)
 
-    def role(self, item: Found) -> FileRole:
+    def role(self, item: InputFile) -> FileRole:
         """A file and its place in the document."""
         role, why = self.roles.get(item.name, (None, item.why))
         named = item.name in named_in(self.known).values()
@@ -340,7 +340,7 @@ class _Look:
         return FileRole(name=item.name, kind=item.kind, role=role, named=named, why=why, problem=item.problem)
 
 
-def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
+def _known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
     """The document; while it names no recordings, with what a subject file among the files says."""
     file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
     if file is None or document.get("trials"):

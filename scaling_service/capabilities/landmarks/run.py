@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRefused, Sphere
-from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
+from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.capabilities.scaling.documents import code_version
 from scaling_service.capabilities.scaling.saving import check_folder
@@ -51,7 +51,7 @@ def landmark_bones(
     unit = (
         units
         if told
-        else unit_of({name: float(np.ptp(m.vertices, axis=0).max()) for name, m in meshes.items()})
+        else find_unit({name: float(np.ptp(m.vertices, axis=0).max()) for name, m in meshes.items()})
     )
     shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
     done: list[str] = []

@@ -29,7 +29,7 @@ from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.pipeline import process
-from scaling_service.recording.plausibility import without_strays
+from scaling_service.recording.plausibility import remove_strays
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
@@ -78,7 +78,7 @@ def load(
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _axes(named, subject.static, settings)
-    clusters = labels.clusters_of(model, subject)
+    clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blamed_on(path, [path]):
@@ -99,7 +99,7 @@ def load(
             *of_tracking,
             *told,
             *of_images,
-            *checks.notes(model, subject, [trial for trial, _ in named.values()]),
+            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
         ),
         images,
     )
@@ -116,7 +116,7 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     read = {}
     for path in recordings(subject):
         with blamed_on(path, [path]):
-            read[path] = known[path] if path in known else without_strays(read_recording(path))
+            read[path] = known[path] if path in known else remove_strays(read_recording(path))
     return read
 
 

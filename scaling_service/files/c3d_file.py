@@ -1,4 +1,4 @@
-"""C3D: what a binary recording holds, read by ezc3d, and markers written by it.
+"""C3D: what a binary recording holds, read by ezc3d.
 
 The library parses in a process of its own: a damaged file can make it crash, hang or ask for all memory.
 """

@@ -39,7 +39,7 @@ _SETUPS = (
 class InputFile:
     """One uploaded file.
 
-    ``content``: what was read: Seen, GroundForces, the unit of a mesh, the place of a set-up, a document.
+    ``content``: what was read: a recording, forces, the unit of a mesh, the place of a set-up, a document.
     """
 
     name: str

@@ -179,8 +179,8 @@ def prove(
         proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compared(), *unknown_person(sizes)]
-    told = {warnings.exchange_in(problem) for problem in look.problems} - {None}
-    look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in told]
+    reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
+    look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
     every = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(

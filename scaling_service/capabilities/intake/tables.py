@@ -277,13 +277,13 @@ def _rests(foot: Array, corners: Array, rate_hz: float) -> NDArray[np.bool_]:
 
 def _loads(loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial) -> list[str]:
     """Each contact with who makes it."""
-    told = []
+    contacts = []
     for start, stop in runs(loaded):
         if stop - start < BRIEF_S * trial.rate_hz:
             continue
         who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
-        told.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
-    return told
+        contacts.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
+    return contacts
 
 
 def _offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:

@@ -84,15 +84,15 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
         clusters = sort_by_segment(trial.labels)
         usual = measure_shape((t for name, t in trials.items() if name != file), clusters)
         wrong[file] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
-    told: set[tuple[str, ...]] = set()
+    reported: set[tuple[str, ...]] = set()
     for file, found in wrong.items():
         for item in found:
             rivals = [
                 n for n, others in wrong.items() if n != file and item.labels in [o.labels for o in others]
             ]
-            if rivals and item.labels in told:
+            if rivals and item.labels in reported:
                 continue
-            told.add(item.labels)
+            reported.add(item.labels)
             where = f", or in {few(rivals)}" if rivals else ""
             yield _warning(
                 f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "

@@ -47,12 +47,9 @@ def landmark_bones(
     began = time.perf_counter()
     _check(bones, units)
     meshes = {name: _read(name, path) for name, path in bones.items()}
-    told = units != DETECT
-    unit = (
-        units
-        if told
-        else find_unit({name: float(np.ptp(m.vertices, axis=0).max()) for name, m in meshes.items()})
-    )
+    given = units != DETECT
+    extents = {name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()}
+    unit = units if given else find_unit(extents)
     shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
     done: list[str] = []
 
@@ -70,7 +67,7 @@ def landmark_bones(
     described: dict[str, Any] = {name: _bone(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
-        settings={"units": unit, "units_from": "given" if told else "size"},
+        settings={"units": unit, "units_from": "given" if given else "size"},
         input_hashes={path.name: _digest(path) for path in bones.values()},
         wall_s=round(time.perf_counter() - began, 3),
         **described,

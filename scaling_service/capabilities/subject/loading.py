@@ -85,7 +85,7 @@ def load(
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
-    setup, told = _scale_setup(subject, model, ready)
+    setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
         subject,
@@ -97,7 +97,7 @@ def load(
         (
             *of_sizes,
             *of_tracking,
-            *told,
+            *of_setup,
             *of_images,
             *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
         ),
@@ -170,15 +170,15 @@ def _scale_setup(
     if subject.scale_setup is None:
         return None, ()
     setup = read_scale_setup(subject.scale_setup)
-    told: tuple[str, ...] = ()
+    of_setup: tuple[str, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
         with blamed_on(None, [standing]):
-            told = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
+            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
-        return setup, told
+        return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
-    return replace(setup, placement=replace(setup.placement, fixed=fixed)), told
+    return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
 
 
 def _axes(

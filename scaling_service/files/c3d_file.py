@@ -89,38 +89,29 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
                 points, residuals, analog = stored["points"], stored["residuals"], stored["analog"]
         except (OSError, KeyError, ValueError, BadZipFile) as error:
             raise _damaged(file, str(error)) from None
-    return _assemble(file, points, residuals, analog, facts, _stated_frames(content))
+    return _assemble(file, points, residuals, analog, facts, _header(content)[0])
 
 
-def _stated_frames(content: bytes) -> int | None:
-    """Last minus first frame of the header, plus one (words 4 and 5; C3D user guide, "Header section")."""
-    first, last = struct.unpack_from(f"{_order(content)}HH", content, 6)
-    return last - first + 1 if first <= last < _WORD else None
+def _header(content: bytes) -> tuple[int | None, int, int]:
+    """Number of frames (None where the header cannot tell), bytes of one, and the block where they begin.
 
-
-def _processor(content: bytes) -> int:
-    """The processor type, fourth byte of the parameters; 0 where the file ends before."""
-    at = _BLOCK * (content[0] - 1) + 3
-    return content[at] if 0 <= at < len(content) else 0
-
-
-def _order(content: bytes) -> str:
-    """Order of the bytes of a number, as ``struct`` writes it."""
-    return ">" if _processor(content) == _MIPS else "<"
+    Points and analog numbers of a frame are words 2 and 3, the first and the last frame words 4 and 5, the
+    block is word 9, and a negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user
+    guide, "Header section").
+    """
+    at = _BLOCK * (content[0] - 1) + 3  # the processor type, fourth byte of the parameters
+    processor = content[at] if 0 <= at < len(content) else 0
+    order = ">" if processor == _MIPS else "<"
+    points, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
+    (start,) = struct.unpack_from(f"{order}H", content, 16)
+    is_real = bool(content[_SIGN_AT.get(processor, 15)] & 0x80)
+    frames = last - first + 1 if first <= last < _WORD else None
+    return frames, (4 * points + analog) * (4 if is_real else 2), start
 
 
 def _refuse_cut(content: bytes, file: Path) -> None:
-    """Raise if the file ends before the frames that its header counts, or counts and holds none.
-
-    Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
-    negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
-    """
-    frames = _stated_frames(content)
-    order = _order(content)
-    points, analog = struct.unpack_from(f"{order}HH", content, 2)
-    (start,) = struct.unpack_from(f"{order}H", content, 16)
-    is_real = bool(content[_SIGN_AT.get(_processor(content), 15)] & 0x80)
-    size = (4 * points + analog) * (4 if is_real else 2)
+    """Raise if the file ends before the frames that its header counts, or counts and holds none."""
+    frames, size, start = _header(content)
     if not start or not size:
         return
     whole = max(0, len(content) - _BLOCK * (start - 1)) // size

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.dynamics.run import dynamics
     from scaling_service.capabilities.dynamics.saving import save_dynamics
     from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-    from scaling_service.capabilities.intake.saving import prove_folder
+    from scaling_service.capabilities.intake.run import prove_folder
     from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
     from scaling_service.capabilities.motion.kinematic_error import kinematic_error
     from scaling_service.capabilities.motion.options import MotionOptions
@@ -86,7 +86,7 @@ _HOMES = {
     "inverse_kinematics": "capabilities.motion.inverse_kinematics",
     "kinematic_error": "capabilities.motion.kinematic_error",
     "load_subject": "capabilities.subject.reading",
-    "prove_folder": "capabilities.intake.saving",
+    "prove_folder": "capabilities.intake.run",
     "read_model": "capabilities.subject.loading",
     "read_recording": "files.recording",
     "save": "capabilities.scaling.saving",

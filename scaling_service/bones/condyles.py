@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, covered_share, refined_cylinder
+from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, measure_coverage, refine_cylinder
 from scaling_service.bones.surface import Surface
 from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 
@@ -177,7 +177,9 @@ def _both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone
     if pair is None:
         return "no sphere fits the back of a condyle"
     balls = [
-        SphereOnBone(ball.centre, ball.radius, ball.rms, covered_share(surface, ball.centre, weight), weight)
+        SphereOnBone(
+            ball.centre, ball.radius, ball.rms, measure_coverage(surface, ball.centre, weight), weight
+        )
         for ball, weight in zip(pair, chosen, strict=True)
     ]
     return frame, balls[0], balls[1]
@@ -258,4 +260,4 @@ def _cylinder(surface: Surface, knee: Knee) -> CylinderOnBone | None:
     on_arc = _arc(surface.smooth - knee.centre, frame) > 0.5
     within = (_half(surface, frame, -1.0) | _half(surface, frame, 1.0)) & on_arc
     radius = 0.5 * (knee.low.radius + knee.high.radius)
-    return refined_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)
+    return refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.fits import SphereOnBone, spheres, tip
-from scaling_service.bones.pieces import one_bone, require_long
+from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip
+from scaling_service.bones.pieces import require_long, require_one_bone
 from scaling_service.bones.results import (
     BoneLandmarks,
     Cylinder,
@@ -25,7 +25,7 @@ FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ank
 AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
 
-def femur_landmarks(
+def find_femur_landmarks(
     vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
 ) -> BoneLandmarks:
     """Landmarks of a femur of unknown orientation and side.
@@ -40,7 +40,7 @@ def femur_landmarks(
     Modenese & Renault 2021 (description only).
     """
     surface = prepare(vertices, faces)
-    surface, notes = one_bone(surface, "femur")
+    surface, notes = require_one_bone(surface, "femur")
     require_long(surface, "femur")
     refused: dict[str, str] = {}
     head = find_head(surface, refused)
@@ -127,8 +127,8 @@ def _collected(
         balls["condyle_medial"] = _sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
         balls["condyle_lateral"] = _sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
         outwards = knee.axis if side[0] == "r" else -knee.axis
-        points["epicondyle_lateral"] = surface.to_image(tip(surface, outwards, knee.distal))
-        points["epicondyle_medial"] = surface.to_image(tip(surface, -outwards, knee.distal))
+        points["epicondyle_lateral"] = surface.to_image(find_tip(surface, outwards, knee.distal))
+        points["epicondyle_medial"] = surface.to_image(find_tip(surface, -outwards, knee.distal))
         notes += _axis_notes(surface, knee, cylinders)
     return BoneLandmarks(
         bone="femur",
@@ -198,7 +198,7 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
     ends = surface.smooth[:, 0].min(), surface.smooth[:, 0].max()
     found = [
         ball
-        for ball in spheres(surface, HEAD_RADII_M)
+        for ball in find_spheres(surface, HEAD_RADII_M)
         if min(abs(ball.centre[0] - ends[0]), abs(ball.centre[0] - ends[1])) < 2.5 * ball.radius
     ]
     if not found:

@@ -39,7 +39,7 @@ class SphereOnBone:
     support: Array  # (n,); weight of every vertex, 0 to 1
 
 
-def spheres(
+def find_spheres(
     surface: Surface, radii: tuple[float, float], *, hollow: bool = False, most: int = 6
 ) -> list[SphereOnBone]:
     """The spheres that most of the surface lies on, the best covered first.
@@ -52,7 +52,7 @@ def spheres(
     """
     found: list[SphereOnBone] = []
     for centre, radius in _peaks(surface, radii, hollow, most):
-        sphere = refined(surface, centre, radius, hollow=hollow)
+        sphere = refine_sphere(surface, centre, radius, hollow=hollow)
         if sphere is None or not radii[0] <= sphere.radius <= radii[1]:
             continue
         if all(np.linalg.norm(sphere.centre - other.centre) > _APART_M for other in found):
@@ -60,7 +60,9 @@ def spheres(
     return sorted(found, key=lambda sphere: -sphere.covered)
 
 
-def refined(surface: Surface, centre: Array, radius: float, *, hollow: bool = False) -> SphereOnBone | None:
+def refine_sphere(
+    surface: Surface, centre: Array, radius: float, *, hollow: bool = False
+) -> SphereOnBone | None:
     """The robust least-squares sphere near a first guess, or None where there is none.
 
     Selection uses the smoothed surface, the fit the vertices themselves, each weighted by its area and
@@ -92,7 +94,7 @@ def refined(surface: Surface, centre: Array, radius: float, *, hollow: bool = Fa
             break
     support = np.zeros(len(surface.points))
     support[about.rows[near]] = weight
-    return SphereOnBone(centre, radius, fit.rms, covered_share(surface, centre, support), support)
+    return SphereOnBone(centre, radius, fit.rms, measure_coverage(surface, centre, support), support)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ class _Around:
         return self if held else _Around.of(surface, centre, reach)
 
 
-def covered_share(surface: Surface, centre: Array, support: Array) -> float:
+def measure_coverage(surface: Surface, centre: Array, support: Array) -> float:
     """Share of the full solid angle that the supporting vertices take up."""
     offset = (surface.smooth - centre)[support > 0]
     distance = np.linalg.norm(offset, axis=1)
@@ -201,7 +203,7 @@ class CylinderOnBone:
     support: Array
 
 
-def refined_cylinder(
+def refine_cylinder(
     surface: Surface,
     point: Array,
     direction: Array,
@@ -268,7 +270,7 @@ _TIP_STEPS = 40
 _NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
 
 
-def tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:
+def find_tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:
     """Where the chosen part reaches furthest, shape (3,), m.
 
     The mean over the surface, weighted by area, by the exponential of the height over ``depth`` and by a

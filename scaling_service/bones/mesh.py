@@ -13,7 +13,7 @@ Faces = NDArray[np.intp]
 _GRID = 2**21 - 1  # three such coordinates fit one 64-bit number; a 0.5 m bone is resolved to 0.25 um
 
 
-def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """One vertex for each place (STL repeats them for every face), unused ones gone."""
     low = vertices.min(axis=0)
     size = float((vertices.max(axis=0) - low).max()) or 1.0
@@ -25,7 +25,7 @@ def merged(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     return vertices[first[used]], compact.reshape(-1, 3).astype(np.intp)
 
 
-def without_useless_faces(faces: Faces) -> Faces:
+def remove_useless_faces(faces: Faces) -> Faces:
     """No face with a repeated corner, and none twice."""
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
@@ -38,7 +38,7 @@ def without_useless_faces(faces: Faces) -> Faces:
     return kept
 
 
-def shells(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
+def label_pieces(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex."""
     rows = np.concatenate([faces[:, 0], faces[:, 1]])
     columns = np.concatenate([faces[:, 1], faces[:, 2]])
@@ -48,13 +48,13 @@ def shells(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
     return numbers
 
 
-def boundary_share(faces: Faces) -> float:
+def measure_openness(faces: Faces) -> float:
     """Share of edges that have one face only."""
     _, counts = np.unique(_edge_keys(faces), return_counts=True)
     return float((counts == 1).mean())
 
 
-def wound_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
+def wind_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
     """Faces turned so that neighbours are wound the same way, and how many were turned.
 
     Each face becomes two nodes, as it is and turned; edges of the graph join what can stand together.
@@ -152,7 +152,7 @@ class Smoother:
         return moved
 
 
-def without_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, float]:
+def remove_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, float]:
     """The vertices with their noise taken off, shape (n, 3), m, and the noise, m: 0 where nothing was done.
 
     The noise is the standard deviation of the vertices along the normals of the smoothed surface. Up to
@@ -184,7 +184,7 @@ def _doubled(points: Array, faces: Faces) -> Array:
 _MOST_TIMES = 2  # chosen: a mesh that is still coarser holds no landmark
 
 
-def refined_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces]:
+def refine_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces]:
     """The mesh with edges halved until the median edge is no longer than asked.
 
     A midpoint is lifted off its chord by an eighth of the chord times the turn of the normals, which is

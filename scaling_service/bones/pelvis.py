@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from scaling_service.bones.fits import SphereOnBone, spheres, tip
+from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip
 from scaling_service.bones.results import BoneLandmarks, MeshRefused, Quality, Sphere, confidence
 from scaling_service.bones.surface import Surface, prepare
 
@@ -53,7 +53,7 @@ class _Frame:
     half: float
 
 
-def pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmarks:
+def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLandmarks:
     """Landmarks of both hip bones of unknown orientation.
 
     ``vertices``: (n, 3), m. ``faces`` (m, 3): one piece or several; a sacrum may be among them. Returns
@@ -110,7 +110,7 @@ _DEFINITIONS = {
 
 def _sockets(surface: Surface) -> tuple[SphereOnBone, SphereOnBone]:
     """The best pair of hollow spheres of equal size at a pelvis's distance."""
-    found = [s for s in spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED]
+    found = [s for s in find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED]
     pairs = [
         (a, b)
         for a, b in combinations(found, 2)
@@ -235,7 +235,7 @@ def _furthest(surface: Surface, direction: Array, within: NDArray[np.bool_], nam
         raise MeshRefused(
             f"the part that holds the {name} is not in the surface", remedy="Give whole hip bones"
         )
-    return tip(surface, direction, within)
+    return find_tip(surface, direction, within)
 
 
 def _check(points: dict[str, Array], frame: _Frame) -> None:

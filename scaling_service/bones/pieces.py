@@ -23,12 +23,12 @@ LONG_M = (0.08, 0.62)
 """Length of a long bone or a usable part of one; the upper end is above the tallest men's femurs."""
 
 
-def one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
+def require_one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
     """Without inner shells (the marrow cavity of a CT segmentation); refuses a second bone.
 
     Raises MeshRefused: there is a second bone.
     """
-    inner, outer = inner_shells(surface)
+    inner, outer = sort_pieces(surface)
     notes = [f"{len(inner)} shells inside the bone were left out"] if inner else []
     if outer:
         share = max(float(surface.areas[surface.shell == k].sum()) for k in outer)
@@ -42,7 +42,7 @@ def one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
     return (surface.part(surface.shell == 0), notes) if inner or outer else (surface, [])
 
 
-def inner_shells(surface: Surface) -> tuple[list[int], list[int]]:
+def sort_pieces(surface: Surface) -> tuple[list[int], list[int]]:
     """Numbers of the shells inside the largest one, and of those outside it."""
     inner: list[int] = []
     outer: list[int] = []
@@ -91,12 +91,12 @@ class Shank:
     notes: list[str]
 
 
-def without_fibula(surface: Surface) -> Shank:
+def separate_fibula(surface: Surface) -> Shank:
     """A shank's surface into its bones.
 
     Raises MeshRefused: there is a further piece that is no fibula.
     """
-    inner, outer = inner_shells(surface)
+    inner, outer = sort_pieces(surface)
     notes = [f"{len(inner)} shells inside the bones were left out"] if inner else []
     tibia = surface.part(surface.shell == 0)
     if not outer:

@@ -81,22 +81,22 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     """
     vertices, triangles = _checked(vertices, faces)
     notes: list[str] = []
-    points, triangles = mesh.merged(vertices, triangles)
-    triangles = mesh.without_useless_faces(triangles)
+    points, triangles = mesh.merge_vertices(vertices, triangles)
+    triangles = mesh.remove_useless_faces(triangles)
     if len(triangles) < _FEWEST_FACES:
         raise MeshRefused(
             f"it has {len(triangles)} faces, too few for a bone",
             remedy=f"Give a surface of at least {_FEWEST_FACES} faces",
         )
     points, triangles, label = _without_strays(points, triangles, notes)
-    open_share = mesh.boundary_share(triangles)
+    open_share = mesh.measure_openness(triangles)
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _facing_out(points, triangles, label, notes)
-    points, noise = mesh.without_noise(points, triangles, SMOOTHING_M)
+    points, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
-    points, triangles = mesh.refined_mesh(points, triangles, COARSE_M)
+    points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
     label = shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
     points = (points - origin) @ axes
@@ -139,7 +139,7 @@ def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]
 def _without_strays(
     points: Array, triangles: Faces, notes: list[str]
 ) -> tuple[Array, Faces, NDArray[np.intp]]:
-    label = mesh.shells(len(points), triangles)
+    label = mesh.label_pieces(len(points), triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     order = np.argsort(-areas, kind="stable")
     large = areas[order] >= STRAY_SHARE * areas[order[0]]
@@ -157,7 +157,7 @@ def _without_strays(
 
 def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
-    label = mesh.shells(len(points), triangles)
+    label = mesh.label_pieces(len(points), triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     rank = np.empty(len(areas), dtype=np.intp)
     rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
@@ -167,7 +167,7 @@ def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
 
 def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
     """Every shell wound alike, then turned so that it encloses a positive volume."""
-    triangles, turned = mesh.wound_alike(len(points), triangles)
+    triangles, turned = mesh.wind_alike(len(points), triangles)
     corners = points[triangles]
     owner = label[triangles[:, 0]]
     n_shells = int(label.max()) + 1

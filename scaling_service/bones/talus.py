@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.fits import CylinderOnBone, refined_cylinder
-from scaling_service.bones.pieces import one_bone
+from scaling_service.bones.fits import CylinderOnBone, refine_cylinder
+from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
@@ -27,7 +27,7 @@ _CELL_M = 2e-3
 _TRIED = 5
 
 
-def talus_landmarks(
+def find_talus_landmarks(
     vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None, tibia: TibiaFrame
 ) -> BoneLandmarks:
     """The ankle's centre and axis from a talus beside its tibia.
@@ -38,7 +38,7 @@ def talus_landmarks(
     ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``. Raises MeshRefused: it is no talus, or no part
     of it is a cylinder of a trochlea's size.
     """
-    surface, notes = one_bone(prepare(vertices, faces), "talus")
+    surface, notes = require_one_bone(prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))
     if not SIZE_M[0] <= length <= SIZE_M[1]:
         raise MeshRefused(
@@ -84,7 +84,7 @@ def _trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
     guesses = sorted((_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
     found: list[CylinderOnBone] = []
     for _, point, direction, radius in guesses[:_TRIED]:
-        cylinder = refined_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
+        cylinder = refine_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
         if cylinder is not None and RADII_M[0] <= cylinder.radius <= RADII_M[1]:
             found.append(cylinder)
     if not found:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
-from scaling_service.bones.fits import SHARP_M, spheres, tip
-from scaling_service.bones.pieces import require_long, without_fibula
+from scaling_service.bones.fits import SHARP_M, find_spheres, find_tip
+from scaling_service.bones.pieces import require_long, separate_fibula
 from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.surface import Surface, prepare
 
@@ -38,7 +38,7 @@ class TibiaFrame:
     z: Array
 
 
-def tibia_landmarks(
+def find_tibia_landmarks(
     vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
 ) -> tuple[BoneLandmarks, TibiaFrame]:
     """Landmarks of a tibia of unknown orientation and side, the fibula joined, apart or absent.
@@ -49,7 +49,7 @@ def tibia_landmarks(
     ``plateau_lateral``. Raises MeshRefused: it is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
-    shank = without_fibula(surface)
+    shank = separate_fibula(surface)
     tibia, fibula = shank.tibia, shank.fibula
     require_long(tibia, "tibia")
     if fibula is None:
@@ -60,18 +60,18 @@ def tibia_landmarks(
     points: dict[str, Array] = {}
     refused: dict[str, str] = {}
     ankle = height < ANKLE_M
-    points["plateau_medial"] = tip(tibia, -outwards, plateau, SHARP_M)
-    points["plateau_lateral"] = tip(tibia, outwards, plateau, SHARP_M)
+    points["plateau_medial"] = find_tip(tibia, -outwards, plateau, SHARP_M)
+    points["plateau_lateral"] = find_tip(tibia, outwards, plateau, SHARP_M)
     cut = _cut_off(tibia, up, height, outwards)
     if cut is not None:
         for name in ("malleolus_medial", "malleolus_lateral", "ankle_centre"):
             refused[name] = cut
         if fibula is not None:
             level = fibula.smooth @ up
-            points["fibula_head"] = tip(fibula, up, level > level.max() - ANKLE_M, SHARP_M)
+            points["fibula_head"] = find_tip(fibula, up, level > level.max() - ANKLE_M, SHARP_M)
     else:
-        points["malleolus_medial"] = tip(tibia, -up, ankle & _medial(tibia, outwards, ankle), SHARP_M)
-        points["malleolus_medial_prominence"] = tip(tibia, -outwards, ankle, SHARP_M)
+        points["malleolus_medial"] = find_tip(tibia, -up, ankle & _medial(tibia, outwards, ankle), SHARP_M)
+        points["malleolus_medial_prominence"] = find_tip(tibia, -outwards, ankle, SHARP_M)
         _add_fibula(fibula, up, outwards, points, refused)
     if shank.joined and points.pop("fibula_head", None) is not None:
         # Along the shafts it is clear what is fibula; under the plateau it is not.
@@ -123,7 +123,7 @@ def _cut_off(tibia: Surface, up: Array, height: Array, outwards: Array) -> str |
 
 def _refuse_femur(tibia: Surface) -> None:
     """A bone without fibula that bears a femoral head is a femur."""
-    balls = spheres(tibia, HEAD_RADII_M)
+    balls = find_spheres(tibia, HEAD_RADII_M)
     if balls and balls[0].covered >= HEAD_COVERED:
         raise MeshRefused(
             f"it bears a ball that covers {balls[0].covered:.2f} of its sphere, as a femur's head",
@@ -140,9 +140,9 @@ def _add_fibula(
         return
     height = fibula.smooth @ up
     low = height < height.min() + ANKLE_M
-    points["fibula_head"] = tip(fibula, up, height > height.max() - ANKLE_M, SHARP_M)
-    points["malleolus_lateral"] = tip(fibula, -up, low, SHARP_M)
-    points["malleolus_lateral_prominence"] = tip(fibula, outwards, low, SHARP_M)
+    points["fibula_head"] = find_tip(fibula, up, height > height.max() - ANKLE_M, SHARP_M)
+    points["malleolus_lateral"] = find_tip(fibula, -up, low, SHARP_M)
+    points["malleolus_lateral_prominence"] = find_tip(fibula, outwards, low, SHARP_M)
     apart = float(np.linalg.norm(points["malleolus_medial"] - points["malleolus_lateral"]))
     if 0.03 <= apart <= 0.09:  # intermalleolar widths of 55-75 mm in adults; a child's to a giant's
         points["ankle_centre"] = 0.5 * (points["malleolus_medial"] + points["malleolus_lateral"])

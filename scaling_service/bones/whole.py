@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.femur import femur_landmarks
-from scaling_service.bones.pelvis import pelvis_landmarks
+from scaling_service.bones.femur import find_femur_landmarks
+from scaling_service.bones.pelvis import find_pelvis_landmarks
 from scaling_service.bones.results import Array, BoneLandmarks, MeshRefused, Side
-from scaling_service.bones.talus import talus_landmarks
-from scaling_service.bones.tibia import TibiaFrame, tibia_landmarks
+from scaling_service.bones.talus import find_talus_landmarks
+from scaling_service.bones.tibia import TibiaFrame, find_tibia_landmarks
 from scaling_service.model.body import Vector
 from scaling_service.model.trial import Bone, ImageEvidence
 
@@ -37,7 +37,7 @@ UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # metres in a u
 _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed images included
 
 
-def unit_of(extents: Mapping[str, float]) -> str:
+def find_unit(extents: Mapping[str, float]) -> str:
     """The unit in which all bones have the size of bones.
 
     ``extents``: bone to the largest distance between two of its points, in the unknown unit. Raises
@@ -45,7 +45,7 @@ def unit_of(extents: Mapping[str, float]) -> str:
 
     Examples
     --------
-    >>> unit_of({"femur_r": 445.0, "talus_r": 61.0})
+    >>> find_unit({"femur_r": 445.0, "talus_r": 61.0})
     'mm'
     """
     fitting = [
@@ -111,19 +111,19 @@ def _one(
 ) -> BoneLandmarks:
     vertices, faces = mesh
     if name == "pelvis":
-        return pelvis_landmarks(vertices, faces)
+        return find_pelvis_landmarks(vertices, faces)
     kind, side = name.split("_")
     named: Side = "r" if side == "r" else "l"
     if kind == "femur":
-        return _right_side(name, femur_landmarks(vertices, faces, named_side=named))
+        return _right_side(name, find_femur_landmarks(vertices, faces, named_side=named))
     if kind == "tibia":
-        landmarks, frames[side] = tibia_landmarks(vertices, faces, named_side=named)
+        landmarks, frames[side] = find_tibia_landmarks(vertices, faces, named_side=named)
         return _right_side(name, landmarks)
     if side not in frames:
         raise MeshRefused(
             _TALUS_ALONE, remedy=f"Give tibia_{side} of the same image too, or leave {name} out"
         )
-    talus = talus_landmarks(vertices, faces, named_side=named, tibia=frames[side])
+    talus = find_talus_landmarks(vertices, faces, named_side=named, tibia=frames[side])
     tibia = found[f"tibia_{side}"].points.get("malleolus_medial")
     apart = 0.0 if tibia is None else float(np.linalg.norm(talus.points["ankle_centre"] - tibia))
     if apart > 0.06:  # chosen: the trochlea lies 20-30 mm from the medial malleolus

@@ -1,4 +1,4 @@
-"""C3D: what a binary recording holds, read by ezc3d, and markers written by it.
+"""C3D: what a binary recording holds, read by ezc3d.
 
 The library parses in a process of its own: a damaged file can make it crash, hang or ask for all memory.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -23,7 +22,7 @@ import numpy as np
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable, TrialUnusable
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Array
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -90,38 +89,29 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
                 points, residuals, analog = stored["points"], stored["residuals"], stored["analog"]
         except (OSError, KeyError, ValueError, BadZipFile) as error:
             raise _damaged(file, str(error)) from None
-    return _assemble(file, points, residuals, analog, facts, _stated_frames(content))
+    return _assemble(file, points, residuals, analog, facts, _header(content)[0])
 
 
-def _stated_frames(content: bytes) -> int | None:
-    """Last minus first frame of the header, plus one (words 4 and 5; C3D user guide, "Header section")."""
-    first, last = struct.unpack_from(f"{_order(content)}HH", content, 6)
-    return last - first + 1 if first <= last < _WORD else None
+def _header(content: bytes) -> tuple[int | None, int, int]:
+    """Number of frames (None where the header cannot tell), bytes of one, and the block where they begin.
 
-
-def _processor(content: bytes) -> int:
-    """The processor type, fourth byte of the parameters; 0 where the file ends before."""
-    at = _BLOCK * (content[0] - 1) + 3
-    return content[at] if 0 <= at < len(content) else 0
-
-
-def _order(content: bytes) -> str:
-    """Order of the bytes of a number, as ``struct`` writes it."""
-    return ">" if _processor(content) == _MIPS else "<"
+    Points and analog numbers of a frame are words 2 and 3, the first and the last frame words 4 and 5, the
+    block is word 9, and a negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user
+    guide, "Header section").
+    """
+    at = _BLOCK * (content[0] - 1) + 3  # the processor type, fourth byte of the parameters
+    processor = content[at] if 0 <= at < len(content) else 0
+    order = ">" if processor == _MIPS else "<"
+    points, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
+    (start,) = struct.unpack_from(f"{order}H", content, 16)
+    is_real = bool(content[_SIGN_AT.get(processor, 15)] & 0x80)
+    frames = last - first + 1 if first <= last < _WORD else None
+    return frames, (4 * points + analog) * (4 if is_real else 2), start
 
 
 def _refuse_cut(content: bytes, file: Path) -> None:
-    """Raise if the file ends before the frames that its header counts, or counts and holds none.
-
-    Points and analog numbers of a frame are words 2 and 3, the block where frames begin is word 9, and a
-    negative scale (words 7 and 8) says that numbers are real, of 4 bytes (C3D user guide, "Header section").
-    """
-    frames = _stated_frames(content)
-    order = _order(content)
-    points, analog = struct.unpack_from(f"{order}HH", content, 2)
-    (start,) = struct.unpack_from(f"{order}H", content, 16)
-    is_real = bool(content[_SIGN_AT.get(_processor(content), 15)] & 0x80)
-    size = (4 * points + analog) * (4 if is_real else 2)
+    """Raise if the file ends before the frames that its header counts, or counts and holds none."""
+    frames, size, start = _header(content)
     if not start or not size:
         return
     whole = max(0, len(content) - _BLOCK * (start - 1)) // size
@@ -213,34 +203,3 @@ def no_frame(file: Path) -> TrialUnusable:
     return TrialUnusable(
         "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"
     )
-
-
-def write_c3d(path: str | os.PathLike[str], trial: Trial) -> None:
-    """Write markers as C3D: mm, 32-bit floats, residual -1 where not seen.
-
-    ``trial``: its clock must be regular; C3D holds a rate, not times. Raises DependencyMissing if ezc3d is
-    not installed.
-    """
-    try:
-        import ezc3d
-    except ImportError:
-        raise DependencyMissing(
-            "writing C3D needs ezc3d", file=str(path), remedy="Install it: pip install ezc3d"
-        ) from None
-    n, m = trial.n_frames, len(trial.labels)
-    seen = np.isfinite(trial.markers).all(-1).T
-    points = np.ones((4, m, n))
-    points[:3] = np.where(seen, np.moveaxis(trial.markers, -1, 0).swapaxes(1, 2) / METRES["mm"], 0.0)
-    content = ezc3d.c3d()
-    about = content["parameters"]["POINT"]
-    about["UNITS"]["value"] = ["mm"]
-    about["RATE"]["value"] = [trial.rate_hz]
-    about["LABELS"]["value"] = list(trial.labels)
-    content["data"]["points"] = points
-    content["data"]["meta_points"]["residuals"] = np.where(seen, 0.0, -1.0)[None]
-    content["data"]["meta_points"]["camera_masks"] = np.zeros((7, m, n), dtype=bool)
-    # The library puts .c3d behind any other ending, also behind .C3D.
-    with tempfile.TemporaryDirectory(prefix="c3d-") as scratch:
-        whole = Path(scratch) / "written.c3d"
-        content.write(str(whole))
-        shutil.copyfile(whole, path)

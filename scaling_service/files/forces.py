@@ -44,10 +44,10 @@ def read_forces(path: str | os.PathLike[str]) -> GroundForces:
     that the file lacks, and points that had no meaning. Raises TrialUnusable: no plate is found, a point of
     application is missing, or points are in mm. Raises FileUnreadable: as ``read_sto``.
     """
-    return forces_of_table(read_sto(path), Path(path).name)
+    return read_forces_from_table(read_sto(path), Path(path).name)
 
 
-def forces_of_table(table: Table, file: str) -> GroundForces:
+def read_forces_from_table(table: Table, file: str) -> GroundForces:
     """The ground forces that a table holds; errors as :func:`read_forces`."""
     plates = find_plates(table.columns, file)
     names, repairs = plate_names(len(plates)), list(table.repairs)

@@ -203,7 +203,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
     lines += ["endheader", "\t".join(table.columns), ""]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(tables.formatted_rows("\t".join(["%.12g"] * columns), table.data))
+        stream.writelines(tables.format_rows("\t".join(["%.12g"] * columns), table.data))
 
 
 def motion_table(
@@ -226,26 +226,3 @@ def motion_table(
         np.concatenate((np.asarray(times, float)[:, None], data * factors), axis=1),
         in_degrees=True,
     )
-
-
-def motion_values(
-    table: Table, kinds: Mapping[str, Literal["rotation", "translation"]], *, in_degrees: bool | None = None
-) -> tuple[tuple[str, ...], Array]:
-    """The coordinates of a motion in rad and m.
-
-    ``kinds``: coordinate to its kind; columns that are not named here are left out. ``in_degrees``: what
-    holds where the file does not say. Returns ``values``: (n, k), rad or m. Raises TrialUnusable if there
-    is a rotation and neither the file nor the caller says whether it is in degrees.
-    """
-    names = tuple(name for name in table.columns[1:] if name in kinds)
-    degrees = table.in_degrees if table.in_degrees is not None else in_degrees
-    if degrees is None and any(kinds[name] == "rotation" for name in names):
-        raise TrialUnusable(
-            "the file does not say whether rotations are in degrees",
-            file=table.name,
-            field="inDegrees",
-            remedy="Add inDegrees=yes or inDegrees=no to its header",
-        )
-    factors = np.array([np.pi / 180.0 if degrees and kinds[name] == "rotation" else 1.0 for name in names])
-    columns = [table.columns.index(name) for name in names]
-    return names, table.data[:, columns] * factors

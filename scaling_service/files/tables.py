@@ -205,7 +205,7 @@ def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
     )
 
 
-def formatted_rows(form: str, data: Array) -> Iterator[str]:
+def format_rows(form: str, data: Array) -> Iterator[str]:
     """Rows as text, many at a time.
 
     ``form``: of one row, for the ``%`` operator. ``data``: (n_rows, n_columns).

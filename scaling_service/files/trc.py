@@ -336,4 +336,4 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     ]
     with Path(path).open("w", encoding="utf-8") as stream:
         stream.write("\n".join(lines))
-        stream.writelines(tables.formatted_rows(form, rows))
+        stream.writelines(tables.format_rows(form, rows))

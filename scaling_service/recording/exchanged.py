@@ -41,7 +41,7 @@ _REMEDY = "correct the labels in the recording"
 _Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
 
-def exchanged(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
+def find_exchanged_sides(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
     """Say where the labels of two landmarks look exchanged, for a while or throughout.
 
     ``trial``: in any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
@@ -206,7 +206,7 @@ class Exchange:
     left_m: float
 
 
-def shape_of(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
+def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:
     """The usual distance of every two markers of a segment, over the recordings that show both.
 
     ``trials``: in m; of each, its median counts once, however long it is.
@@ -227,11 +227,11 @@ def _distance(trial: Trial, one: str, other: str) -> Array:
     return distance
 
 
-def exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchange]:
+def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[Exchange]:
     """Where labels of one segment would fit the usual shape far better in another order.
 
     ``trial``: in m, before gaps are filled and positions smoothed. ``usual``: of other recordings,
-    :func:`shape_of`.
+    :func:`measure_shape`.
     """
     for labels in clusters.values():
         names = sorted(name for name in labels if name in trial.labels)

@@ -78,16 +78,6 @@ class Orientation:
         return rotated
 
 
-def orient(
-    trial: Trial, *, up: str | None = None, forward: str | None = None, roles: Mapping[str, str] | None = None
-) -> Trial:
-    """Decide on a recording's axes and unit, and apply the decision to it.
-
-    See :func:`decide` and :func:`apply`.
-    """
-    return apply(decide(trial, roles=roles, up=up, forward=forward), trial)
-
-
 def decide(
     trial: Trial,
     *,

@@ -204,10 +204,10 @@ def _contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
     return [(a, b) for a, b in runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
 
 
-def _foot_of(away: Array, names: tuple[str, ...], told: str | None) -> int:
+def _foot_of(away: Array, names: tuple[str, ...], given: str | None) -> int:
     """The foot of one contact from distances (n_feet, n)."""
-    if told is not None:
-        return names.index(told)
+    if given is not None:
+        return names.index(given)
     typical = np.array([np.median(d[np.isfinite(d)]) if np.isfinite(d).any() else np.inf for d in away])
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY

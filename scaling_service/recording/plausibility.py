@@ -83,7 +83,7 @@ body (chosen: real recordings of whole bodies and of legs reach 2 to 5)."""
 FEWEST = 4  # markers of a frame that tell where its middle is (chosen: of three, two may be the strays)
 
 
-def without_strays(trial: _AnyTrial) -> _AnyTrial:
+def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     """Mark positions that no body can reach as not seen.
 
     A single one outweighs all other markers in a least-squares fit.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from scaling_service.bones.mesh import merged
+from scaling_service.bones.mesh import merge_vertices
 from scaling_service.bones.results import BoneLandmarks
 from scaling_service.bones.whole import Mesh, find_landmarks
 from scaling_service.files.mesh import read_mesh
@@ -92,7 +92,7 @@ def test_pelvis(person: Person) -> None:
 
 def test_a_millimetre_of_noise_moves_hip_and_knee_by_half_at_most(person: Person) -> None:
     """Condyles of a rough bone are no spheres: which part of them is fitted then hangs on the noise."""
-    vertices, faces = merged(*person.meshes["femur_r"])  # STL repeats a vertex for every face
+    vertices, faces = merge_vertices(*person.meshes["femur_r"])  # STL repeats a vertex for every face
     noisy = vertices + 1e-3 * np.random.default_rng(11).normal(size=vertices.shape)
     found = find_landmarks({"femur_r": (noisy, faces)})["femur_r"]
     assert any("scatter" in warning for warning in found.warnings)

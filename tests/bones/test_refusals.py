@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.bones.results import MeshRefused
-from scaling_service.bones.whole import find_landmarks, unit_of
+from scaling_service.bones.whole import find_landmarks, find_unit
 from tests.bones import bones
 
 CUBE = bones.meshed([lambda p: np.abs(p).max(axis=1) - 50], [-60] * 3, [60] * 3, step=4.0)
@@ -104,9 +104,9 @@ def test_no_mesh(vertices: np.ndarray, faces: np.ndarray, said: str) -> None:
 
 @pytest.mark.parametrize(("factor", "unit"), [(1.0, "m"), (100.0, "cm"), (1000.0, "mm")])
 def test_the_unit_follows_from_the_size(factor: float, unit: str) -> None:
-    assert unit_of({"femur_r": 0.44 * factor, "talus_r": 0.06 * factor, "pelvis": 0.28 * factor}) == unit
+    assert find_unit({"femur_r": 0.44 * factor, "talus_r": 0.06 * factor, "pelvis": 0.28 * factor}) == unit
 
 
 def test_mixed_units_are_refused() -> None:
     with pytest.raises(MeshRefused, match="in no unit"):
-        unit_of({"femur_r": 440.0, "tibia_r": 0.39})
+        find_unit({"femur_r": 440.0, "tibia_r": 0.39})

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.ndimage import uniform_filter
 
-from scaling_service.bones.fits import _with_neighbours, refined
+from scaling_service.bones.fits import _with_neighbours, refine_sphere
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.numerics.multibody.laws import Array
 
@@ -36,7 +36,7 @@ def test_a_first_guess_beside_the_centre_leads_to_it(ball_on_a_rod: Surface, off
     """As far beside it as votes in cells of 3 mm may be."""
     true = guesses(ball_on_a_rod, 0.0)[0]
     for guess in guesses(ball_on_a_rod, off_m):
-        found = refined(ball_on_a_rod, guess, 0.9 * RADIUS_M)
+        found = refine_sphere(ball_on_a_rod, guess, 0.9 * RADIUS_M)
         assert found is not None
         np.testing.assert_allclose(found.centre, true, atol=1e-4)
         assert found.radius == pytest.approx(RADIUS_M, abs=1e-4)
@@ -51,7 +51,7 @@ def test_vertices_further_away_have_no_part(
         found = []
         for room in (1e3, 1.5, 1.0):
             monkeypatch.setattr("scaling_service.bones.fits._ROOM", room)
-            found.append(refined(ball_on_a_rod, guess, 0.9 * RADIUS_M))
+            found.append(refine_sphere(ball_on_a_rod, guess, 0.9 * RADIUS_M))
         wanted = found[0]
         for other in found[1:]:
             assert (other is None) == (wanted is None)

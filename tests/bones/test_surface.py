@@ -8,13 +8,13 @@ import trimesh
 
 from scaling_service.bones.mesh import (
     Smoother,
-    boundary_share,
-    merged,
-    refined_mesh,
-    shells,
+    label_pieces,
+    measure_openness,
+    merge_vertices,
+    refine_mesh,
     vertex_areas,
     vertex_normals,
-    wound_alike,
+    wind_alike,
 )
 from scaling_service.bones.surface import prepare
 
@@ -38,29 +38,29 @@ def test_smoothing_takes_noise_off_and_keeps_the_size() -> None:
 
 def test_refining_a_coarse_ball_puts_vertices_on_the_ball() -> None:
     coarse = trimesh.creation.icosphere(2, 0.03)
-    points, faces = refined_mesh(np.asarray(coarse.vertices), np.asarray(coarse.faces).astype(np.intp), 5e-3)
+    points, faces = refine_mesh(np.asarray(coarse.vertices), np.asarray(coarse.faces).astype(np.intp), 5e-3)
     assert len(faces) == 4 * len(coarse.faces)
     chords = 0.03 - np.linalg.norm(coarse.triangles_center, axis=1).min()
     assert np.abs(np.linalg.norm(points, axis=1) - 0.03).max() < 0.1 * chords
-    assert boundary_share(faces) == 0.0
+    assert measure_openness(faces) == 0.0
 
 
 def test_a_fine_mesh_is_left_alone() -> None:
-    assert refined_mesh(POINTS, FACES, 5e-3)[1] is FACES
+    assert refine_mesh(POINTS, FACES, 5e-3)[1] is FACES
 
 
 def test_soup_is_merged() -> None:
     soup = POINTS[FACES].reshape(-1, 3)
-    points, faces = merged(soup, np.arange(len(soup)).reshape(-1, 3))
+    points, faces = merge_vertices(soup, np.arange(len(soup)).reshape(-1, 3))
     assert len(points) == len(POINTS)
-    assert shells(len(points), faces).max() == 0
+    assert label_pieces(len(points), faces).max() == 0
 
 
 def test_winding_is_restored_piece_by_piece() -> None:
     both = np.vstack([FACES, FACES + len(POINTS)])
     wrong = np.random.default_rng(1).random(len(both)) < 0.3
     mixed = np.where(wrong[:, None], both[:, ::-1], both)
-    restored, turned = wound_alike(2 * len(POINTS), mixed)
+    restored, turned = wind_alike(2 * len(POINTS), mixed)
     assert turned == wrong.sum()
     assert np.array_equal(np.sort(restored, axis=1), np.sort(both, axis=1))
     assert vertex_normals(np.vstack([POINTS, POINTS]), restored) == pytest.approx(

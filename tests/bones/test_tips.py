@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.bones.fits import tip
-from scaling_service.bones.mesh import Smoother, without_noise
+from scaling_service.bones.fits import find_tip
+from scaling_service.bones.mesh import Smoother, remove_noise
 from scaling_service.bones.surface import Surface, prepare
 
 UP = np.array([0.36, 0.48, 0.8])
@@ -22,7 +22,7 @@ def egg(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
 def found(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     surface: Surface = prepare(points, faces)
     everywhere = np.ones(len(surface.points), dtype=bool)
-    return surface.to_image(tip(surface, surface.R_image_own.T @ UP, everywhere))
+    return surface.to_image(find_tip(surface, surface.R_image_own.T @ UP, everywhere))
 
 
 @pytest.mark.parametrize("radius", [0.007, 0.012, 0.025])
@@ -51,7 +51,7 @@ def test_noise_is_measured_and_taken_off_whatever_it_does_to_the_edges() -> None
     ball = trimesh.creation.icosphere(5, 0.03)
     points, faces = np.asarray(ball.vertices), np.asarray(ball.faces).astype(np.intp)
     noisy = points + np.random.default_rng(0).normal(scale=1e-3, size=points.shape)
-    quiet, noise = without_noise(noisy, faces, 5e-3)
+    quiet, noise = remove_noise(noisy, faces, 5e-3)
     assert noise == pytest.approx(1e-3, rel=0.2)
     off = [np.std(np.linalg.norm(p, axis=1)) for p in (Smoother(noisy, faces).smoothed(5e-3), quiet)]
     assert off[1] < 0.8 * off[0]
@@ -61,6 +61,6 @@ def test_noise_is_measured_and_taken_off_whatever_it_does_to_the_edges() -> None
 @pytest.mark.parametrize("subdivisions", [3, 5])
 def test_a_quiet_mesh_is_left_as_it_is(subdivisions: int) -> None:
     points, faces = egg(subdivisions)
-    same, noise = without_noise(points, faces, 5e-3)
+    same, noise = remove_noise(points, faces, 5e-3)
     assert same is points
     assert noise == 0.0

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.files.c3d_file import write_c3d
 from scaling_service.model.trial import Trial
+from tests.files.c3d_writing import write_c3d
 from tests.jobs.laboratory import document, known_person, write_recording, write_subject
 
 Spoil = Callable[[Path], None]

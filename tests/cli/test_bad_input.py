@@ -14,7 +14,6 @@ import pytest
 
 from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
-from scaling_service.files.c3d_file import write_c3d
 from tests.cli.spoilt import (
     Spoil,
     as_c3d,
@@ -32,6 +31,7 @@ from tests.cli.spoilt import (
     unseen,
     without,
 )
+from tests.files.c3d_writing import write_c3d
 from tests.jobs.laboratory import write_recording
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from scaling_service.cli import main
-from scaling_service.files.c3d_file import write_c3d
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
+from tests.files.c3d_writing import write_c3d
 from tests.jobs.force_laboratory import document, force_laboratory, write_forces, write_subject
 
 Spoil = Callable[[Path], None]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.files.forces import find_plates, forces_of_table, read_forces
+from scaling_service.files.forces import find_plates, read_forces, read_forces_from_table
 from scaling_service.files.sto import Table
 
 NAMINGS = {
@@ -33,7 +33,7 @@ def table(force: str = "ground_force_v", rows: int = 5, **changes: object) -> Ta
 
 @pytest.mark.parametrize("force", NAMINGS)
 def test_every_naming_gives_the_wrench_about_the_origin(force: str) -> None:
-    forces = forces_of_table(table(force), "made.mot")
+    forces = read_forces_from_table(table(force), "made.mot")
     assert forces.plates == ("plate_1",)
     np.testing.assert_allclose(forces.force[0, 0], [30, 700, 0])
     np.testing.assert_allclose(forces.moment[0, 0], [-70, 3 + 4, 140])  # r x F + T
@@ -48,7 +48,7 @@ def test_plates_come_in_the_order_of_the_columns() -> None:
 def test_a_point_far_away_at_no_force_spoils_nothing() -> None:
     vertical = np.array([0.0, 5.0, 700.0, 700.0, 700.0])
     away = np.array([346.0, 120.0, 0.2, 0.21, 0.2])
-    forces = forces_of_table(
+    forces = read_forces_from_table(
         table(ground_force_vy=vertical, ground_force_vx=0.0, ground_force_px=away), "made.mot"
     )
     assert forces.moment[0, 0, 2] == 0.0
@@ -58,14 +58,14 @@ def test_a_point_far_away_at_no_force_spoils_nothing() -> None:
 
 
 def test_a_missing_number_spoils_its_own_frame_only() -> None:
-    forces = forces_of_table(table(ground_force_vx=np.array([1, np.nan, 1, 1, 1])), "made.mot")
+    forces = read_forces_from_table(table(ground_force_vx=np.array([1, np.nan, 1, 1, 1])), "made.mot")
     assert np.isfinite(forces.moment[[0, 2, 3, 4]]).all()
     assert np.isnan(forces.force[1, 0, 0])
 
 
 def test_an_undefined_point_of_no_force_is_no_gap() -> None:
     none = np.array([0.0, 700, 700, 700, 700])
-    forces = forces_of_table(
+    forces = read_forces_from_table(
         table(ground_force_vy=none, ground_force_vx=0.0 * none, ground_force_px=np.where(none, 0.2, np.nan)),
         "made.mot",
     )
@@ -74,7 +74,7 @@ def test_an_undefined_point_of_no_force_is_no_gap() -> None:
 
 def test_points_in_millimetres_are_refused() -> None:
     with pytest.raises(TrialUnusable, match=r"plate_1 is loaded 224 m away.*Give points in m"):
-        forces_of_table(table(ground_force_px=200.0, ground_force_pz=100.0), "made.mot")
+        read_forces_from_table(table(ground_force_px=200.0, ground_force_pz=100.0), "made.mot")
 
 
 def test_a_force_without_a_point_and_a_file_without_forces_are_refused() -> None:
@@ -87,7 +87,9 @@ def test_a_force_without_a_point_and_a_file_without_forces_are_refused() -> None
 def test_a_file_without_moments_is_read_and_told() -> None:
     plain = table()
     kept = [k for k, c in enumerate(plain.columns) if "torque" not in c]
-    forces = forces_of_table(Table("made", tuple(plain.columns[k] for k in kept), plain.data[:, kept]), "f")
+    forces = read_forces_from_table(
+        Table("made", tuple(plain.columns[k] for k in kept), plain.data[:, kept]), "f"
+    )
     assert "no_moment" in [r.what for r in forces.repairs]
 
 

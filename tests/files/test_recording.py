@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d_file import write_c3d
 from scaling_service.files.recording import READERS, read_recording
 from scaling_service.files.trc import write_trc
 from scaling_service.model.trial import Trial
+from tests.files.c3d_writing import write_c3d
 
 WRITERS = {".trc": write_trc, ".c3d": write_c3d}
 

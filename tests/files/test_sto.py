@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.files.sto import Table, motion_table, motion_values, read_sto, write_sto
+from scaling_service.files.sto import Table, motion_table, read_sto, write_sto
 from tests.files.made import SHARED_FOLDER, outcome
 
 
@@ -109,24 +109,13 @@ def test_damage_gives_a_table_or_a_clear_refusal(tmp_path, data):
         assert not np.isinf(table.data).any()
 
 
-def test_motion_is_in_degrees_and_metres_and_comes_back():
+def test_motion_is_in_degrees_and_metres():
     q = np.array([[np.pi / 2, 1.0], [np.pi, -2.0]])
     kinds = {"hip": "rotation", "tx": "translation"}
     table = motion_table("m", [0.0, 0.1], list(kinds), list(kinds.values()), q)
     np.testing.assert_allclose(table.data, [[0, 90, 1], [0.1, 180, -2]])
     assert table.in_degrees is True
-    names, back = motion_values(table, kinds)
-    assert names == ("hip", "tx")
-    np.testing.assert_allclose(back, q)
-
-
-def test_ambiguous_degrees_are_refused_unless_told():
-    table = Table("m", ("time", "hip", "tx"), np.array([[0, 90.0, 1]]), None)
-    kinds = {"hip": "rotation", "tx": "translation"}
-    with pytest.raises(TrialUnusable, match="degrees"):
-        motion_values(table, kinds)
-    np.testing.assert_allclose(motion_values(table, kinds, in_degrees=False)[1], [[90, 1]])
-    assert motion_values(table, {"tx": "translation"})[0] == ("tx",)
+    assert table.columns == ("time", "hip", "tx")
 
 
 def test_columns_by_name():

@@ -18,7 +18,7 @@ from scaling_service.documents import writing
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 from scaling_service.documents.writing import check_folder
 from scaling_service.files.osim import read_osim
-from scaling_service.files.sto import motion_values, read_sto
+from scaling_service.files.sto import read_sto
 from scaling_service.model.document import from_document
 from scaling_service.model.results import Calibration
 
@@ -79,9 +79,10 @@ def test_models_and_motions_are_read_again(results: Results, tmp_path: Path) -> 
     content = json.loads((tmp_path / "MB_lam" / "model.json").read_text(encoding="utf-8"))
     assert from_document(content) == scaling.calibration.model
     motion = scaling.motions["walk"]
-    kinds = {c.name: c.kind for c in scaling.calibration.model.coordinates}
-    names, values = motion_values(read_sto(tmp_path / "MB_lam" / "walk_ik.mot"), kinds)
-    assert names == motion.coordinates
+    table = read_sto(tmp_path / "MB_lam" / "walk_ik.mot")
+    turns = np.array([c.kind == "rotation" for c in scaling.calibration.model.coordinates])
+    values = np.where(turns, np.deg2rad(table.data[:, 1:]), table.data[:, 1:])
+    assert (table.columns[1:], table.in_degrees) == (motion.coordinates, True)
     np.testing.assert_allclose(values, motion.q, rtol=1e-11, atol=1e-12)  # 12 digits are written
 
 

@@ -11,7 +11,7 @@ import pytest
 from scaling_service.files.recording import READERS, read_recording
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.trial import Trial
-from scaling_service.recording.exchanged import exchanged
+from scaling_service.recording.exchanged import find_exchanged_sides
 from scaling_service.virtual.subject import demo_session
 
 RATE_HZ = 100.0
@@ -57,7 +57,7 @@ def _unseen(trial: Trial, labels: tuple[str, ...], rows: slice = slice(None)) ->
 
 
 def test_a_body_that_turns_round_gives_no_word() -> None:
-    assert exchanged(_turning()) == ()
+    assert find_exchanged_sides(_turning()) == ()
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_body_that_turns_round_gives_no_word() -> None:
 )
 @pytest.mark.parametrize("pair", [("RLFE", "RMFE"), ("LLM", "LMM")])
 def test_an_exchange_is_told_with_its_time_span(pair: tuple[str, str], rows: slice, span: str) -> None:
-    (said,) = exchanged(_swapped(_turning(), *pair, rows))
+    (said,) = find_exchanged_sides(_swapped(_turning(), *pair, rows))
     assert said.startswith("turn: ")
     assert f"{pair[0]} and {pair[1]}" in said
     assert span in said
@@ -83,32 +83,32 @@ def test_an_exchange_is_told_with_its_time_span(pair: tuple[str, str], rows: sli
 )
 def test_other_landmarks_tell_the_side_where_the_pelvis_is_hidden(hidden: tuple[str, ...]) -> None:
     trial = _unseen(_turning(), hidden)
-    assert exchanged(trial) == ()
-    (said,) = exchanged(_swapped(trial, "RLFE", "RMFE", slice(100, 290)))
+    assert find_exchanged_sides(trial) == ()
+    (said,) = find_exchanged_sides(_swapped(trial, "RLFE", "RMFE", slice(100, 290)))
     assert "from 1.00 s to 2.89 s" in said
 
 
 def test_one_pair_alone_accuses_no_other() -> None:
     trial = _unseen(_turning(), (*LABELS[:4], "LLFE", "LLM"))
-    assert exchanged(_swapped(trial, "RLFE", "RMFE")) == ()
+    assert find_exchanged_sides(_swapped(trial, "RLFE", "RMFE")) == ()
 
 
 def test_a_flicker_is_not_worth_a_word() -> None:
-    assert exchanged(_swapped(_turning(), "RLFE", "RMFE", slice(100, 108))) == ()
-    assert exchanged(_swapped(_turning(), "RLFE", "RMFE", slice(100, 112))) != ()
+    assert find_exchanged_sides(_swapped(_turning(), "RLFE", "RMFE", slice(100, 108))) == ()
+    assert find_exchanged_sides(_swapped(_turning(), "RLFE", "RMFE", slice(100, 112))) != ()
 
 
 def test_two_stretches_are_two_sentences() -> None:
     trial = _swapped(_swapped(_turning(), "RLM", "RMM", slice(50, 80)), "RLM", "RMM", slice(200, 260))
-    spans = [re.search(r"from (\S+) s to (\S+) s", said) for said in exchanged(trial)]
+    spans = [re.search(r"from (\S+) s to (\S+) s", said) for said in find_exchanged_sides(trial)]
     assert [match.groups() for match in spans if match] == [("0.50", "0.79"), ("2.00", "2.59")]
 
 
 def test_an_exchange_behind_a_gap_is_found_and_a_turn_behind_a_gap_is_none() -> None:
     """In two seconds unseen this body turns half round: against the pelvis nothing changed."""
     hidden = _unseen(_turning(), ("RLFE",), slice(100, 300))
-    assert exchanged(hidden) == ()
-    (said,) = exchanged(_swapped(hidden, "RLFE", "RMFE", slice(300, None)))
+    assert find_exchanged_sides(hidden) == ()
+    (said,) = find_exchanged_sides(_swapped(hidden, "RLFE", "RMFE", slice(300, None)))
     assert "to 3.99 s, the end" in said
 
 
@@ -117,8 +117,8 @@ def test_arms_are_told_of_by_jumps_only() -> None:
     elbows = np.stack(([0.0, 1.1, 0.2], [0.0, 1.1, 0.3]))  # the lateral one inside: the arm is turned
     markers = np.concatenate((trial.markers, np.broadcast_to(elbows, (trial.n_frames, 2, 3))), axis=1)
     turned = Trial("arm", trial.times, (*LABELS, "RELB", "RMEL"), markers, RATE_HZ)
-    assert exchanged(turned) == ()
-    (said,) = exchanged(_swapped(turned, "RELB", "RMEL", slice(120, 180)))
+    assert find_exchanged_sides(turned) == ()
+    (said,) = find_exchanged_sides(_swapped(turned, "RELB", "RMEL", slice(120, 180)))
     assert "RELB and RMEL look exchanged from 1.20 s to 1.79 s" in said
 
 
@@ -126,7 +126,9 @@ def test_roles_say_what_labels_mean() -> None:
     trial = _swapped(_turning(), "RLFE", "RMFE", slice(100, 250)).relabelled(
         {"RLFE": "S:RKNE", "RMFE": "S:RKNI"}
     )
-    (said,) = exchanged(trial, {label: role for label in trial.labels if (role := canonical(label))})
+    (said,) = find_exchanged_sides(
+        trial, {label: role for label in trial.labels if (role := canonical(label))}
+    )
     assert "S:RKNE and S:RKNI" in said
 
 
@@ -135,14 +137,14 @@ def test_right_for_left_and_mirrored_recordings_are_told() -> None:
     other = {label: ("L" if label[0] == "R" else "R") + label[1:] for label in LABELS}
     mirrored = trial.with_markers(trial.markers * [1.0, 1.0, -1.0])
     for wrong in (trial.relabelled(other), mirrored):
-        (said,) = exchanged(wrong)
+        (said,) = find_exchanged_sides(wrong)
         assert "right and left look exchanged, or the recording is mirrored" in said
 
 
 def test_nothing_seen_is_nothing_said() -> None:
-    assert exchanged(_unseen(_turning(), LABELS)) == ()
-    assert exchanged(_turning().selected(["RASIS"])) == ()
-    assert exchanged(_turning().frames(slice(0, 1))) == ()
+    assert find_exchanged_sides(_unseen(_turning(), LABELS)) == ()
+    assert find_exchanged_sides(_turning().selected(["RASIS"])) == ()
+    assert find_exchanged_sides(_turning().frames(slice(0, 1))) == ()
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -150,7 +152,7 @@ def test_virtual_persons_move_without_a_word(seed: int) -> None:
     session, _ = demo_session(seed)
     assert session.static is not None
     for trial in (session.static, *session.dynamic):
-        assert exchanged(trial) == (), trial.name
+        assert find_exchanged_sides(trial) == (), trial.name
 
 
 def test_real_recordings(shared_data: Path) -> None:
@@ -160,7 +162,7 @@ def test_real_recordings(shared_data: Path) -> None:
     for file in files:
         trial = read_recording(file)
         roles = {label: role for label in trial.labels if (role := canonical(label))}
-        said[file.stem] = exchanged(trial, roles)
+        said[file.stem] = find_exchanged_sides(trial, roles)
     assert len(said) >= 10
     (warning,) = said.pop("right_hip")
     assert "RLFE and RMFE look exchanged from 7.32 s to 16.89 s, the end" in warning

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import rotation_about
-from scaling_service.recording.orientation import apply, decide, orient
+from scaling_service.recording.orientation import apply, decide
 from scaling_service.recording.plausibility import unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
@@ -133,10 +133,10 @@ def test_a_unit_that_cannot_be_true_is_corrected_for_each_recording(factor):
 
 def test_no_body_and_no_marker_are_refused():
     with pytest.raises(TrialUnusable, match="no body in m or mm"):
-        orient(_trial(scale=30.0))
+        decide(_trial(scale=30.0))
     empty = _trial()
     with pytest.raises(TrialUnusable, match="no marker is seen"):
-        orient(empty.with_markers(np.full_like(empty.markers, np.nan)))
+        decide(empty.with_markers(np.full_like(empty.markers, np.nan)))
 
 
 def test_gaps_and_markers_that_are_never_seen_do_not_disturb():
@@ -147,7 +147,9 @@ def test_gaps_and_markers_that_are_never_seen_do_not_disturb():
     markers[20:, trial.index("HEAD")] = np.nan
     holed = trial.with_markers(markers)
     np.testing.assert_array_equal(decide(holed, roles=ROLES).R_new_old, ROTATIONS[3].T)
-    np.testing.assert_array_equal(np.isnan(orient(holed, roles=ROLES).markers), np.isnan(markers))
+    np.testing.assert_array_equal(
+        np.isnan(apply(decide(holed, roles=ROLES), holed).markers), np.isnan(markers)
+    )
 
 
 def test_real_laboratories(shared_data):

@@ -6,11 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scaling_service.documents.clinical import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 
 from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, schwartz2008
 from scaling_service.capabilities.scaling.report.clinical import clinical_section
-from scaling_service.documents.results import MethodResult
+from scaling_service.documents.results import (
+    ClinicalCurve,
+    ClinicalCycle,
+    ClinicalDocument,
+    ClinicalSide,
+    MethodResult,
+)
 from tests.documents.test_results import METHOD
 from tests.report.reading import data, read, tables
 

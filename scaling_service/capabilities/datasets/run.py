@@ -225,10 +225,7 @@ def _row(marker: Element, model: Path) -> tuple[str, ...]:
 
 
 def source_note(name: str, dataset: Dataset) -> str:
-    """``SOURCE.md``: where everything is from, on what terms, and what was made here.
-
-    ``name``: of the dataset.
-    """
+    """``SOURCE.md``: where everything is from, on what terms, and what was made here."""
     return "\n".join([*_head(name, dataset), *_table(dataset), *_made_here(dataset)]) + "\n"
 
 

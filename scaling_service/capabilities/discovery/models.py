@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.search.candidates import FreeMotion,
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
-from scaling_service.files.osim.plans import planned_joints
+from scaling_service.files.osim.plans import plan_joints
 from scaling_service.model.body import BodyModel, Law, Vector
 from scaling_service.model.parameters import after
 
@@ -107,7 +107,7 @@ def _refusal(model: BodyModel, kept: Sequence[Sized], effect: Sized) -> str:
     if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
         return "OpenSim's markers do not move on their segments; model.json holds it"
     try:
-        planned_joints(_with(model, kept))
+        plan_joints(_with(model, kept))
     except ModelRefused as error:
         return f"{error.problem}; model.json holds it"
     return ""

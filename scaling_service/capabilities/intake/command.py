@@ -36,7 +36,7 @@ def proof(
     [bold]Example[/bold]: scaling-service proof recordings --out looked
     """
     with running(out) as progress:
-        from scaling_service.capabilities.intake.saving import SUBJECT, prove_folder
+        from scaling_service.capabilities.intake.run import SUBJECT, prove_folder
 
         found = prove_folder(folder, out, settings, progress=progress)
     _show(found)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.capabilities.intake.document import ProblemEntry
-from scaling_service.capabilities.intake.recordings import Seen, look_at, problem_of
+from scaling_service.capabilities.intake.recordings import RecordingFile, look_at, problem_of
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.files.forces import read_forces
@@ -36,17 +36,17 @@ _SETUPS = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class InputFile:
     """One uploaded file.
 
-    ``content``: what was read: Seen, GroundForces, the unit of a mesh, the place of a set-up, a document.
+    ``content``: what was read: a recording, forces, the unit of a mesh, the place of a set-up, a document.
     """
 
     name: str
     kind: Kind
     why: str  # how that was told
     problem: ProblemEntry | None = None  # why it cannot be used
-    content: Seen | GroundForces | str | Mapping[str, Any] | None = None
+    content: RecordingFile | GroundForces | str | Mapping[str, Any] | None = None
 
     @property
     def usable(self) -> bool:
@@ -54,22 +54,22 @@ class Found:
         return self.problem is None
 
 
-def look_into(file: Path, up: str | None, forward: str | None) -> Found:
+def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     """Tell what a file is, and read it.
 
     ``up``, ``forward``: the laboratory's axes, where they are known.
     """
     suffix = file.suffix.lower()
     if suffix in READERS:
-        guess = Found(file.name, "recording", f"a recording, by its suffix {suffix}")
+        guess = InputFile(file.name, "recording", f"a recording, by its suffix {suffix}")
         return _tried(guess, file, lambda: look_at(file, up, forward))
     reader = _READERS.get(suffix)
     if reader is None:
-        return Found(file.name, "other", "of no kind that is used here")
+        return InputFile(file.name, "other", "of no kind that is used here")
     return reader(file)
 
 
-def _tried(guess: Found, file: Path, read: Callable[[], Any]) -> Found:
+def _tried(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
         return replace(guess, content=read())
@@ -77,44 +77,44 @@ def _tried(guess: Found, file: Path, read: Callable[[], Any]) -> Found:
         return replace(guess, problem=problem_of(error, file=file.name))
 
 
-def _table(file: Path) -> Found:
+def _table(file: Path) -> InputFile:
     """MOT and STO hold forces or motion."""
     try:
-        return Found(file.name, "forces", "it has columns of ground forces", content=read_forces(file))
+        return InputFile(file.name, "forces", "it has columns of ground forces", content=read_forces(file))
     except InputError as error:
         if error.field == "columns":
-            return Found(file.name, "other", "a table without ground forces, such as a motion")
-        return Found(file.name, "forces", "a table, by its suffix", problem_of(error, file=file.name))
+            return InputFile(file.name, "other", "a table without ground forces, such as a motion")
+        return InputFile(file.name, "forces", "a table, by its suffix", problem_of(error, file=file.name))
 
 
-def _mesh(file: Path) -> Found:
+def _mesh(file: Path) -> InputFile:
     def unit() -> str:
         extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
         return "mm" if extent >= _LONGEST_M else "m"
 
-    return _tried(Found(file.name, "mesh", "a surface, by its suffix"), file, unit)
+    return _tried(InputFile(file.name, "mesh", "a surface, by its suffix"), file, unit)
 
 
-def _csv(file: Path) -> Found:
+def _csv(file: Path) -> InputFile:
     text = _beginning(file).partition("\n")[0].lower()
     if "marker" not in text or "segment" not in text:
-        return Found(file.name, "other", "a table without the columns marker and segment")
-    guess = Found(file.name, "image_markers", "it has the columns of image markers")
+        return InputFile(file.name, "other", "a table without the columns marker and segment")
+    guess = InputFile(file.name, "image_markers", "it has the columns of image markers")
     return _tried(guess, file, lambda: ", ".join(read_image_markers(file)))
 
 
-def _xml(file: Path) -> Found:
+def _xml(file: Path) -> InputFile:
     text = _beginning(file)
     for place, pattern in _SETUPS:
         if pattern.search(text):
             if place is None:
-                return Found(file.name, "other", "a set-up of OpenSim that is not used here")
+                return InputFile(file.name, "other", "a set-up of OpenSim that is not used here")
             told = "a scale set-up" if place == "scale_setup" else "a marker set"
-            return Found(file.name, "setup", f"{told} of OpenSim", content=place)
-    return Found(file.name, "other", "XML that is not used here")
+            return InputFile(file.name, "setup", f"{told} of OpenSim", content=place)
+    return InputFile(file.name, "other", "XML that is not used here")
 
 
-def _osim(file: Path) -> Found:
+def _osim(file: Path) -> InputFile:
     if "<OpenSimDocument" not in _beginning(file):
         problem = ProblemEntry(
             severity="error",
@@ -122,11 +122,11 @@ def _osim(file: Path) -> Found:
             problem="it is no OpenSim model",
             remedy="Save the model again in OpenSim 4",
         )
-        return Found(file.name, "model", "a model, by its suffix", problem)
-    return Found(file.name, "model", "a model of OpenSim")
+        return InputFile(file.name, "model", "a model, by its suffix", problem)
+    return InputFile(file.name, "model", "a model of OpenSim")
 
 
-def _document(file: Path) -> Found:
+def _document(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
     def read() -> Mapping[str, Any]:
@@ -136,10 +136,10 @@ def _document(file: Path) -> Found:
 
     beginning = _beginning(file)
     if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
-        return Found(file.name, "model", "a model of this program")
+        return InputFile(file.name, "model", "a model of this program")
     if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
-        return Found(file.name, "other", "a document without a subject")
-    return _tried(Found(file.name, "subject", "it describes a subject"), file, read)
+        return InputFile(file.name, "other", "a document without a subject")
+    return _tried(InputFile(file.name, "subject", "it describes a subject"), file, read)
 
 
 def _with_plain_names(content: Any) -> Any:
@@ -170,7 +170,7 @@ def _beginning(file: Path) -> str:
         return stream.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
 
 
-_READERS: Mapping[str, Callable[[Path], Found]] = MappingProxyType(
+_READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
     {".mot": _table, ".sto": _table, ".csv": _csv, ".xml": _xml, ".osim": _osim}
     | dict.fromkeys(_MESHES, _mesh)
     | dict.fromkeys((".yaml", ".yml", ".json"), _document)

@@ -61,14 +61,14 @@ def _of_one_side(
     planes = [
         plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l") for s in sides
     ]
-    told = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
-    told += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
+    text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
+    text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
     if all(planes):
-        told += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
+        text += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
     if len(measured) < len(known):
         missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
-        told += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
-    return told
+        text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
+    return text
 
 
 LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"

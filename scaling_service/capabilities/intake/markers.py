@@ -46,7 +46,7 @@ class _Choice:
     source: str
 
 
-def propose(
+def propose_markers(
     model: BodyModel,
     trials: Mapping[str, Trial],
     standing: Trial | None,

@@ -6,9 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
-from scaling_service.capabilities.intake.files import Found
-from scaling_service.capabilities.intake.recordings import Seen
-from scaling_service.capabilities.intake.roles import Roles, of_bones, of_forces, of_others, of_recordings
+from scaling_service.capabilities.intake.files import InputFile
+from scaling_service.capabilities.intake.recordings import RecordingFile
+from scaling_service.capabilities.intake.roles import (
+    Roles,
+    assign_bones,
+    assign_forces,
+    assign_others,
+    assign_recordings,
+)
 from scaling_service.documents.subject import MODEL_SUFFIXES, SIZE_UNIT, SubjectDocument
 from scaling_service.model.trial import MeasuredSizes, merge
 
@@ -42,29 +48,33 @@ def _named(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
                 yield f"{part}.{key}", str(value)
 
 
-def roles_of(found: Sequence[Found], document: Mapping[str, Any]) -> Roles:
+def assign_roles(found: Sequence[InputFile], document: Mapping[str, Any]) -> Roles:
     """Places of files: as the document has them, else as proposed; parts that it has are left as they are."""
     roles: Roles = {}
     for place, file in named_in(document).items():
         part = place.rpartition(".")[0] if place.startswith(_LISTS) else place
         roles.setdefault(file, (part, "the document names it"))
     if not document.get("trials"):
-        roles = of_recordings(found) | roles
+        roles = assign_recordings(found) | roles
     if not document.get("forces"):
-        roles = of_forces(found, roles) | roles
+        roles = assign_forces(found, roles) | roles
     if not document.get("bones"):
-        roles = of_bones(found) | roles
+        roles = assign_bones(found) | roles
     imaged = any(role.startswith("bones.") for role, _ in roles.values())
     builtin = bool(document.get("model"))
     taken = {role for role, _ in roles.values()}
-    for file, (role, why) in of_others(found, imaged or builtin):
+    for file, (role, why) in assign_others(found, imaged or builtin):
         if role not in taken:
             roles.setdefault(file, (role, why))
     return roles
 
 
-def proposal(
-    document: Mapping[str, Any], found: Sequence[Found], roles: Roles, model: str, markers: Mapping[str, str]
+def propose_subject(
+    document: Mapping[str, Any],
+    found: Sequence[InputFile],
+    roles: Roles,
+    model: str,
+    markers: Mapping[str, str],
 ) -> dict[str, Any] | None:
     """The document with what was proposed; None where there is no recording to use.
 
@@ -106,7 +116,7 @@ def ordered(document: Mapping[str, Any]) -> dict[str, Any]:
     return {key: document[key] for key in SubjectDocument.model_fields if key in document}
 
 
-def _unit(found: Sequence[Found], files: Any) -> str:
+def _unit(found: Sequence[InputFile], files: Any) -> str:
     units = [str(f.content) for f in found if f.name in set(files)]
     return max(units, key=units.count, default="mm")
 
@@ -114,7 +124,7 @@ def _unit(found: Sequence[Found], files: Any) -> str:
 _DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
-def sizes_proof(known: Mapping[str, Any], recordings: Sequence[Seen]) -> SizesProof:
+def sizes_proof(known: Mapping[str, Any], recordings: Sequence[RecordingFile]) -> SizesProof:
     """Sizes as the document states them, else as the recordings do.
 
     ``known``: the subject's document, which need not be whole.

@@ -17,13 +17,13 @@ from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import ground_forces
-from scaling_service.recording.plausibility import without_strays
+from scaling_service.recording.plausibility import remove_strays
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class RecordingFile:
     """A recording as it was read, and what it alone says."""
 
     file: str
@@ -52,13 +52,13 @@ def problem_of(error: InputError, severity: Severity = "error", file: str | None
     )
 
 
-def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
+def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     """Read one recording; ``up`` and ``forward`` are the laboratory's axes, where they are known.
 
     Raises InputError: its markers cannot be used at all. What is wrong with its plates is told in the result.
     """
-    trial = without_strays(read_recording(file))
-    seen = Seen(file.name, trial, _axes(trial, up, forward))
+    trial = remove_strays(read_recording(file))
+    seen = RecordingFile(file.name, trial, _axes(trial, up, forward))
     if trial.plates is None:
         return seen
     try:
@@ -68,7 +68,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> Seen:
 
 
 def session_axes(
-    seen: Sequence[Seen], static: str | None, up: str | None, forward: str | None
+    seen: Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
 ) -> Orientation:
     """One decision for all recordings, as scaling takes it.
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.intake.files import Found
-from scaling_service.capabilities.intake.recordings import Seen
-from scaling_service.capabilities.intake.standing import STANDING, Standing, standings, words
+from scaling_service.capabilities.intake.files import InputFile
+from scaling_service.capabilities.intake.recordings import RecordingFile
+from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, words
 from scaling_service.capabilities.intake.tables import WALKED_M, walked
 from scaling_service.core.text import few
 from scaling_service.model.forces import GroundForces
@@ -36,15 +36,15 @@ def static_of(roles: Mapping[str, tuple[str, str]]) -> str | None:
     return next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
 
 
-def of_recordings(found: Sequence[Found]) -> Roles:
+def assign_recordings(found: Sequence[InputFile]) -> Roles:
     """Standing, movements to fit, movements to judge.
 
     Who stands still is told by the markers. Of the movements, names tell which serve for what. Without a
     movement to fit, all walks but the first serve for that; without one to judge, the first of those whose
     names say nothing does, a walk before others, if another is left to fit.
     """
-    recordings = [f.content for f in found if isinstance(f.content, Seen)]
-    still = standings(recordings)
+    recordings = [f.content for f in found if isinstance(f.content, RecordingFile)]
+    still = rank_standing(recordings)
     roles: Roles = {s.file: ("trials.static", _best_of(still)) for s in still[:1]}
     quiet = {s.file for s in still}
     moves = {item.file: _by_name(item.file) for item in recordings if item.file not in quiet}
@@ -80,7 +80,7 @@ def _by_name(name: str) -> tuple[str | None, str]:
     return None, f"its name says {still}, but nobody stands still" if still else "a movement of no known name"
 
 
-def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> Roles:
+def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str]]) -> Roles:
     """Files of forces to the movements that they were recorded with.
 
     A file that covers a recording's time comes before one that does not; then names count by what they have
@@ -89,7 +89,7 @@ def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> R
     static = static_of(roles)
     bare = [
         item
-        for item in (f.content for f in found if isinstance(f.content, Seen))
+        for item in (f.content for f in found if isinstance(f.content, RecordingFile))
         if item.forces is None and item.file in roles and item.file != static
     ]
     scores = {
@@ -117,7 +117,7 @@ def of_forces(found: Sequence[Found], roles: Mapping[str, tuple[str, str]]) -> R
     return taken
 
 
-def _covers(forces: GroundForces, item: Seen) -> bool:
+def _covers(forces: GroundForces, item: RecordingFile) -> bool:
     """Whether forces last as long as a recording, both from about the same time."""
     times = item.trial.times
     late = forces.times[0] - times[0]
@@ -135,7 +135,7 @@ def _parts(name: str) -> set[str]:
     return set(re.findall(r"[a-z]+|\d+", name.rpartition(".")[0].lower()))
 
 
-def of_bones(found: Sequence[Found]) -> Roles:
+def assign_bones(found: Sequence[InputFile]) -> Roles:
     """Surfaces whose names say which bone they are; a bone that two files claim is left to the user."""
     claims = [(f.name, bone) for f in found if f.kind == "mesh" and f.usable and (bone := bone_of(f.name))]
     bones = [bone for _, bone in claims]
@@ -158,7 +158,7 @@ def bone_of(name: str) -> str | None:
     return None if right == left else f"{bone}_{'r' if right else 'l'}"
 
 
-def of_others(found: Sequence[Found], imaged: bool) -> Iterator[tuple[str, tuple[str, str]]]:
+def assign_others(found: Sequence[InputFile], imaged: bool) -> Iterator[tuple[str, tuple[str, str]]]:
     """Model, marker set, scale set-up and image markers, each where there is only one to choose.
 
     ``imaged``: whether there are bones, which go with built-in models only.

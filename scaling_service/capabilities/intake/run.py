@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from scaling_service.capabilities.intake import warnings
 from scaling_service.capabilities.intake.document import (
@@ -18,24 +20,19 @@ from scaling_service.capabilities.intake.document import (
     ProofDocument,
     RecordingProof,
 )
-from scaling_service.capabilities.intake.files import Found, look_into
+from scaling_service.capabilities.intake.files import InputFile, look_into
 from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
-from scaling_service.capabilities.intake.markers import extra_markers, propose, with_extra_markers
+from scaling_service.capabilities.intake.markers import extra_markers, propose_markers, with_extra_markers
 from scaling_service.capabilities.intake.proposal import (
+    assign_roles,
     named_in,
     ordered,
-    proposal,
-    roles_of,
+    propose_subject,
     sizes_proof,
     unknown_person,
     with_sizes,
 )
-from scaling_service.capabilities.intake.recordings import (
-    Seen,
-    axes_entry,
-    problem_of,
-    session_axes,
-)
+from scaling_service.capabilities.intake.recordings import RecordingFile, axes_entry, problem_of, session_axes
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.scaling.methods.table import calibrate
@@ -43,11 +40,11 @@ from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import subject_from_document
 from scaling_service.capabilities.subject.settings import Settings
-from scaling_service.core.errors import InputError
+from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
-from scaling_service.files.recording import Recording
+from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
@@ -60,20 +57,73 @@ from scaling_service.recording.orientation import check_axes
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
+FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 FOLDER = "proof"  # of the tables, below the job's files
 
+_FILES = ("marker_set", "scale_setup", "image_markers")
 _READ, _SHOWN = 0.5, 0.7  # chosen: about the shares of time
-_SURE = 0.99  # by names alone, scaling finds the same
 
 
-@dataclass(slots=True)
-class _Sheet:
-    """What is found on the way."""
+def prove_folder(
+    folder: str | Path, out: str | Path, settings: Settings = Settings(), *, progress: Progress | None = None
+) -> ProofDocument:
+    """Look at all files of a folder, and write what was found into another one.
 
-    recordings: list[RecordingProof] = field(default_factory=list)
-    trials: dict[str, Trial] = field(default_factory=dict)
-    problems: list[ProblemEntry] = field(default_factory=list)
-    axes: AxesEntry | None = None
+    ``proof.json`` is the document, ``proof/`` holds the tables that it names, and ``subject.yaml`` is the
+    subject file that is proposed, where there is a recording.
+
+    Parameters
+    ----------
+    folder, out : path
+        ``out`` is made if it does not exist; other files in it stay.
+    settings : Settings
+        The laboratory's axes, where they are known.
+    progress : callable, optional
+
+    Raises
+    ------
+    FileUnreadable
+        There is no such folder.
+    InputError
+        The axes are none, or ``out`` cannot be written to.
+    """
+    source, target = Path(folder), Path(out)
+    if not source.is_dir():
+        raise FileUnreadable(
+            "there is no such folder", file=source, remedy="Name the folder of the recordings"
+        )
+    name = source.absolute().name
+    identity = name if re.fullmatch(r"\w[\w .\-]{0,99}", name) else "subject"
+    with all_or_nothing(target) as scratch:
+        found = prove(source, {"subject": {"id": identity}}, scratch, settings=settings, progress=progress)
+        write_json(scratch / FILE_NAME, found)
+        if found.proposal is not None:
+            beside = os.path.relpath(source.absolute(), target.absolute())
+            content = _elsewhere(found.proposal, Path(beside))
+            (scratch / SUBJECT).write_text(
+                yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8"
+            )
+    return found
+
+
+def _elsewhere(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The document with the paths of files that lie in another folder."""
+
+    def at(name: str) -> str:
+        return (folder / name).as_posix()
+
+    content = dict(document)
+    if str(content["model"]).lower().endswith(MODEL_SUFFIXES):
+        content["model"] = at(content["model"])
+    content |= {key: at(content[key]) for key in _FILES if key in content}
+    content["trials"] = {
+        role: at(files) if isinstance(files, str) else [at(name) for name in files]
+        for role, files in document["trials"].items()
+    }
+    for part in ("forces", "bones"):
+        if part in content:
+            content[part] = {k: v if k == "units" else at(v) for k, v in content[part].items()}
+    return content
 
 
 def prove(
@@ -108,182 +158,47 @@ def prove(
         Only where the axes in the settings are none; what is wrong with files is in the result.
     """
     check_axes(settings.up, settings.forward)
-    report = progress or _silent
+    report = progress or (lambda _what, _share: None)
     names = sorted(p.name for p in folder.iterdir() if p.is_file() and p.name not in skip)
-    found: list[Found] = []
+    found: list[InputFile] = []
     for k, name in enumerate(names):
         report(f"reading {name}", _READ * k / len(names))
         found.append(look_into(folder / name, settings.up, settings.forward))
-    known = _known(found, document)
-    roles = roles_of(found, known)
-    sheet = _Sheet(problems=[*_missing(known, names), *_folders(folder)])
-    seen = [f.content for f in found if isinstance(f.content, Seen)]
-    sizes = sizes_proof(known, seen)
+    look = _Look(folder, document, found, settings)
+    known, trials = look.known, look.trials
+    sizes = sizes_proof(known, look.seen)
     report("showing the recordings", _READ)
-    _show(found, roles, settings, ArrayFiles(outputs, FOLDER), sheet)
+    look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
-    usual, why = _usual(roles, sheet)
-    model = _model(folder, known, roles, sheet, usual)
-    standing = static_of(roles)
-    markers, unused = propose(
-        model,
-        sheet.trials,
-        sheet.trials.get(standing or "") or next(iter(sheet.trials.values()), None),
-        known.get("markers") or {},
-        labels or {},
-    )
-    proposed = proposal(known, found, roles, usual, _explicit(markers, known))
+    usual, why = look.usual_model()
+    model = look.read_model(usual)
+    standing = trials.get(look.static or "") or next(iter(trials.values()), None)
+    markers, unused = propose_markers(model, trials, standing, known.get("markers") or {}, labels or {})
+    proposed = propose_subject(known, found, look.roles, usual, _explicit(markers, known))
     if proposed is not None:
-        proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, sheet.trials), sizes))
+        proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
-    sheet.problems += [*_compared(found, known, roles, seen, sheet), *unknown_person(sizes)]
-    told = {warnings.exchange_in(problem) for problem in sheet.problems} - {None}
-    read = {(folder / item.file).absolute(): item.trial for item in seen}
-    refused = _refusals(folder, proposed, settings, read)
-    sheet.problems += [p for p in refused if warnings.exchange_in(p) not in told]
-    every = list(dict.fromkeys(label for trial in sheet.trials.values() for label in trial.labels))
+    look.problems += [*look.compared(), *unknown_person(sizes)]
+    reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
+    look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
+    every = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
         subject=str(known["subject"]["id"]),
         model=chosen,
         model_why=why if chosen == usual and not known.get("model") else None,
-        axes=sheet.axes,
-        files=[_role(item, roles, known) for item in found],
-        recordings=sheet.recordings,
+        axes=look.axes,
+        files=[look.role(item) for item in found],
+        recordings=look.recordings,
         marker_set=marker_set_proof(every),
         consequences=list(consequences(every, sizes)),
         sizes=sizes,
         markers=markers,
         unused_labels=unused,
-        extra_markers=extra_markers(markers, unused, sheet.trials, model),
+        extra_markers=extra_markers(markers, unused, trials, model),
         proposal=proposed,
-        problems=sheet.problems,
+        problems=look.problems,
     )
-
-
-def _folders(folder: Path) -> Iterator[ProblemEntry]:
-    """Folders inside, which are not looked at; those that this look has written are no matter."""
-    inside = sorted(p.name for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
-    unread = [name for name in inside if any(p.is_file() for p in (folder / name).iterdir())]
-    unread = [name for name in unread if not (folder / name / "proof.json").is_file()]
-    if unread:
-        yield ProblemEntry(
-            severity="warning",
-            problem=f"folders inside it are not looked at: {few(unread)}",
-            remedy="Put their files beside the others if they belong to this person",
-        )
-
-
-def _usual(roles: Mapping[str, tuple[str, str]], sheet: _Sheet) -> tuple[str, str]:
-    """The built-in model for these recordings, and why."""
-    static = static_of(roles)
-    moving = {file: trial for file, trial in sheet.trials.items() if file != static and file in roles}
-    shown = [
-        [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
-        for trial in (moving or sheet.trials).values()
-    ]
-    return choose_model(shown, any(recording.plates for recording in sheet.recordings))
-
-
-def _compared(
-    found: Sequence[Found],
-    known: Mapping[str, Any],
-    roles: Mapping[str, tuple[str, str]],
-    seen: Sequence[Seen],
-    sheet: _Sheet,
-) -> Iterator[ProblemEntry]:
-    """What the recordings, compared with each other and with their forces, give cause to correct."""
-    spans = {
-        f.name: (float(f.content.times[0]), float(f.content.times[-1]))
-        for f in found
-        if isinstance(f.content, GroundForces)
-    }
-    yield from warnings.of_standing(roles, sheet.trials, wanted=not known.get("trials"))
-    yield from warnings.of_units(seen)
-    yield from warnings.of_labels(seen)
-    yield from warnings.of_exchanges(sheet.trials)
-    yield from warnings.of_times(sheet.recordings, spans)
-    yield from warnings.of_plates(sheet.recordings)
-
-
-def _known(found: Sequence[Found], document: Mapping[str, Any]) -> dict[str, Any]:
-    """The document; while it names no recordings, with what a subject file among the files says."""
-    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
-    if file is None or document.get("trials"):
-        return dict(document)
-    return {**file, **document, "subject": {**file["subject"], **document["subject"]}}
-
-
-def _show(
-    found: Sequence[Found],
-    roles: Mapping[str, tuple[str, str]],
-    settings: Settings,
-    files: ArrayFiles,
-    sheet: _Sheet,
-) -> None:
-    """Every recording in one set of axes, with its forces."""
-    seen = [f.content for f in found if isinstance(f.content, Seen)]
-    if not seen:
-        sheet.problems.append(
-            ProblemEntry(
-                severity="error",
-                field="trials",
-                problem="there is no recording that can be read",
-                remedy="Upload C3D or TRC files with markers",
-            )
-        )
-        return
-    static = static_of(roles)
-    given = settings.up, settings.forward
-    axes = session_axes(seen, static, *given)
-    sheet.axes = axes_entry(axes, *given)
-    forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
-    for item in seen:
-        try:
-            entry, trial = recording_proof(item, axes, _ground(item, roles, forces), given, files)
-        except InputError as error:
-            sheet.problems.append(problem_of(error, file=item.file))
-        else:
-            sheet.recordings.append(entry)
-            sheet.trials[item.file] = trial
-
-
-def _ground(
-    item: Seen, roles: Mapping[str, tuple[str, str]], forces: Mapping[str, GroundForces]
-) -> Ground | None:
-    """The forces of the file that is for this recording, else of its own plates."""
-    for file, (role, _) in roles.items():
-        if role == f"forces.{item.file}" and file in forces:
-            return Ground(file, forces[file])
-    return None if item.forces is None else Ground(item.file, item.forces)
-
-
-def _missing(known: Mapping[str, Any], names: Sequence[str]) -> Iterator[ProblemEntry]:
-    for place, file in named_in(known).items():
-        if file not in names:
-            yield ProblemEntry(
-                severity="error",
-                file=file,
-                field=place,
-                problem="the document names it, but it was not uploaded",
-                remedy="Upload it, or remove it from the document",
-            )
-
-
-def _model(
-    folder: Path, known: Mapping[str, Any], roles: Mapping[str, tuple[str, str]], sheet: _Sheet, usual: str
-) -> BodyModel:
-    """The model whose markers are looked for; the usual one where that cannot be had."""
-    places = {role: file for file, (role, _) in roles.items()}
-    wanted = str(known.get("model") or places.get("model") or usual)
-    is_file = wanted.lower().endswith(MODEL_SUFFIXES)
-    takes_more = wanted.lower().endswith(".osim")
-    marker_set = known.get("marker_set") or places.get("marker_set") if takes_more else None
-    try:
-        return read_model(folder / wanted if is_file else wanted, folder / marker_set if marker_set else None)
-    except InputError as error:
-        sheet.problems.append(problem_of(error, file=wanted))
-        return builtin(usual)
 
 
 def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
@@ -293,39 +208,141 @@ def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[
     return {marker: label for marker, label in sure.items() if label not in named.values()} | named
 
 
-def _refusals(
-    folder: Path, proposed: Mapping[str, Any] | None, settings: Settings, read: Mapping[Path, Recording]
-) -> Iterator[ProblemEntry]:
-    """The first thing that scaling would refuse, and what it would warn of."""
-    if proposed is None:
-        return
-    try:
-        subject = subject_from_document(check_document(proposed), folder=folder)
-        session = load(subject, settings, read).session
-        yield from map(warnings.warning_entry, session.warnings)
-        if session.scale_setup is None and session.images is None:
-            require_landmarks(session)
-        calibrate(session, "MB", settings.calibration, {})  # in closed form: it takes milliseconds
-    except InputError as error:
-        yield problem_of(error)
+class _Look:
+    """What is known of a folder: its files and their roles, and what is found on the way."""
+
+    def __init__(
+        self, folder: Path, document: Mapping[str, Any], found: Sequence[InputFile], settings: Settings
+    ) -> None:
+        self.folder, self.found, self.settings = folder, found, settings
+        self.known = _known(found, document)
+        self.roles = assign_roles(found, self.known)
+        self.static = static_of(self.roles)
+        self.seen = [f.content for f in found if isinstance(f.content, RecordingFile)]
+        self.forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
+        self.recordings: list[RecordingProof] = []
+        self.trials: dict[str, Trial] = {}
+        self.axes: AxesEntry | None = None
+        self.problems: list[ProblemEntry] = [*self._missing(), *self._folders()]
+
+    def _missing(self) -> Iterator[ProblemEntry]:
+        names = [item.name for item in self.found]
+        for place, file in named_in(self.known).items():
+            if file not in names:
+                yield ProblemEntry(
+                    severity="error",
+                    file=file,
+                    field=place,
+                    problem="the document names it, but it was not uploaded",
+                    remedy="Upload it, or remove it from the document",
+                )
+
+    def _folders(self) -> Iterator[ProblemEntry]:
+        """Folders inside, which are not looked at; those that this look has written are no matter."""
+        inside = sorted(p for p in self.folder.iterdir() if p.is_dir() and not p.name.startswith("."))
+        unread = [place.name for place in inside if any(p.is_file() for p in place.iterdir())]
+        unread = [name for name in unread if not (self.folder / name / FILE_NAME).is_file()]
+        if unread:
+            yield ProblemEntry(
+                severity="warning",
+                problem=f"folders inside it are not looked at: {few(unread)}",
+                remedy="Put their files beside the others if they belong to this person",
+            )
+
+    def show_recordings(self, files: ArrayFiles) -> None:
+        """Every recording in one set of axes, with its forces."""
+        if not self.seen:
+            self.problems.append(
+                ProblemEntry(
+                    severity="error",
+                    field="trials",
+                    problem="there is no recording that can be read",
+                    remedy="Upload C3D or TRC files with markers",
+                )
+            )
+            return
+        given = self.settings.up, self.settings.forward
+        axes = session_axes(self.seen, self.static, *given)
+        self.axes = axes_entry(axes, *given)
+        for item in self.seen:
+            try:
+                entry, trial = recording_proof(item, axes, self._ground(item), given, files)
+            except InputError as error:
+                self.problems.append(problem_of(error, file=item.file))
+            else:
+                self.recordings.append(entry)
+                self.trials[item.file] = trial
+
+    def _ground(self, item: RecordingFile) -> Ground | None:
+        """The forces of the file that is for this recording, else of its own plates."""
+        for file, (role, _) in self.roles.items():
+            if role == f"forces.{item.file}" and file in self.forces:
+                return Ground(file, self.forces[file])
+        return None if item.forces is None else Ground(item.file, item.forces)
+
+    def usual_model(self) -> tuple[str, str]:
+        """The built-in model for these recordings, and why."""
+        moving = [t for file, t in self.trials.items() if file != self.static and file in self.roles]
+        shown = [
+            [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
+            for trial in moving or self.trials.values()
+        ]
+        return choose_model(shown, any(recording.plates for recording in self.recordings))
+
+    def read_model(self, usual: str) -> BodyModel:
+        """The model whose markers are looked for; the usual one where that cannot be had."""
+        places = {role: file for file, (role, _) in self.roles.items()}
+        wanted = str(self.known.get("model") or places.get("model") or usual)
+        is_file, is_osim = (wanted.lower().endswith(suffix) for suffix in (MODEL_SUFFIXES, ".osim"))
+        more = self.known.get("marker_set") or places.get("marker_set") if is_osim else None
+        try:
+            return read_model(
+                self.folder / wanted if is_file else wanted, self.folder / more if more else None
+            )
+        except InputError as error:
+            self.problems.append(problem_of(error, file=wanted))
+            return builtin(usual)
+
+    def compared(self) -> Iterator[ProblemEntry]:
+        """What the recordings, compared with each other and with their forces, give cause to correct."""
+        spans = {name: (float(f.times[0]), float(f.times[-1])) for name, f in self.forces.items()}
+        yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
+        yield from warnings.check_units(self.seen)
+        yield from warnings.check_labels(self.seen)
+        yield from warnings.check_exchanges(self.trials)
+        yield from warnings.check_times(self.recordings, spans)
+        yield from warnings.check_plates(self.recordings)
+
+    def refusals(self, proposed: Mapping[str, Any] | None) -> Iterator[ProblemEntry]:
+        """The first thing that scaling would refuse, and what it would warn of."""
+        if proposed is None:
+            return
+        read = {(self.folder / item.file).absolute(): item.trial for item in self.seen}
+        try:
+            subject = subject_from_document(check_document(proposed), folder=self.folder)
+            session = load(subject, self.settings, read).session
+            yield from map(warnings.warning_entry, session.warnings)
+            if session.scale_setup is None and session.images is None:
+                require_landmarks(session)
+            calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds
+        except InputError as error:
+            yield problem_of(error)
+
+    def role(self, item: InputFile) -> FileRole:
+        """A file and its place in the document."""
+        role, why = self.roles.get(item.name, (None, item.why))
+        named = item.name in named_in(self.known).values()
+        if item.kind == "forces" and role is None and item.usable:
+            why = f"{why}, but no movement without plates of its own has its name or time"
+        if item.kind == "recording" and role is None and item.usable and not self.known.get("trials"):
+            why = "somebody stands still in it, too, but one static trial is enough"
+        why = "the document names it" if named else why
+        return FileRole(name=item.name, kind=item.kind, role=role, named=named, why=why, problem=item.problem)
 
 
-def _role(item: Found, roles: Mapping[str, tuple[str, str]], known: Mapping[str, Any]) -> FileRole:
-    role, why = roles.get(item.name, (None, item.why))
-    named = item.name in named_in(known).values()
-    if item.kind == "forces" and role is None and item.usable:
-        why = f"{why}, but no movement without plates of its own has its name or time"
-    if item.kind == "recording" and role is None and item.usable and not known.get("trials"):
-        why = "somebody stands still in it, too, but one static trial is enough"
-    return FileRole(
-        name=item.name,
-        kind=item.kind,
-        role=role,
-        named=named,
-        why="the document names it" if named else why,
-        problem=item.problem,
-    )
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""
+def _known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document; while it names no recordings, with what a subject file among the files says."""
+    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
+    if file is None or document.get("trials"):
+        return dict(document)
+    return {**file, **document, "subject": {**file["subject"], **document["subject"]}}

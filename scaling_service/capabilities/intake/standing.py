@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.intake.markers import said_of
-from scaling_service.capabilities.intake.recordings import Seen
+from scaling_service.capabilities.intake.recordings import RecordingFile
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.exchanged import shape_of
+from scaling_service.recording.exchanged import measure_shape
 from scaling_service.recording.plausibility import unit_factor
 
 STILL_M = 0.02
@@ -86,7 +86,7 @@ def words(name: str) -> list[str]:
     return re.findall(r"[^\W\d_]+", stem.lower())
 
 
-def in_metres(seen_: Seen) -> Trial:
+def in_metres(seen_: RecordingFile) -> Trial:
     """The recording with its unit corrected; as stated where that cannot be told."""
     try:
         factor, _ = unit_factor(seen_.trial)
@@ -95,12 +95,12 @@ def in_metres(seen_: Seen) -> Trial:
     return seen_.trial if factor == 1.0 else seen_.trial.with_markers(seen_.trial.markers * factor)
 
 
-def clusters_of(labels: Sequence[str]) -> dict[str, list[str]]:
+def sort_by_segment(labels: Sequence[str]) -> dict[str, list[str]]:
     """Segment to the labels that are known to sit on it, by marker sets or words, computed points left out.
 
     Examples
     --------
-    >>> clusters_of(["RASI", "LASI", "RTHI", "R_thigh9", "RFEO", "odd"])
+    >>> sort_by_segment(["RASI", "LASI", "RTHI", "R_thigh9", "RFEO", "odd"])
     {'pelvis': ['RASI', 'LASI'], 'femur_r': ['RTHI', 'R_thigh9']}
     """
     found: dict[str, list[str]] = {}
@@ -115,18 +115,18 @@ def clusters_of(labels: Sequence[str]) -> dict[str, list[str]]:
     return found
 
 
-def standings(recordings: Sequence[Seen]) -> list[Standing]:
+def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
     """How each recording would do as the static trial, the best first."""
     trials = {item.file: in_metres(item) for item in recordings}
-    sways = {file: sway(trial) for file, trial in trials.items()}
+    sways = {file: measure_sway(trial) for file, trial in trials.items()}
     moving = [trial for file, trial in trials.items() if sways[file] >= FIDGETS_M]
     found = [
         Standing(
             file,
             sways[file],
-            landmarks_in(trial),
+            count_landmarks(trial),
             trial.n_frames,
-            pelvis_ratio(trial, moving),
+            compare_pelvis(trial, moving),
             stands_upright(trial),
             any(STANDING.match(word) for word in words(file)),
         )
@@ -135,12 +135,12 @@ def standings(recordings: Sequence[Seen]) -> list[Standing]:
     return sorted((s for s in found if s.still), key=lambda s: (s.merit, s.named, s.frames), reverse=True)
 
 
-def sway(trial: Trial) -> float:
+def measure_sway(trial: Trial) -> float:
     """Standard deviation of a marker's place, m, that nine of ten markers of pelvis and legs stay below.
 
     Trunk and arms may move farther; where no label is known to sit on the legs, all markers count.
     """
-    clusters = clusters_of(trial.labels)
+    clusters = sort_by_segment(trial.labels)
     legs = {label for segment, on in clusters.items() if segment.startswith(_BELOW) for label in on}
     shown = ever(seen(trial.markers))
     if trial.n_frames < 2 or not shown.any():
@@ -152,7 +152,7 @@ def sway(trial: Trial) -> float:
     return max(float(np.quantile(on_legs, _MOST)), _FREE * every) if len(on_legs) else every
 
 
-def landmarks_in(trial: Trial) -> int:
+def count_landmarks(trial: Trial) -> int:
     """How many landmarks are seen in some frame."""
     shown = ever(seen(trial.markers))
     return len({canonical(trial.labels[k]) for k in np.flatnonzero(shown)} - {None})
@@ -160,7 +160,7 @@ def landmarks_in(trial: Trial) -> int:
 
 def stands_upright(trial: Trial) -> bool:
     """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
-    shape = shape_of([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
+    shape = measure_shape([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
     for side in "RL":
         leg, thigh, shank = (
             shape.get((f"{side}{first}", f"{side}{second}"))
@@ -171,7 +171,7 @@ def stands_upright(trial: Trial) -> bool:
     return True
 
 
-def pelvis_ratio(trial: Trial, others: Sequence[Trial]) -> float:
+def compare_pelvis(trial: Trial, others: Sequence[Trial]) -> float:
     """The median of the pelvis' distances in one recording over those in others; 1 where none is known."""
     own, theirs = _pelvis([trial]), _pelvis(others)
     ratios = [own[pair] / theirs[pair] for pair in own if theirs.get(pair, 0.0) > 0.0]
@@ -180,7 +180,7 @@ def pelvis_ratio(trial: Trial, others: Sequence[Trial]) -> float:
 
 def _pelvis(trials: Sequence[Trial]) -> dict[tuple[str, str], float]:
     """Usual distances between the pelvis' landmarks, by landmark."""
-    return shape_of(map(_by_landmark, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")})
+    return measure_shape(map(_by_landmark, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")})
 
 
 def _by_landmark(trial: Trial) -> Trial:

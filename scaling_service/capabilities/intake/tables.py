@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
-from scaling_service.capabilities.intake.recordings import Seen, axes_entry, problem_of
-from scaling_service.capabilities.intake.standing import clusters_of
+from scaling_service.capabilities.intake.recordings import RecordingFile, axes_entry, problem_of
+from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
 from scaling_service.files.table_files import ArrayFiles
@@ -36,7 +36,7 @@ class Ground:
 
 
 def recording_proof(
-    item: Seen,
+    item: RecordingFile,
     axes: Orientation,
     ground: Ground | None,
     given: tuple[str | None, str | None],
@@ -81,7 +81,7 @@ def recording_proof(
 
 
 def _turned(
-    ground: Ground | None, axes: Orientation, item: Seen
+    ground: Ground | None, axes: Orientation, item: RecordingFile
 ) -> tuple[GroundForces | None, list[ProblemEntry]]:
     """Forces in our axes. Those of MOT and STO files stand Y up whatever the markers do."""
     if ground is None:
@@ -103,7 +103,7 @@ def _turned(
 
 
 def _of_forces(
-    forces: GroundForces, item: Seen, axes: Orientation, trial: Trial, files: ArrayFiles
+    forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: ArrayFiles
 ) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     at_markers = forces.changed(
@@ -240,7 +240,7 @@ def describe_plates(
 
 def _feet(trial: Trial) -> dict[str, Array]:
     """Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's."""
-    clusters = clusters_of(trial.labels)
+    clusters = sort_by_segment(trial.labels)
     found = {}
     for side in _FEET:
         on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
@@ -277,13 +277,13 @@ def _rests(foot: Array, corners: Array, rate_hz: float) -> NDArray[np.bool_]:
 
 def _loads(loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial) -> list[str]:
     """Each contact with who makes it."""
-    told = []
+    contacts = []
     for start, stop in runs(loaded):
         if stop - start < BRIEF_S * trial.rate_hz:
             continue
         who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
-        told.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
-    return told
+        contacts.append(f"{' and '.join(who)} {trial.times[start]:.2f}–{trial.times[stop - 1]:.2f} s")
+    return contacts
 
 
 def _offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:

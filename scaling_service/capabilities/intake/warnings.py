@@ -6,20 +6,20 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.document import ProblemEntry, RecordingProof
-from scaling_service.capabilities.intake.recordings import Seen
+from scaling_service.capabilities.intake.recordings import RecordingFile
 from scaling_service.capabilities.intake.roles import static_of
-from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, clusters_of, pelvis_ratio
+from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis, sort_by_segment
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.trial import Trial
-from scaling_service.recording.exchanged import Exchange, exchanges, shape_of
+from scaling_service.recording.exchanged import Exchange, find_exchanges, measure_shape
 from scaling_service.recording.unlabelled import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
 
 
-def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
+def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
@@ -36,7 +36,7 @@ def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> I
         )
     if static is None or static not in trials:
         return
-    ratio = pelvis_ratio(trials[static], list(moving.values()))
+    ratio = compare_pelvis(trials[static], list(moving.values()))
     if abs(ratio - 1.0) > ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"
         yield _warning(
@@ -49,7 +49,7 @@ def of_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> I
         )
 
 
-def of_units(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
+def check_units(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
     """Recordings whose unit of length cannot be true."""
     for item in recordings:
         for repair in (r for r in item.axes.repairs if r.what == "unit"):
@@ -59,7 +59,7 @@ def of_units(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
             yield _warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def of_labels(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
+def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
     """Trajectories without a label, with the markers whose gaps they fill."""
     for item in recordings:
         found = sorted(find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames))
@@ -74,25 +74,25 @@ def of_labels(recordings: Sequence[Seen]) -> Iterator[ProblemEntry]:
             )
 
 
-def of_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
+def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
     """Labels of one segment that stand for each other for a while.
 
     Of two recordings that contradict each other all along, it is told once for both.
     """
     wrong: dict[str, list[Exchange]] = {}
     for file, trial in trials.items():
-        clusters = clusters_of(trial.labels)
-        usual = shape_of((t for name, t in trials.items() if name != file), clusters)
-        wrong[file] = list(exchanges(trial, clusters, usual or shape_of([trial], clusters)))
-    told: set[tuple[str, ...]] = set()
+        clusters = sort_by_segment(trial.labels)
+        usual = measure_shape((t for name, t in trials.items() if name != file), clusters)
+        wrong[file] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
+    reported: set[tuple[str, ...]] = set()
     for file, found in wrong.items():
         for item in found:
             rivals = [
                 n for n, others in wrong.items() if n != file and item.labels in [o.labels for o in others]
             ]
-            if rivals and item.labels in told:
+            if rivals and item.labels in reported:
                 continue
-            told.add(item.labels)
+            reported.add(item.labels)
             where = f", or in {few(rivals)}" if rivals else ""
             yield _warning(
                 f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
@@ -116,7 +116,7 @@ def exchange_in(problem: ProblemEntry) -> tuple[str, frozenset[str]] | None:
     return trial, frozenset(canonical(label) or label for label in found["labels"].split(" and "))
 
 
-def of_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
+def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
     """Plates that read something while nobody is near them, each once for all recordings."""
     offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
@@ -133,7 +133,7 @@ def of_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
         )
 
 
-def of_times(
+def check_times(
     recordings: Sequence[RecordingProof], spans: Mapping[str, tuple[float, float]]
 ) -> Iterator[ProblemEntry]:
     """Files of forces that do not cover the recording that they are for."""

@@ -7,14 +7,13 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import BONES, UNITS, find_landmarks, unit_of
-from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit
+from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRefused, Sphere
+from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
+from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
 from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.files.mesh import Mesh, read_mesh
@@ -47,8 +46,9 @@ def landmark_bones(
     began = time.perf_counter()
     _check(bones, units)
     meshes = {name: _read(name, path) for name, path in bones.items()}
-    told = units != DETECT
-    unit = units if told else _detected(meshes)
+    given = units != DETECT
+    extents = {name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()}
+    unit = units if given else find_unit(extents)
     shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
     done: list[str] = []
 
@@ -66,7 +66,7 @@ def landmark_bones(
     described: dict[str, Any] = {name: _bone(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
-        settings={"units": unit, "units_from": "given" if told else "size"},
+        settings={"units": unit, "units_from": "given" if given else "size"},
         input_hashes={path.name: _digest(path) for path in bones.values()},
         wall_s=round(time.perf_counter() - began, 3),
         **described,
@@ -122,10 +122,6 @@ def _read(name: str, path: Path) -> Mesh:
         raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
 
 
-def _detected(meshes: Mapping[str, Mesh]) -> str:
-    return unit_of({name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()})
-
-
 def _digest(path: Path) -> str:
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -149,30 +145,24 @@ def _bone(bone: BoneLandmarks) -> dict[str, Any]:
 
 
 def _fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
-    spheres = {
-        name: ShapeFit(
-            shape="sphere",
-            centre_mm=_mm(ball.centre),
-            radius_mm=round(ball.radius * _MM, 4),
-            rms_mm=round(ball.quality.rms * _MM, 4),
-            covered=round(ball.quality.covered, 4),
-            confidence=ball.quality.confidence,
-        )
-        for name, ball in bone.spheres.items()
-    }
-    cylinders = {
-        name: ShapeFit(
-            shape="cylinder",
-            centre_mm=_mm(tube.point),
-            radius_mm=round(tube.radius * _MM, 4),
-            axis=_unit(tube.axis),
-            rms_mm=round(tube.quality.rms * _MM, 4),
-            covered=round(tube.quality.covered, 4),
-            confidence=tube.quality.confidence,
-        )
-        for name, tube in bone.cylinders.items()
-    }
-    return spheres | cylinders
+    found = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
+    for name, tube in bone.cylinders.items():
+        found[name] = _fit("cylinder", tube, tube.point, _unit(tube.axis))
+    return found
+
+
+def _fit(
+    shape: Literal["sphere", "cylinder"], found: Sphere | Cylinder, centre: Array, axis: Vector | None = None
+) -> ShapeFit:
+    return ShapeFit(
+        shape=shape,
+        centre_mm=_mm(centre),
+        radius_mm=round(found.radius * _MM, 4),
+        axis=axis,
+        rms_mm=round(found.quality.rms * _MM, 4),
+        covered=round(found.quality.covered, 4),
+        confidence=found.quality.confidence,
+    )
 
 
 def _femur(bone: BoneLandmarks) -> dict[str, Any]:
@@ -206,11 +196,11 @@ _ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
 }
 
 
-def _mm(point: NDArray[np.float64]) -> tuple[float, float, float]:
+def _mm(point: Array) -> Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _unit(direction: NDArray[np.float64]) -> tuple[float, float, float]:
+def _unit(direction: Array) -> Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

@@ -15,7 +15,7 @@ from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.exchanged import exchanged
+from scaling_service.recording.exchanged import find_exchanged_sides
 
 SAME_M = 1e-5
 """Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two
@@ -180,7 +180,7 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def notes(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
+def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
     """One plain sentence for each thing.
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.
@@ -194,7 +194,9 @@ def notes(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterat
     yield from _unseen(model, subject, set().union(*shown.values()), trials)
     for trial in trials:
         yield from _repaired(trial)
-        yield from exchanged(trial, {label: role for label in trial.labels if (role := canonical(label))})
+        yield from find_exchanged_sides(
+            trial, {label: role for label in trial.labels if (role := canonical(label))}
+        )
 
 
 def _shown(trial: Trial) -> set[str]:

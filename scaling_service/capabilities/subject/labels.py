@@ -136,7 +136,7 @@ def _guess(name: str, known: Sequence[str]) -> str:
     return f"Did you mean '{close[0]}'? " if close else ""
 
 
-def clusters_of(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
+def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:
     """Segment to the labels on it, from which gaps of the others can be filled."""
     found: dict[str, list[str]] = {segment: [] for segment in model.segment_names}
     sides = {m.name: m.segment for m in model.markers if m.weight > 0.0} | dict(subject.extra_markers)

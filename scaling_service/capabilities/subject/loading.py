@@ -27,7 +27,7 @@ from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Trial, merge
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.pipeline import process
-from scaling_service.recording.plausibility import without_strays
+from scaling_service.recording.plausibility import remove_strays
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
@@ -76,14 +76,14 @@ def load(
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _axes(named, subject.static, settings)
-    clusters = labels.clusters_of(model, subject)
+    clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blamed_on(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
-    setup, told = _scale_setup(subject, model, ready)
+    setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
         subject,
@@ -95,9 +95,9 @@ def load(
         (
             *of_sizes,
             *of_tracking,
-            *told,
+            *of_setup,
             *of_images,
-            *checks.notes(model, subject, [trial for trial, _ in named.values()]),
+            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
         ),
         images,
     )
@@ -114,7 +114,7 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     read = {}
     for path in recordings(subject):
         with blamed_on(path, [path]):
-            read[path] = known[path] if path in known else without_strays(read_recording(path))
+            read[path] = known[path] if path in known else remove_strays(read_recording(path))
     return read
 
 
@@ -168,15 +168,15 @@ def _scale_setup(
     if subject.scale_setup is None:
         return None, ()
     setup = read_scale_setup(subject.scale_setup)
-    told: tuple[str, ...] = ()
+    of_setup: tuple[str, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
         with blamed_on(None, [standing]):
-            told = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
+            of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
-        return setup, told
+        return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
-    return replace(setup, placement=replace(setup.placement, fixed=fixed)), told
+    return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
 
 
 def _axes(

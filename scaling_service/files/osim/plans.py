@@ -27,7 +27,7 @@ _FORBIDDEN = "\\/*+ \t\n"
 _REMEDY = "OpenSim's CustomJoint has up to three translations followed by up to three rotations"
 
 
-def planned_joints(model: BodyModel) -> tuple[list[Json], list[Json]]:
+def plan_joints(model: BodyModel) -> tuple[list[Json], list[Json]]:
     """All joints as custom (or, where nothing moves, weld) joints, and the couplers they need.
 
     A coordinate of OpenSim's belongs to one joint. Where a second joint follows it, that joint gets
@@ -206,7 +206,7 @@ def _single_polynomial(shape: Shape) -> list[float] | None:
     return [float(c) for c in np.atleast_1d(moved.coeffs)]
 
 
-def planned_bodies(model: BodyModel) -> list[Json]:
+def plan_bodies(model: BodyModel) -> list[Json]:
     """Masses, centres of mass and inertias."""
     return [
         {"name": s.name, "mass": s.mass, "com": list(s.com), "inertia": list(s.inertia)}
@@ -214,7 +214,7 @@ def planned_bodies(model: BodyModel) -> list[Json]:
     ]
 
 
-def planned_coordinates(model: BodyModel) -> list[Json]:
+def plan_coordinates(model: BodyModel) -> list[Json]:
     """Coordinates that drive something, with finite ranges, for OpenSim has no open ones."""
     used = {t.coordinate for _, joint in model.joints() for t in joint.law.terms}
     return [
@@ -236,7 +236,7 @@ def _open_end(coordinate: Coordinate) -> float:
     return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
 
 
-def planned_markers(model: BodyModel) -> list[Json]:
+def plan_markers(model: BodyModel) -> list[Json]:
     """Markers at fixed positions.
 
     Raises ModelRefused: a marker that moves on its segment, which OpenSim's markers cannot.
@@ -273,13 +273,13 @@ def check_names(model: BodyModel) -> None:
 
 def request_to_build(model: BodyModel) -> Mapping[str, Any]:
     """What the worker needs to build the model from nothing."""
-    joints, couplers = planned_joints(model)
+    joints, couplers = plan_joints(model)
     return {
         "operation": "build",
         "name": model_name(model),
-        "bodies": planned_bodies(model),
+        "bodies": plan_bodies(model),
         "joints": joints,
         "couplers": couplers,
-        "coordinates": planned_coordinates(model),
-        "markers": planned_markers(model),
+        "coordinates": plan_coordinates(model),
+        "markers": plan_markers(model),
     }

@@ -13,7 +13,7 @@ import numpy as np
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.process import ask
 from scaling_service.files.osim.setups import parse_xml
-from scaling_service.files.osim.shapes import NotPolynomial, substituted
+from scaling_service.files.osim.shapes import NotPolynomial, substitute
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -252,7 +252,7 @@ def _substituted(segment: Segment, follows: Mapping[str, tuple[str, Law]]) -> Se
 
 def _or_refused(law: Law, coordinate: str, follows: Law, component: str) -> Law:
     try:
-        return substituted(law, coordinate, follows)
+        return substitute(law, coordinate, follows)
     except NotPolynomial as error:
         raise ModelRefused(
             f"the coupled coordinate '{coordinate}' cannot be substituted in '{component}': {error}",

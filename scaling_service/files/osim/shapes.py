@@ -115,7 +115,7 @@ def one_shape(law: Law) -> Shape:
     return fit_piecewise(lambda x: law_value(law, x), law_breaks(law), law_degree(law), follow_ends=False)
 
 
-def substituted(law: Law, coordinate: str, follows: Law) -> Law:
+def substitute(law: Law, coordinate: str, follows: Law) -> Law:
     """A law with one coordinate replaced by the law of another coordinate that it follows.
 
     ``coordinate``: the dependent coordinate. ``follows``: its value; of at most one coordinate. Raises

@@ -94,9 +94,9 @@ def write_osim(
             "axis_tilts": {joint: list(tilt) for joint, tilt in axis_tilts.items()},
             "mass_kg": mass_kg,
             "preserve_mass_distribution": preserve_mass_distribution,
-            "bodies": plans.planned_bodies(model) if inertia_from_model else None,
-            "coordinates": plans.planned_coordinates(model),
-            "markers": plans.planned_markers(model),
+            "bodies": plans.plan_bodies(model) if inertia_from_model else None,
+            "coordinates": plans.plan_coordinates(model),
+            "markers": plans.plan_markers(model),
         }
     answer = ask(request)
     _check(model, model_from(answer["description"], source=str(path)))

@@ -15,8 +15,7 @@ from scaling_service.capabilities.dynamics.uncertainty.points import HALO, Point
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
 from scaling_service.capabilities.scaling.comparison.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
-from scaling_service.model.inertia import Six
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from tests.evaluation.uncertain import recording
@@ -51,14 +50,14 @@ def test_perturbed_motions_have_the_residual_of_inverse_dynamics() -> None:
     np.testing.assert_allclose(reference.indicator(reference.residual(q)[1]), expected, rtol=3e-3)
 
 
-def spinning(inertia: Six) -> BodyModel:
+def spinning(inertia: Tensor) -> BodyModel:
     joint = Joint("rotation", (0.0, 0.0, 1.0), Law.of("angle"))
     segment = Segment("top", "ground", "spin", (joint,), mass=2.0, com=(0.3, 0.0, 0.0), inertia=inertia)
     return BodyModel("top", (segment,), (Coordinate("angle"),))
 
 
 @pytest.mark.parametrize("inertia", [(0.1, 0.2, 0.3, 0.0, 0.0, 0.02), (0.1, 0.1, 0.5, 0.0, 0.0, 0.0)])
-def test_a_spinning_body_needs_its_centripetal_force_and_euler_moment(inertia: Six) -> None:
+def test_a_spinning_body_needs_its_centripetal_force_and_euler_moment(inertia: Tensor) -> None:
     """The second tensor breaks the triangle inequality: one second moment is negative."""
     times, rate, pace = np.arange(60) / 200, 2.0, 3.0
     angle = rate * times + 0.5 * pace * times**2

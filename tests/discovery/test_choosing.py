@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from scaling_service.capabilities.discovery.evidence.fitting import account, scene_of
-from scaling_service.capabilities.discovery.laws.additions import with_effects
-from scaling_service.capabilities.discovery.search.choosing import chosen
-from scaling_service.capabilities.discovery.search.options import look
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.model.body import BodyModel
 from tests.discovery.hidden import hide, person, recorded, sized
-
-SETTINGS = DiscoverySettings()
 
 
 def names(truth: BodyModel) -> list[str]:
     someone = person()
-    now = account(someone.model, recorded(someone, truth))
-    options = look(now, scene_of(now), SETTINGS.stretch_s, SETTINGS.shortlist)
-    return [n.effect.candidate.name for n in chosen(now, options, [], set(), SETTINGS)]
+    now = fit_recordings(SearchContext(someone.model, recorded(someone, truth)))
+    options = score_all(now)
+    return [n.effect.candidate.name for n in select(now, options, [], ()).named]
 
 
 def test_effects_of_two_places_are_named_at_once() -> None:

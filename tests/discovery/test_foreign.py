@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.disturbances import laws as foreign
-from scaling_service.capabilities.discovery.evidence.fitting import account
-from scaling_service.capabilities.discovery.evidence.spots import BentSpot, VolumeSpot, field
-from scaling_service.capabilities.discovery.search.findings import Findings, Foreign
-from scaling_service.capabilities.discovery.search.options import Options
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
-from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.capabilities.discovery.disturbances import disturbance
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
+from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot
+from scaling_service.capabilities.discovery.search.discover import discover
+from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import hide, person, recorded
@@ -36,12 +36,12 @@ def test_a_lens_anywhere_is_a_sum_of_the_columns_about_a_middle() -> None:
     x, y, z = middle.tolist()
     away = places - (middle + c)[:, None]
     lens = k * away * np.square(away).sum(axis=1, keepdims=True)
-    columns = [field(BentSpot((x, y, z), axis), places) for axis in (None, 0, 1, 2)]
+    columns = [BentSpot((x, y, z), axis).field(places) for axis in (None, 0, 1, 2)]
     curved = k * columns[0] - k * np.tensordot(c, columns[1:], axes=1)
     linear = np.concatenate([places, np.ones((7, 1, 5))], axis=1).transpose(0, 2, 1).reshape(-1, 4)
     left = (lens - curved).transpose(0, 2, 1).reshape(-1, 3)
     assert np.abs(left - linear @ np.linalg.lstsq(linear, left, rcond=None)[0]).max() < 1e-12
-    assert field(VolumeSpot(), places) is places
+    assert VolumeSpot().field(places) is places
 
 
 def test_a_marker_that_trembles_is_told_with_its_frequency() -> None:
@@ -77,10 +77,10 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
 ) -> None:
     """Where much is wrong, a law of a few more numbers than the right effect explains more than it."""
     _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
-    now = account(person().model, recorded(person(), truth))
+    now = fit_recordings(SearchContext(person().model, recorded(person(), truth)))
     # White noise of 1 mm adds a square of one for every number that the residuals are.
-    above = sum(i.square - i.freedom for i in now.watched if i.role == "fit")
-    law = Foreign(("markers",), "any law", share * above, 0.0, 0.0, of_forces=False)
-    monkeypatch.setattr(foreign, "_found", lambda *_: iter([law]))
-    found = foreign.foreign(now, Options([], 1, [], [], now.watched), DiscoverySettings())
+    above = sum(i.square - i.freedom for i in now.tracked if i.role == "fit")
+    law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
+    monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
+    found = disturbance.unmodelled_disturbance(now, ScoredCandidates([], 1))
     assert found is (law if told else None)

@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.score import Evidence, Stretch
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Column
-from scaling_service.capabilities.discovery.search.comparing import explained, unseen
-from scaling_service.capabilities.discovery.search.judging import fit_each
+from scaling_service.capabilities.discovery.evidence.statistics import explain, fit_each, try_held_out
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
 from scaling_service.numerics.multibody.laws import Array
 
 ROWS, STRETCHES, NUISANCES = 40, 20, 2
@@ -26,7 +25,7 @@ def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
         columns, left = x[a:b], y[a:b]
         own = columns.T @ columns
         stretches.append(
-            Stretch(
+            Block(
                 "held" if k % 3 == 2 else "known",
                 "held_out" if k % 3 == 2 else "fit",
                 columns.T @ left,
@@ -70,7 +69,7 @@ def test_the_size_is_that_of_ordinary_least_squares() -> None:
 def test_gains_are_those_beyond_the_nuisances() -> None:
     x, y, more = drawn()
     plain, moved = (evidence(x, left, together=True) for left in (y, y + more))
-    known = [[s for s in e.stretches if s.role == "fit"] for e in (plain, moved)]
-    gains = [explained(e, 0, some).gains for e, some in zip((plain, moved), known, strict=True)]
+    known = [[s for s in e.blocks if s.role == "fit"] for e in (plain, moved)]
+    gains = [explain(e, 0, some).gains for e, some in zip((plain, moved), known, strict=True)]
     np.testing.assert_allclose(gains[1], gains[0], rtol=1e-6, atol=1e-9)
-    assert unseen(moved, 0, CHOICE[0]).p == pytest.approx(unseen(plain, 0, CHOICE[0]).p, rel=1e-6)
+    assert try_held_out(moved, 0, CHOICE[0]).p == pytest.approx(try_held_out(plain, 0, CHOICE[0]).p, rel=1e-6)

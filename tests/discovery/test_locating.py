@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scaling_service.capabilities.discovery.search.summary.disagreements import in_one_block
 
-from scaling_service.capabilities.discovery.evidence.locating import in_one_stretch
 from scaling_service.numerics.multibody.laws import Array
 
 FRAMES, TIMES, PLACES = 50, 2000, 30
@@ -23,7 +23,7 @@ def heights(noise: Array) -> Array:
 def test_noise_is_not_told_as_a_burst(degrees: int, stretches: int) -> None:
     """Over all places, also where its tails are so heavy that its squares have no variance."""
     noise = np.random.default_rng(3).standard_t(degrees, size=(TIMES, stretches, FRAMES, 3))
-    told = np.array([in_one_stretch(height) for height in heights(noise)]) < LEVEL
+    told = np.array([in_one_block(height) for height in heights(noise)]) < LEVEL
     assert PLACES * told.mean() < 0.05 + PLACES * 2.0 * np.sqrt(LEVEL / TIMES)
 
 
@@ -32,8 +32,8 @@ def test_a_burst_is_told_however_little_the_mean_says() -> None:
     stream = np.random.default_rng(4)
     noise = stream.normal(size=(30, FRAMES, 3))
     noise[7] *= 15.0
-    assert in_one_stretch(heights(noise)) < LEVEL
+    assert in_one_block(heights(noise)) < LEVEL
 
 
 def test_equal_heights_say_nothing() -> None:
-    assert in_one_stretch(np.ones(8)) == 1.0
+    assert in_one_block(np.ones(8)) == 1.0

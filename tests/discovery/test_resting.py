@@ -8,10 +8,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
-from scaling_service.capabilities.discovery.evidence.resting import rested, swinging_markers
-from scaling_service.capabilities.discovery.evidence.watched import Watched
-from scaling_service.capabilities.discovery.laws.additions import Sized
-from scaling_service.capabilities.discovery.laws.wobbles import Skin
+from scaling_service.capabilities.discovery.laws.candidates import Estimate
+from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import choice, person
@@ -33,14 +32,14 @@ def lagging(times: Array, path: Array) -> Array:
 
 
 @cache
-def walk() -> Watched:
+def walk() -> TrackedTrial:
     """A walk without anything wrong, as it was."""
-    return Watched.of(person().model, person().trials["gait_1"], "fit")
+    return TrackedTrial.of(person().model, person().trials["gait_1"], "fit")
 
 
-def knee(item: Watched) -> Array:
+def knee(item: TrackedTrial) -> Array:
     """The bone under the thigh's markers, (n, 2, 3), m, ground."""
-    return Skin(item).places[:, [item.markers.index(name) for name in THIGH]]
+    return item.places[:, [item.markers.index(name) for name in THIGH]]
 
 
 def shaken() -> Trial:
@@ -52,13 +51,13 @@ def shaken() -> Trial:
     return trial.with_markers(markers)
 
 
-def swing(share: float) -> Sized:
+def swing(share: float) -> Estimate:
     """What is there, or more or less of it."""
-    found = next(c for c in choice() if c.where == THIGH and c.swing == (FREQUENCY_HZ, DAMPING))
-    return Sized(found, np.array([share]))
+    found = next(c for c in choice() if c.where == THIGH and c.oscillation == (FREQUENCY_HZ, DAMPING))
+    return Estimate(found, np.array([share]))
 
 
-def away(item: Watched) -> float:
+def away(item: TrackedTrial) -> float:
     """How far the thigh is from where it was, RMS, m."""
     return float(np.sqrt(np.mean((knee(item) - knee(walk())) ** 2)))
 
@@ -66,12 +65,12 @@ def away(item: Watched) -> float:
 def test_the_motion_is_found_under_skin_that_carries_it() -> None:
     trial, rounds = shaken(), []
 
-    def follow(changed: Trial, near: Watched) -> Watched:
+    def follow(changed: Trial, near: TrackedTrial) -> TrackedTrial:
         rounds.append(changed)
-        return Watched.of(person().model, changed, "fit", near)
+        return TrackedTrial.of(person().model, changed, "fit", near)
 
-    begun = Watched.of(person().model, trial, "fit")
-    found = rested(trial, begun, [swing(1.0)], follow)
+    begun = TrackedTrial.of(person().model, trial, "fit")
+    found = track_steady(trial, begun, [swing(1.0)], follow)
     assert away(begun) > 0.003
     assert away(found) < 0.0002
     assert len(rounds) < 10
@@ -80,26 +79,26 @@ def test_the_motion_is_found_under_skin_that_carries_it() -> None:
 def test_only_the_markers_whose_skin_swings_are_moved() -> None:
     trial, moved = shaken(), []
 
-    def follow(changed: Trial, near: Watched) -> Watched:
+    def follow(changed: Trial, near: TrackedTrial) -> TrackedTrial:
         moved.append(np.abs(changed.markers - trial.markers).max(axis=(0, 2)))
         return near
 
-    rested(trial, walk(), [swing(0.5)], follow)
+    track_steady(trial, walk(), [swing(0.5)], follow)
     still = [k for k, name in enumerate(trial.labels) if name not in THIGH]
-    assert swinging_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
+    assert oscillating_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
     assert all(np.nanmax(each[still]) == 0.0 for each in moved)
     assert float(np.min(moved[0][[trial.index(name) for name in THIGH]])) > 0.001
 
 
 def test_a_recording_without_the_marker_is_followed_as_it_is() -> None:
     trial = shaken().selected([label for label in shaken().labels if label not in THIGH])
-    item = Watched.of(person().model, trial, "fit")
+    item = TrackedTrial.of(person().model, trial, "fit")
     followed: list[Trial] = []
 
-    def follow(changed: Trial, near: Watched) -> Watched:
+    def follow(changed: Trial, near: TrackedTrial) -> TrackedTrial:
         followed.append(changed)
         return near
 
-    assert swinging_markers(trial, [swing(1.0)]) == ()
-    assert rested(trial, item, [swing(1.0)], follow) is item
+    assert oscillating_markers(trial, [swing(1.0)]) == ()
+    assert track_steady(trial, item, [swing(1.0)], follow) is item
     assert followed == [trial]

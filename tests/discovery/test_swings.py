@@ -7,9 +7,10 @@ import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
-from scaling_service.capabilities.discovery.search.catalogue import kinds, plausible
-from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.effects.masses import within_reach
+from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import candidate, person, recorded
 
@@ -50,21 +51,18 @@ def test_a_swing_is_named_with_its_frequency_and_damping() -> None:
 
 
 def test_a_load_hangs_within_reach() -> None:
-    load = kinds()["carried_load"]
-    assert load.plausible is not None
-    assert load.plausible(np.array([2.0, 0.6, 0.0, 0.0]))
-    assert not load.plausible(np.array([2.0, 0.0, -7.0, 0.0]))
+    assert within_reach(np.array([2.0, 0.6, 0.0, 0.0]))
+    assert not within_reach(np.array([2.0, 0.0, -7.0, 0.0]))
 
 
 def test_each_number_keeps_to_its_range() -> None:
     scale = candidate("capture_scale", "markers")
-    assert plausible(scale, np.array([0.01]))
-    assert not plausible(scale, np.array([3.0]))
+    assert scale.plausible(np.array([0.01]))
+    assert not scale.plausible(np.array([3.0]))
 
 
 def test_every_effect_is_a_sum_of_columns_or_searches_for_itself() -> None:
-    assert len(kinds()) == 21
-    for kind, effect in kinds().items():
-        assert (effect.candidates is None) != (effect.options is None), kind
+    assert len(known_effects()) == 21
+    for kind, effect in known_effects().items():
+        assert (effect.candidates is None) != (effect.search is None), kind
         assert len(effect.meaning) > 10
-        assert effect.swinging is None or effect.spreads is not None, kind

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording, account, scene_of
-from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.catalogue import candidates
-from scaling_service.capabilities.discovery.search.findings import Named
-from scaling_service.capabilities.discovery.search.refining import refined
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
-from scaling_service.capabilities.discovery.search.trying import Tried, tried_in_full
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.search.estimation import estimate
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.testing import Tested, try_in_full
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.model.body import BodyModel
@@ -27,10 +26,10 @@ GAIN = 1.1
 TRUNK = ("T10", "C7", "CLAV", "STRN", "RSHO", "LSHO")
 
 
-def named(candidate: Candidate, *numbers: float) -> Named:
+def named(candidate: Candidate, *numbers: float) -> NamedEffect:
     """As if it had passed, with numbers as in the results."""
     size = [(n - c.neutral) / c.unit for n, c in zip(numbers, candidate.columns, strict=True)]
-    return passed(Sized(candidate, np.array(size)))
+    return passed(Estimate(candidate, np.array(size)))
 
 
 class Laboratory:
@@ -38,11 +37,11 @@ class Laboratory:
 
     def __init__(self, folder: Path) -> None:
         self.model, self.bare = _laboratory(folder, None)
-        self.choice = tuple(candidates(scene_of(account(self.model, self.bare))))
+        self.choice = tuple(candidates(fit_recordings(SearchContext(self.model, self.bare)).scene))
         self.skin = self.of("soft_tissue_artefact", *TRUNK, driver="thoracic_extension")
         self.moved = self.with_(folder, named(self.skin, 3.0, 0.0, 0.0))
 
-    def with_(self, folder: Path, *found: Named) -> tuple[Recording, ...]:
+    def with_(self, folder: Path, *found: NamedEffect) -> tuple[Recording, ...]:
         """The recordings with effects in all of them."""
         return _laboratory(folder, with_effects(self.model, [n.effect for n in found], ""))[1]
 
@@ -54,11 +53,12 @@ class Laboratory:
             if c.kind == kind and c.where == where and not c.trials and driver in (None, *c.driver)
         )
 
-    def tried(self, recordings: Sequence[Recording], *found: Named, known: Sequence[Sized] = ()) -> Tried:
+    def tried(
+        self, recordings: Sequence[Recording], *found: NamedEffect, known: Sequence[Estimate] = ()
+    ) -> Tested:
         """Effects in full, where others are known as well as they can be without them."""
-        settings = DiscoverySettings()
-        now = refined(account(self.model, recordings), recordings, known, settings.stretch_s)
-        return tried_in_full(now, found, recordings, settings)
+        now = estimate(fit_recordings(SearchContext(self.model, recordings)), known)
+        return try_in_full(now, found)
 
 
 def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple[Recording, ...]]:
@@ -69,12 +69,12 @@ def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple
 
 def _stronger(recording: Recording) -> Recording:
     """With a first plate that measures too much."""
-    assert recording.footing is not None
-    ground = recording.footing.ground
+    assert recording.contacts is not None
+    ground = recording.contacts.ground
     factor = np.where(np.array(ground.plates) == "plate_1", GAIN, 1.0)[:, None]
     ground = replace(ground, force=factor * ground.force, moment=factor * ground.moment)
-    footing = replace(recording.footing, ground=ground)
-    return replace(recording, footing=footing)
+    footing = replace(recording.contacts, ground=ground)
+    return replace(recording, contacts=footing)
 
 
 def where_fitted(some: Sequence[Recording], others: Sequence[Recording]) -> list[Recording]:
@@ -99,7 +99,7 @@ def test_what_only_the_recording_to_fit_shows_is_not(laboratory: Laboratory) -> 
     tried = laboratory.tried(one, named(laboratory.skin, 3.0, 0.0, 0.0))
     assert tried.added == []
     assert tried.early == {laboratory.skin.key}
-    assert not tried.account.effects
+    assert not tried.fit.effects
 
 
 def test_of_several_only_what_does_harm_is_left_out(laboratory: Laboratory, tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_load_that_other_recordings_do_not_show_is_left_out_by_itself(laborato
     tried, alone = laboratory.tried(recordings, skin, gain), laboratory.tried(recordings, skin)
     assert tried.added == [skin]
     assert tried.early == {gain.effect.candidate.key}
-    for one, other in zip(tried.account.watched, alone.account.watched, strict=True):
+    for one, other in zip(tried.fit.tracked, alone.fit.tracked, strict=True):
         np.testing.assert_allclose(one.q, other.q, atol=1e-6)
 
 
@@ -129,5 +129,5 @@ def test_what_shares_the_forces_with_a_new_load_is_not_blamed_on_the_motion(labo
     gain = named(laboratory.of("plate_gain", "plate_1"), GAIN)
     bias = laboratory.of("plate_bias", "plate_1")
     recordings = [_stronger(r) for r in laboratory.moved]
-    known = [Sized(bias, np.zeros(len(bias.columns)))]
+    known = [Estimate(bias, np.zeros(len(bias.columns)))]
     assert laboratory.tried(recordings, skin, gain, known=known).added == [skin, gain]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from scaling_service.capabilities.discovery.evidence.spots import LETTERS, JointSpot, MarkerSpot, Spot
+from scaling_service.capabilities.discovery.laws.candidates import Column, Part
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Following, Profile
-from scaling_service.capabilities.discovery.search.candidates import Column, Part
+from scaling_service.capabilities.discovery.laws.spots import LETTERS, JointSpot, MarkerSpot, Spot
 
 MM = 1e3
+
 DEG = 180.0 / math.pi
+
 MM_PER_DEG = MM / DEG
 
 MOST_MM_PER_DEG = 3.0

@@ -13,19 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from scaling_service.capabilities.discovery.evidence.weighed import Weighed
-from scaling_service.capabilities.discovery.search.candidates import Contact
+from scaling_service.capabilities.discovery.laws.candidates import Contact
+from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
 WANDER_M = {"foot": 0.06, "other": 0.02}
 """m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
 a hand's grip stays within some 2 cm (both chosen)."""
 
-FEET = ("calcn", "toes", "foot", "talus")
-"""What names of segments of a foot begin with."""
-
 _UNIT = np.eye(3)
+
 _ROUNDS = 3  # chosen: weights change little from one to the next
+
 _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
 
 
@@ -33,12 +32,21 @@ _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the cen
 class Spell:
     """The frames of one trial in which something may touch; ``all_along`` if no frame is quieter."""
 
-    item: Weighed
+    wrench: WrenchFit
     rows: NDArray[np.intp]
     all_along: bool = False
 
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of force and moment."""
+        return self.wrench.square_in(self.rows)
 
-def wrench_of(item: Weighed, contact: Contact) -> Array:
+    def left_about(self, segment: str, point: Array) -> float:
+        """Whitened square of the moment that a contact at a point of a segment leaves."""
+        return float(solved(self.wrench, segment, self.rows, point)[2].sum())
+
+
+def wrench_of(item: WrenchFit, contact: Contact) -> Array:
     """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
     inside = (item.times >= contact.start_s - 1e-9) & (item.times <= contact.end_s + 1e-9) & item.usable
     rows = np.flatnonzero(inside)
@@ -76,7 +84,7 @@ def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
     products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
     force that keeps its direction only noise would place the point: it stays in the middle.
     """
-    low, high = _extent(spells[0].item, segment)
+    low, high = _extent(spells[0].wrench, segment)
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
         point = _stepped(spells, segment, point, middle, (low, high))
@@ -84,7 +92,7 @@ def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
     left, spread = np.sum(parts, axis=0).tolist()
     count = 3 * sum(len(s.rows) for s in spells)
     # frames are not independent: the likelihood counts one of them for each period of the filter
-    share = float(np.median(np.diff(spells[0].item.times))) * 2.0 * spells[0].item.cutoff_hz
+    share = float(np.median(np.diff(spells[0].wrench.times))) * 2.0 * spells[0].wrench.cutoff_hz
     misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
     return Fitting(segment, point, left, misfit)
 
@@ -95,8 +103,8 @@ def _stepped(
     """The best point with the weights of another one, (3,), m."""
     normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     for spell in spells:
-        item, rows = spell.item, spell.rows
-        gap, weight = item.gap[rows], _weights(item, segment, rows, point)
+        item, rows = spell.wrench, spell.rows
+        gap, weight = item.residuals[rows], _weights(item, segment, rows, point)
         origin, axes = (places[rows] for places in item.segment_frame(segment))
         across = _about(origin - item.about[rows])
         unit = -_crossing(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
@@ -134,40 +142,40 @@ def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
 
 def _cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
     """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
-    _, _, square = solved(spell.item, segment, spell.rows, point)
-    weight = _weights(spell.item, segment, spell.rows, point)
+    _, _, square = solved(spell.wrench, segment, spell.rows, point)
+    weight = _weights(spell.wrench, segment, spell.rows, point)
     return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
 
 
-def _extent(item: Weighed, segment: str) -> tuple[Array, Array]:
+def _extent(item: WrenchFit, segment: str) -> tuple[Array, Array]:
     """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
     own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
     places = np.array([*own, np.array(item.model.segment(segment).com)])
     return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
 
 
-def solved(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
+def solved(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
     """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
-    force = -item.gap[rows, :3]
+    force = -item.residuals[rows, :3]
     place = _place(item, segment, rows, point)
-    left = item.gap[rows, 3:] - np.cross(place - item.about[rows], item.gap[rows, :3])
+    left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
     weight = _weights(item, segment, rows, point)
     square = np.einsum("na,nab,nb->n", left, weight, left)
     wandering = np.einsum("nab,nbc,nc->na", _wandering(force, segment), weight, left)
     return force, np.cross(place, force) - wandering, square
 
 
-def _place(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
     """Where a point of a segment is, (n, 3), m."""
     origin, axes = item.segment_frame(segment)
     return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
 
 
-def _weights(item: Weighed, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+def _weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
     """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
     across = _about(_place(item, segment, rows, point) - item.about[rows])
     noise = across @ item.covariance @ across.transpose(0, 2, 1)
-    return np.asarray(np.linalg.inv(_wandering(item.gap[rows, :3], segment) + noise))
+    return np.asarray(np.linalg.inv(_wandering(item.residuals[rows, :3], segment) + noise))
 
 
 def _wandering(force: Array, segment: str) -> Array:

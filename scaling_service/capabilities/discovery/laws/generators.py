@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.evidence.spots import BentSpot, Spot, VolumeSpot, field, freed
-from scaling_service.capabilities.discovery.evidence.watched import Watched
+from scaling_service.capabilities.discovery.laws.spots import BentSpot, Spot, VolumeSpot, with_parameters
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, positions
@@ -27,9 +27,9 @@ class Generators:
     volumes: tuple[tuple[int, VolumeSpot | BentSpot], ...]
 
     @classmethod
-    def of(cls, item: Watched, spots: Sequence[Spot]) -> Generators:
+    def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
         """For a recording as it is followed."""
-        opened, names = freed(item.task.model, spots)
+        opened, names = with_parameters(item.task.model, spots)
         tree = compile_model(opened, item.markers)
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
@@ -42,13 +42,13 @@ class Generators:
             volumes,
         )
 
-    def at(self, item: Watched, rows: slice) -> tuple[Array, Array, Array]:
+    def at(self, item: TrackedTrial, rows: slice) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""
         poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = positions(self.tree, poses)
         rates = jacobian(self.tree, poses, placed, self.variables)
         for k, spot in self.volumes:
-            rates = np.insert(rates, int(item.task.free.sum()) + k, field(spot, placed), axis=0)
+            rates = np.insert(rates, int(item.task.free.sum()) + k, spot.field(placed), axis=0)
         n = placed.shape[-1]
         measured = item.task.measured[rows]
         scale = np.repeat(1.0 / item.floor, 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scaling_service.capabilities.discovery.evidence.spots import turning
+from scaling_service.capabilities.discovery.laws.spots import turning
 from scaling_service.model.body import GROUND, BodyModel, Segment
 
 
@@ -23,7 +23,7 @@ class Scene:
     trials : tuple of str
     plates : tuple of str
         Those that a recording loads; none where there are no forces.
-    weighed : tuple of str
+    wrenches : tuple of str
         Trials with forces.
     """
 
@@ -32,7 +32,7 @@ class Scene:
     moving: tuple[str, ...]
     trials: tuple[str, ...]
     plates: tuple[str, ...] = ()
-    weighed: tuple[str, ...] = ()
+    wrenches: tuple[str, ...] = ()
 
     def on(self, segment: str) -> tuple[str, ...]:
         """The markers shown on a segment."""
@@ -49,9 +49,9 @@ class Scene:
         return _scopes(self.trials)
 
     @property
-    def scopes_of_forces(self) -> tuple[tuple[str, ...], ...]:
+    def scopes_with_forces(self) -> tuple[tuple[str, ...], ...]:
         """The same of trials with forces."""
-        return _scopes(self.weighed)
+        return _scopes(self.wrenches)
 
     @property
     def bearing(self) -> tuple[Segment, ...]:

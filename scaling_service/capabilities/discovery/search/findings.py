@@ -6,15 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from scaling_service.capabilities.discovery.laws.additions import Sized
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.judging import Fitted
-from scaling_service.capabilities.discovery.search.option import Option
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.numerics.multibody.laws import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
+
+
+def observable_of(place: str) -> Observable:
+    """What kind of place a name is."""
+    if place not in COMPONENTS:
+        return "marker"
+    return "force" if place.startswith("f") else "moment"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +41,7 @@ class Disagreement:
     trials : mapping
         Trial to its RMS (SI).
     when : str
-        When it is largest, in words: a trial and a stretch of time.
+        When it is largest, in words: a trial and a block of time.
     along : str
         The coordinate that it follows best, if any, and how.
     """
@@ -52,45 +58,55 @@ class Disagreement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
+class NamedEffect:
     """An effect that passed.
 
     Parameters
     ----------
-    effect : Sized
+    effect : Estimate
         With its size once everything was estimated together.
     covariance : ndarray, shape (k, k)
         Of its size (SI), whatever the memory of the noise.
-    details : mapping
-        Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
-    spreads : mapping
-        Standard deviations of those of them that have one.
-    smallest : mapping
-        Column to the size (as in the results) from which it is named nine times in ten.
     fitted : Fitted
         As it stood when it was named.
     p_family : float
         Over the whole catalogue.
-    unseen : Unseen
-    confusable : tuple of Candidate
-        Those that this recording does not tell from it.
+    held_out : HeldOut
+    smallest : mapping
+        Column to the size (as in the results) from which it is named nine times in ten.
+    equivalents : tuple of Candidate
+        Its equivalence class: those that this recording does not tell from it.
     would_separate : str
         The ordinary movement that would.
     rivals : tuple of Candidate
         Those that explained most beside it when it was named.
+    details : mapping
+        Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
+    spreads : mapping
+        Standard deviations of those of them that have one.
     """
 
-    effect: Sized
+    effect: Estimate
     covariance: Array
-    details: Mapping[str, float]
-    spreads: Mapping[str, float]
-    smallest: Mapping[str, float]
     fitted: Fitted
     p_family: float
-    unseen: Unseen
-    confusable: tuple[Candidate, ...]
-    would_separate: str
+    held_out: HeldOut
+    smallest: Mapping[str, float] = field(default_factory=dict)
+    equivalents: tuple[Candidate, ...] = ()
+    would_separate: str = ""
     rivals: tuple[Candidate, ...] = ()
+    details: Mapping[str, float] = field(default_factory=dict)
+    spreads: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def candidate(self) -> Candidate:
+        """What it is, and where."""
+        return self.effect.candidate
+
+    @property
+    def key(self) -> str:
+        """The candidate's."""
+        return self.effect.candidate.key
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +118,7 @@ class Level:
     before, after, floor, ceiling : float
         RMS, SI; ``ceiling`` is what a black-box correction with as many numbers reaches.
     low, high : float
-        95 % interval of ``after``, over stretches of time.
+        95 % interval of ``after``, over blocks of time.
     """
 
     before: float
@@ -153,33 +169,6 @@ class Unexplained:
     floor: float
 
 
-@dataclass(frozen=True, slots=True)
-class Foreign:
-    """A law that the recordings follow and that no entry of the catalogue has.
-
-    Parameters
-    ----------
-    where : tuple of str
-    law : str
-        In words and numbers.
-    expected : float
-        As ``Fitted.expected``.
-    p : float
-        Of as large a statistic by chance, for this law alone.
-    unseen : float
-        Of as consistent a gain by chance on what did not fit it.
-    of_forces : bool
-        Whether it shows in the ground wrench rather than among the markers.
-    """
-
-    where: tuple[str, ...]
-    law: str
-    expected: float
-    p: float
-    unseen: float
-    of_forces: bool = False
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
     """The whole story.
@@ -203,11 +192,11 @@ class Findings:
 
     verdict: Verdict
     disagreements: tuple[Disagreement, ...]
-    named: tuple[Named, ...]
+    named: tuple[NamedEffect, ...]
     fit: Gap
     held_out: Gap
     folds: bool
-    tried: tuple[Option, ...]
+    tried: tuple[ScoredCandidate, ...]
     unexplained: tuple[Unexplained, ...]
     reason: str
     notes: tuple[str, ...]

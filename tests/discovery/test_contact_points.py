@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.discovery.effects.external_contact import touches
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.laws.contact_points import Spell, fitted_point
+from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read

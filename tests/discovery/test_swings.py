@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
+from scaling_service.capabilities.discovery.effects import catalogue
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.effects.masses import within_reach
 from scaling_service.capabilities.discovery.evidence.fit import Recording
@@ -59,6 +62,21 @@ def test_each_number_keeps_to_its_range() -> None:
     scale = candidate("capture_scale", "markers")
     assert scale.plausible(np.array([0.01]))
     assert not scale.plausible(np.array([3.0]))
+
+
+def test_an_effect_of_another_distribution_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By an entry point of an object with the attributes of an effect; of a module all the same."""
+    lift = SimpleNamespace(
+        kind="shoe_lift", meaning="the shoes raise the feet", candidates=lambda _: iter(())
+    )
+    points = {"scaling_service.effects": [SimpleNamespace(load=lambda: lift)]}
+    monkeypatch.setattr(catalogue, "entry_points", lambda group: points[group])
+    catalogue.known_effects.cache_clear()
+    try:
+        assert catalogue.known_effects()["shoe_lift"].meaning == lift.meaning
+        assert len(catalogue.known_effects()) == 22
+    finally:
+        catalogue.known_effects.cache_clear()
 
 
 def test_every_effect_is_a_sum_of_columns_or_searches_for_itself() -> None:

@@ -26,7 +26,6 @@ class Disturbance:
 
     Parameters
     ----------
-    where : tuple of str
     law : str
         In words and numbers.
     expected : float

@@ -10,11 +10,8 @@ from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Followi
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, JointSpot, MarkerSpot, Spot
 
 MM = 1e3
-
 DEG = 180.0 / math.pi
-
 MM_PER_DEG = MM / DEG
-
 MOST_MM_PER_DEG = 3.0
 """Chosen: over 60 degrees of knee flexion this is 180 mm, far more than skin moves."""
 

@@ -22,10 +22,13 @@ from scaling_service.capabilities.discovery.evidence.statistics import (
     p_of_lead,
 )
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
-from scaling_service.capabilities.discovery.laws.contact_points import Fitting, Spell, costs, fitted_point
-from scaling_service.capabilities.discovery.laws.contact_times import (
+from scaling_service.capabilities.discovery.laws.contacts import (
+    Fitting,
+    Spell,
+    costs,
     edges,
     edges_of,
+    fitted_point,
     lasts_throughout,
     together,
 )
@@ -36,9 +39,7 @@ _HANDS = ("hand", "radius", "forearm")
 """What may hold on to something throughout; anything else touched all the time is a fault of a plate."""
 
 _STRONG = 4.0  # chosen: of the level of the disagreement elsewhere, from which a contact is looked for
-
 _SHORTEST_S = 0.1  # chosen: a shorter one is a knock
-
 _LEAST_SHARE = 0.2
 """Of the whole disagreement that may be left where a foot is known to rest beside the plates (chosen)."""
 
@@ -47,24 +48,16 @@ _STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
 (chosen: a swinging foot moves at 1 to 4 m/s; a shoe is 0.3 m long)."""
 
 _MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must hold
-
 _QUIET = 0.1  # chosen: the quietest tenth of the frames
-
 _FEWEST, _MANY = 5, 8  # frames of a block, and blocks, from which something is told (both chosen)
-
 _PARTS = 10  # blocks that a contact should have at least (chosen: fewer can be sure of nothing)
-
 _PICKED = 2.0 * _STRONG  # chosen: frames of four times the usual square and more have about eight times it
-
 _MOSTLY = 0.8  # chosen: of a contact's frames, in which a foot must rest, and no plate's pressure be near
-
 _COMMON = 0.7  # chosen: of the time that contacts in several trials cover, what they share if they are one
-
 _ALIKE = 6.0
 """Twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)."""
 
 _LEVEL = 0.05  # chosen: the custom
-
 KIND = "external_contact"
 
 
@@ -239,7 +232,7 @@ def _length(spells: Sequence[Spell], block_s: float) -> float:
     """Shorter blocks for a short contact, yet longer than the filter's memory, s."""
     lasting = sum(float(np.ptp(s.wrench.times[s.rows])) for s in spells)
     memory = max(1.0 / s.wrench.cutoff_hz for s in spells)
-    return min(block_s, max(memory, lasting / _PARTS))
+    return float(min(block_s, max(memory, lasting / _PARTS)))
 
 
 def _brief_p(spells: Sequence[Spell], segment: str) -> float:

@@ -21,9 +21,7 @@ from scaling_service.capabilities.discovery.observations.tracked import TrackedT
 from scaling_service.numerics.multibody.laws import Array
 
 _CHUNK = 128
-
 _SAME_S = 0.1  # chosen: times of one script differ by less from trial to trial
-
 _SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
 
 
@@ -33,7 +31,6 @@ class Swap:
 
     Parameters
     ----------
-    exchange : Exchange
     trials : tuple of str
         Those in which they are; all of them unless given.
     gain : float

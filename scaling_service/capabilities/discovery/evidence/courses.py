@@ -21,9 +21,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 
 _CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
-
 _CHUNK = 64
-
 _ROUNDS = 10
 
 

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.laws.apply import (
     with_inertial_changes,
 )
 from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, loads_of
-from scaling_service.capabilities.discovery.laws.contact_points import wrench_of
+from scaling_service.capabilities.discovery.laws.contacts import wrench_of
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
@@ -55,10 +55,8 @@ class Fit:
 
     Parameters
     ----------
-    context : SearchContext
     free : tuple of Estimate
         What may take any value beside the effects: the calibration's own parameters.
-    effects : tuple of Estimate
     tracked : tuple of TrackedTrial
         The recordings, tracked with all of these.
     wrenches : tuple of WrenchFit

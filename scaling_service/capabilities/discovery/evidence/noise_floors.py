@@ -24,9 +24,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 
 _CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
-
 _KNOT_S = 2.0  # chosen: slower than the blocks that are left out
-
 _SHARE = (1e-3, 1e-2, 1e-1, 1.0)
 """Ridges tried, in shares of the squares of a function of unit variance."""
 

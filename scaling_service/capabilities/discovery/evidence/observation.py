@@ -29,13 +29,11 @@ class Tally:
 
     Parameters
     ----------
-    places : tuple of str
     square : ndarray, shape (n_blocks, n_places)
         Sum over frames of the squared residual (m2, N2 or N2 m2).
     floor : ndarray, shape (n_blocks, n_places)
         What noise alone would leave of it.
     frames : ndarray, shape (n_blocks, n_places)
-    trials : tuple of str, length n_blocks
     starts : tuple of float, length n_blocks
         When each begins, s.
     """

@@ -28,11 +28,8 @@ class ScoredCandidate:
 
     Parameters
     ----------
-    candidate : Candidate
-    fitted : Fitted
     gains : ndarray, shape (n_blocks,), or None
         What it takes off each block that fits it.
-    held_out : HeldOut
     equivalents : tuple of Candidate
         Those that are known not to be told from it.
     """
@@ -54,8 +51,6 @@ class ScoredCandidates:
 
     Parameters
     ----------
-    best : list of ScoredCandidate
-    count : int
     of_markers : list of ScoredCandidate
         Those of the best that are sums of columns among the markers, and those that were searched for there.
     tracked : tuple of TrackedTrial

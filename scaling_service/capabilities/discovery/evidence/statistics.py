@@ -83,7 +83,6 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
 
     Parameters
     ----------
-    evidence : Evidence
     candidates : sequence of Candidate
         In the evidence's order.
     """

@@ -68,7 +68,6 @@ class Evidence:
 
     Parameters
     ----------
-    blocks : tuple of Block
     raw : ndarray, shape (n_columns,)
         Squares of the columns before the pose was taken out, over all blocks.
     nuisances : int
@@ -157,7 +156,6 @@ class Layout:
 
     Parameters
     ----------
-    columns : tuple of Column
     owners : tuple of Candidate
         Of the columns.
     nuisances : int

@@ -174,7 +174,6 @@ def _blocks(item: WrenchFit, white: _White, layout: Layout, block_s: float) -> I
 
 
 WRENCH = Wrench()
-
 OBSERVATIONS: tuple[Observation[Any], ...] = (MARKERS, WRENCH)
 """The motion first: forces have no part in it."""
 

@@ -136,7 +136,6 @@ class Candidate:
         The catalogue's name.
     where : tuple of str
         Markers, segments, joints or plates.
-    columns : tuple of Column
     driver : tuple of str
         The coordinates that it follows.
     trials : tuple of str

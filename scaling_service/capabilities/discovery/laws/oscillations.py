@@ -12,7 +12,6 @@ from scaling_service.numerics.multibody.laws import Array
 
 FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
 SHAPES = ("frequency_hz", "damping")
-
 TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
 """Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
 tissue to the quick one of a marker on thin skin, lightly and well damped)."""

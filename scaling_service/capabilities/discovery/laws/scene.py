@@ -20,7 +20,6 @@ class Scene:
         Those that a recording shows.
     moving : tuple of str
         Coordinates that move enough to drive something.
-    trials : tuple of str
     plates : tuple of str
         Those that a recording loads; none where there are no forces.
     wrenches : tuple of str

@@ -19,9 +19,7 @@ from scaling_service.model.parameters import fold, free_scale
 from scaling_service.numerics.multibody.laws import Array
 
 AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 LETTERS = "xyz"
-
 _OPEN = 1e9  # no bound
 
 At = Literal["start", "before", "after"]

@@ -68,7 +68,6 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
         As measured.
     item : TrackedTrial
         The same, tracked as well as is known.
-    effects : sequence of Estimate
     track : callable
         Tracks a trial, from a start.
     """
@@ -116,7 +115,6 @@ class Springs:
 
     Parameters
     ----------
-    markers : tuple of str
     step : float
         Time from frame to frame, s.
     held : tuple
@@ -145,7 +143,6 @@ class Carried:
 
     Parameters
     ----------
-    springs : Springs
     follows : ndarray, shape (n, 3 n_markers, 3 n_markers)
         How the bone under the markers follows them, the other markers held.
     """

@@ -15,9 +15,7 @@ CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
 
 _PASS = 2  # order of each of the filter's two passes
-
 _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-
 _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 

@@ -100,11 +100,8 @@ def _within(model: BodyModel, k: int, values: Array) -> Array:
 
 
 _UP = np.array([0.0, 1.0, 0.0])
-
 _STEP_M, _SAME = 0.1, 1e-6
-
 _SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis does not
-
 _SIDES = ("_r", "_l")
 
 

@@ -20,9 +20,7 @@ from scaling_service.numerics.multibody.tree import Poses, forward, jacobian, po
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
-
 _FEWEST_BLOCKS = 4  # of a trial; chosen: a spread is told from three, and one may be empty
-
 LEAST_M = 2e-4
 """m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
 of a millimetre). Recordings that show less were smoothed before."""

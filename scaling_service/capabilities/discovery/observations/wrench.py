@@ -80,10 +80,8 @@ class WrenchFit:
 
     Parameters
     ----------
-    tracked : TrackedTrial
     model : BodyModel
         With mass, as it is in this trial.
-    contacts : ContactAssignment
     gravity : ndarray, shape (3,), m/s2
     cutoff_hz : float
         Below which wrenches are compared.
@@ -93,7 +91,6 @@ class WrenchFit:
         What touches the body beside the plates, moment about the ground origin.
     known_covariance : ndarray, shape (6, 6), optional
         That of the noise, where it is known from before.
-    cache : InertialLoadCache
     """
 
     tracked: TrackedTrial

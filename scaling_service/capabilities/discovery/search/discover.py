@@ -104,8 +104,6 @@ class Search:
     ----------
     fit : Fit
         With all that was named.
-    report : callable
-    named : list of NamedEffect
     refused : set of str
         Keys of candidates.
     early : set of str

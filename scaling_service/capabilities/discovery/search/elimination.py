@@ -37,8 +37,6 @@ class Removable:
     ----------
     evidence : Evidence
         Gathered together: known columns are its nuisances.
-    known : list of Estimate
-    rivals : list of Candidate
     """
 
     evidence: Evidence

@@ -36,7 +36,6 @@ _ROUNDS = 8
 _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
 _OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
 _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
-
 SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
 that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what

@@ -71,7 +71,6 @@ class NamedEffect:
         As it stood when it was named.
     p_family : float
         Over the whole catalogue.
-    held_out : HeldOut
     smallest : mapping
         Column to the size (as in the results) from which it is named nine times in ten.
     equivalents : tuple of Candidate
@@ -154,7 +153,6 @@ class Unexplained:
 
     Parameters
     ----------
-    where : tuple of str
     observable : 'marker', 'force' or 'moment'
     law : str
         The simplest sum of simple functions that describes it, in words and numbers.
@@ -178,12 +176,10 @@ class Findings:
     verdict : 'found', 'nothing' or 'unexplained'
     disagreements : tuple of Disagreement
         The largest first.
-    named : tuple of Named
     fit, held_out : Gap
         ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is true.
     tried : tuple of Option
         The best that were not named.
-    unexplained : tuple of Unexplained
     reason : str
         Why the search stopped.
     notes : tuple of str

@@ -97,7 +97,8 @@ def _of_markers(before: TrackedTrial, after: TrackedTrial, ranking: Sequence[str
 
 def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
     away = [
-        np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan) for item in (before, after)
+        np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan)
+        for item in (before, after)
     ]
     return _binned(
         before.name, before.role == "held_out", "floors", COMPONENTS, before.times, away[0], away[1]

@@ -8,8 +8,8 @@ import pytest
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.generators import Generators
 from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.discovery.hidden import choice, person, recorded

@@ -10,9 +10,9 @@ from scaling_service.capabilities.discovery.evidence.fit import SearchContext, f
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.sums import Evidence
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.generators import Generators
 from scaling_service.capabilities.discovery.laws.loads import columns_of
 from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read

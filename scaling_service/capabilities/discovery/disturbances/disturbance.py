@@ -22,26 +22,13 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """A law that the recordings follow and that no entry of the catalogue has.
-
-    Parameters
-    ----------
-    law : str
-        In words and numbers.
-    expected : float
-        As ``Fitted.expected``.
-    p : float
-        Of as large a statistic by chance, for this law alone.
-    held_out : float
-        Of as consistent a gain by chance on what did not fit it.
-    seen_in : 'markers' or 'wrench'
-    """
+    """A law that the recordings follow and that no entry of the catalogue has."""
 
     where: tuple[str, ...]
-    law: str
-    expected: float
-    p: float
-    held_out: float
+    law: str  # in words and numbers
+    expected: float  # as ``Fitted.expected``
+    p: float  # of as large a statistic by chance, for this law alone
+    held_out: float  # of as consistent a gain by chance on what did not fit it
     seen_in: Seen = "markers"
 
 

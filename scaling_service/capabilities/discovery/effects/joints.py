@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scaling_service.capabilities.discovery.effects._columns import DEG, glide, shift_of, shifts, turn_of
+from scaling_service.capabilities.discovery.effects._columns import (
+    DEG,
+    MOST_MM_PER_DEG,
+    shift_of,
+    shifts,
+    turn_of,
+    turns,
+)
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, At, JointSpot, SizeSpot
 
@@ -27,8 +33,8 @@ def axis_tilts(scene: Scene) -> Iterator[Candidate]:
     The turn goes before the joint's own and back after them, so that the neutral pose stays.
     """
     for segment in scene.jointed:
-        turns = [j for j in segment.joints if j.kind == "rotation" and not j.law.is_constant]
-        if len(turns) < 3:
+        own = [j for j in segment.joints if j.kind == "rotation" and not j.law.is_constant]
+        if len(own) < 3:
             columns = tuple(
                 Column(f"{LETTERS[k]}_deg", DEG, _there_and_back(segment.name, k), low=-45.0, high=45.0)
                 for k in (0, 1)
@@ -49,15 +55,10 @@ def coupled_motions(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.jointed:
         for driver in scene.coordinates_of(segment):
             where = (segment.joint_name,)
-            yield Candidate("coupled_motion", where, glide(segment.name, driver), (driver,))
-            turns = shifts(
-                turn_of(segment.name),
-                suffix="_deg_per_deg",
-                unit=1.0,
-                profile=Following(driver),
-                most=1.0,
-            )
-            yield Candidate("coupled_motion", where, turns, (driver,), note="turning")
+            gliding = shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
+            turning = turns(turn_of(segment.name), driver=driver)
+            yield Candidate("coupled_motion", where, gliding, (driver,))
+            yield Candidate("coupled_motion", where, turning, (driver,), note="turning")
 
 
 def segment_lengths(scene: Scene) -> Iterator[Candidate]:

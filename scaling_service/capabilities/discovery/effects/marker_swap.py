@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
-from scaling_service.capabilities.discovery.laws.generators import Generators, span
+from scaling_service.capabilities.discovery.laws.spots import Generators, span
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -27,22 +27,12 @@ _SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swap:
-    """Two labels exchanged for some frames.
-
-    Parameters
-    ----------
-    trials : tuple of str
-        Those in which they are; all of them unless given.
-    gain : float
-        Fall of the whitened sum of squares.
-    level : float
-        Whitened square of one number in the other frames.
-    """
+    """Two labels exchanged for some frames."""
 
     exchange: Exchange
-    trials: tuple[str, ...]
-    gain: float
-    level: float
+    trials: tuple[str, ...]  # those in which they are; all of them unless given
+    gain: float  # fall of the whitened sum of squares
+    level: float  # whitened square of one number in the other frames
 
 
 def swaps(fit: Fit) -> Iterator[ScoredCandidate]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scaling_service.capabilities.discovery.effects._columns import of_markers, shifts, skin
+from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, of_markers, shifts
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.scene import Scene
@@ -26,7 +26,8 @@ def skin_artefacts(scene: Scene) -> Iterator[Candidate]:
         for driver in scene.drivers_of(segment.name):
             groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
             for group in groups:
-                yield Candidate("soft_tissue_artefact", group, skin(group, driver), (driver,))
+                columns = shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+                yield Candidate("soft_tissue_artefact", group, columns, (driver,))
 
 
 def capture_scale(_scene: Scene) -> Iterator[Candidate]:

@@ -11,14 +11,16 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.statistics import fit_each
 from scaling_service.capabilities.discovery.evidence.wrench import observation_of
 from scaling_service.capabilities.discovery.laws.candidates import (
+    SHAPES,
+    TRIED,
     Candidate,
     Column,
     Estimate,
     Part,
     oscillating_at,
+    with_shape_columns,
 )
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
-from scaling_service.capabilities.discovery.laws.oscillations import SHAPES, TRIED, with_shape_columns
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot

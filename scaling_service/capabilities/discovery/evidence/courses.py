@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.laws.generators import Generators, span
-from scaling_service.capabilities.discovery.laws.spots import JointSpot, MarkerSpot
+from scaling_service.capabilities.discovery.laws.spots import Generators, JointSpot, MarkerSpot, span
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -27,21 +26,12 @@ _ROUNDS = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeCourse:
-    """Three spots in one trial: what the residuals say of three directions in every frame.
+    """Three spots in one trial: what the residuals say of three directions in every frame."""
 
-    Parameters
-    ----------
-    slope : ndarray, shape (n, 3)
-    curvature : ndarray, shape (n, 3, 3)
-    square : ndarray, shape (n,)
-        Of the residuals, smoothed like the slopes.
-    freedom : ndarray, shape (n,)
-    """
-
-    slope: Array
-    curvature: Array
-    square: Array
-    freedom: Array
+    slope: Array  # (n, 3)
+    curvature: Array  # (n, 3, 3)
+    square: Array  # (n,): of the residuals, smoothed like the slopes
+    freedom: Array  # (n,)
 
     def cut(self, rows: slice) -> FreeCourse:
         """A block of it."""

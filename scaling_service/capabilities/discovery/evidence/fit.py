@@ -51,23 +51,14 @@ class SearchContext:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What is assumed of the body and the recordings, and how well it follows them.
-
-    Parameters
-    ----------
-    free : tuple of Estimate
-        What may take any value beside the effects: the calibration's own parameters.
-    tracked : tuple of TrackedTrial
-        The recordings, tracked with all of these.
-    wrenches : tuple of WrenchFit
-        Those of them with forces.
-    """
+    """What is assumed of the body and the recordings, and how well it follows them."""
 
     context: SearchContext
+    # what may take any value beside the effects: the calibration's own parameters
     free: tuple[Estimate, ...] = ()
     effects: tuple[Estimate, ...] = ()
-    tracked: tuple[TrackedTrial, ...] = ()
-    wrenches: tuple[WrenchFit, ...] = ()
+    tracked: tuple[TrackedTrial, ...] = ()  # the recordings, tracked with all of these
+    wrenches: tuple[WrenchFit, ...] = ()  # those of them with forces
 
     @property
     def model(self) -> BodyModel:

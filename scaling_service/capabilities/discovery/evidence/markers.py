@@ -14,9 +14,8 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordi
 from scaling_service.capabilities.discovery.evidence.observation import Observation
 from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, Seen
-from scaling_service.capabilities.discovery.laws.generators import Generators, span
 from scaling_service.capabilities.discovery.laws.profiles import Profile, values_of
-from scaling_service.capabilities.discovery.laws.spots import Spot
+from scaling_service.capabilities.discovery.laws.spots import Generators, Spot, span
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.performed import performed
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial

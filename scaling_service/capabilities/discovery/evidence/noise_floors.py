@@ -31,17 +31,11 @@ _SHARE = (1e-3, 1e-2, 1e-1, 1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseFloor:
-    """What the movement does not predict of one observation's residuals, and what it does.
+    """What the movement does not predict of one observation's residuals, and what it does."""
 
-    Parameters
-    ----------
-    noise : mapping
-        Trial to the mean square per frame (n_places,) that is not predicted; NaN where a place is not seen.
-    explained : mapping
-        Trial to the squares that prediction takes off, frame by frame (n, n_places).
-    """
-
+    # trial to the mean square per frame (n_places,) that is not predicted; NaN where a place is not seen
     noise: Mapping[str, Array]
+    # trial to the squares that prediction takes off, frame by frame (n, n_places)
     explained: Mapping[str, Array]
 
 

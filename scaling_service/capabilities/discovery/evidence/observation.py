@@ -25,25 +25,14 @@ Item = TypeVar("Item", TrackedTrial, WrenchFit)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tally:
-    """Squares of residuals and of their floors: places of one observation against blocks of time.
-
-    Parameters
-    ----------
-    square : ndarray, shape (n_blocks, n_places)
-        Sum over frames of the squared residual (m2, N2 or N2 m2).
-    floor : ndarray, shape (n_blocks, n_places)
-        What noise alone would leave of it.
-    frames : ndarray, shape (n_blocks, n_places)
-    starts : tuple of float, length n_blocks
-        When each begins, s.
-    """
+    """Squares of residuals and of their floors: places of one observation against blocks of time."""
 
     places: tuple[str, ...]
-    square: Array
-    floor: Array
-    frames: Array
+    square: Array  # (n_blocks, n_places): sum over frames of the squared residual (m2, N2 or N2 m2)
+    floor: Array  # (n_blocks, n_places): what noise alone would leave of it
+    frames: Array  # (n_blocks, n_places)
     trials: tuple[str, ...]
-    starts: tuple[float, ...]
+    starts: tuple[float, ...]  # when each begins, s
 
 
 class Observation(ABC, Generic[Item]):

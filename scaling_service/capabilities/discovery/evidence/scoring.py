@@ -24,21 +24,13 @@ from scaling_service.numerics.multibody.laws import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredCandidate:
-    """What could be the next effect.
-
-    Parameters
-    ----------
-    gains : ndarray, shape (n_blocks,), or None
-        What it takes off each block that fits it.
-    equivalents : tuple of Candidate
-        Those that are known not to be told from it.
-    """
+    """What could be the next effect."""
 
     candidate: Candidate
     fitted: Fitted
-    gains: Array | None
+    gains: Array | None  # (n_blocks,), or None: what it takes off each block that fits it
     held_out: HeldOut
-    equivalents: tuple[Candidate, ...] = ()
+    equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
 
     def does_good(self, level: float) -> bool:
         """Whether it surely lowers what recordings that did not fit it disagree."""
@@ -47,20 +39,13 @@ class ScoredCandidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredCandidates:
-    """The best, the best first, and among how many they were selected.
-
-    Parameters
-    ----------
-    of_markers : list of ScoredCandidate
-        Those of the best that are sums of columns among the markers, and those that were searched for there.
-    tracked : tuple of TrackedTrial
-        The recordings that these were told from.
-    """
+    """The best, the best first, and among how many they were selected."""
 
     best: list[ScoredCandidate]
     count: int
+    # those of the best that are sums of columns among the markers, and those that were searched for there
     of_markers: tuple[list[ScoredCandidate], list[ScoredCandidate]] = ((), ())  # type: ignore[assignment]
-    tracked: tuple[TrackedTrial, ...] = ()
+    tracked: tuple[TrackedTrial, ...] = ()  # the recordings that these were told from
 
 
 def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> list[ScoredCandidate]:

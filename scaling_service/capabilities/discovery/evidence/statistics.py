@@ -26,33 +26,15 @@ _FEWEST = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """One candidate, fitted to some blocks.
+    """One candidate, fitted to some blocks."""
 
-    Parameters
-    ----------
-    size : ndarray, shape (k,)
-        Of each column, SI.
-    covariance : ndarray, shape (k, k)
-        Robust; of what the recordings do not show, zero.
-    gain : float
-        Fall of the whitened sum of squares.
-    by_chance : float
-        The gain that noise of this kind gives on average.
-    p : float
-        Of as large a statistic by chance, for this candidate alone.
-    identifiable : float
-        Share of the columns' square that neither pose nor nuisances hide.
-    freedom : float
-        Degrees of freedom of the p-value's reference.
-    """
-
-    size: Array
-    covariance: Array
-    gain: float
-    by_chance: float
-    p: float
-    identifiable: float
-    freedom: float = float("nan")
+    size: Array  # (k,): of each column, SI
+    covariance: Array  # (k, k): robust; of what the recordings do not show, zero
+    gain: float  # fall of the whitened sum of squares
+    by_chance: float  # the gain that noise of this kind gives on average
+    p: float  # of as large a statistic by chance, for this candidate alone
+    identifiable: float  # share of the columns' square that neither pose nor nuisances hide
+    freedom: float = float("nan")  # degrees of freedom of the p-value's reference
 
     @classmethod
     def of_any_course(cls, gain: float, by_chance: float, p: float) -> Fitted:
@@ -165,24 +147,12 @@ def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explained:
-    """What a fitted candidate takes off each block that it was fitted to.
+    """What a fitted candidate takes off each block that it was fitted to."""
 
-    Parameters
-    ----------
-    size : ndarray, shape (k,)
-        Of the candidate's columns, SI.
-    along : ndarray, shape (n_nuisances,)
-        How the nuisances move with it.
-    step : ndarray, shape (n_nuisances,)
-        How they move without it.
-    gains : ndarray, shape (n_stretches,)
-        Of the whitened sum of squares.
-    """
-
-    size: Array
-    along: Array
-    step: Array
-    gains: Array
+    size: Array  # (k,): of the candidate's columns, SI
+    along: Array  # (n_nuisances,): how the nuisances move with it
+    step: Array  # (n_nuisances,): how they move without it
+    gains: Array  # (n_blocks,): of the whitened sum of squares
 
 
 def explain(evidence: Evidence, index: int, blocks: Sequence[Block]) -> Explained:
@@ -198,7 +168,7 @@ def explain(evidence: Evidence, index: int, blocks: Sequence[Block]) -> Explaine
 
 
 def gains_of(evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]) -> Array:
-    """What a candidate takes off blocks beyond what nuisances by themselves do, (n_stretches,)."""
+    """What a candidate takes off blocks beyond what nuisances by themselves do, (n_blocks,)."""
     count, rows = evidence.nuisances, evidence.groups[index]
     chosen = np.r_[0:count, rows.start : rows.stop]
     change = np.concatenate([found.along, found.size])
@@ -215,7 +185,7 @@ def p_of_lead(best: Array, other: Array, penalty: float) -> float:
 
     Parameters
     ----------
-    best, other : ndarray, shape (n_stretches,)
+    best, other : ndarray, shape (n_blocks,)
         Gains of the two.
     penalty : float
         What the best spends more on chance than the other; not finite where that cannot be told.
@@ -237,21 +207,11 @@ def p_of_lead(best: Array, other: Array, penalty: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """A candidate on blocks that did not fit it.
+    """A candidate on blocks that did not fit it."""
 
-    Parameters
-    ----------
-    gain : float
-        Share of their whitened sum of squares that it takes off.
-    p : float
-        Of as consistent a gain by chance.
-    folds : bool
-        Whether these were blocks of time of the same trial, for want of another one.
-    """
-
-    gain: float
-    p: float
-    folds: bool
+    gain: float  # share of their whitened sum of squares that it takes off
+    p: float  # of as consistent a gain by chance
+    folds: bool  # whether these were blocks of time of the same trial, for want of another one
 
 
 def try_held_out(evidence: Evidence, index: int, candidate: Candidate) -> HeldOut:

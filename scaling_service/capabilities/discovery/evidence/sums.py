@@ -26,29 +26,17 @@ _KEPT = 4  # chosen: the two halves of what is folded, of motion and of forces
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """Sums over a block of time of one trial.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (n_columns,)
-        Columns times residuals.
-    cross : ndarray, shape (n_nuisances, n_columns)
-        The first columns, which are nuisances, times all columns.
-    own : ndarray, shape (n_columns, n_columns) or (n_groups, widest, widest)
-        Columns times columns: all of them, or only those of one group with each other.
-    square : float
-        Residuals times residuals.
-    freedom : float
-        How many numbers the residuals are, the pose's taken off.
-    """
+    """Sums over a block of time of one trial."""
 
     trial: str
     role: Role
-    scores: Array
-    cross: Array
+    scores: Array  # (n_columns,): columns times residuals
+    cross: Array  # (n_nuisances, n_columns): the first columns, which are nuisances, times all columns
+    # (n_columns, n_columns), or (n_groups, widest, widest): columns times columns: all of them, or only
+    # those of one group with each other
     own: Array
-    square: float
-    freedom: float
+    square: float  # residuals times residuals
+    freedom: float  # how many numbers the residuals are, the pose's taken off
 
 
 def fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]:
@@ -64,22 +52,12 @@ def fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Blocks of all recordings.
-
-    Parameters
-    ----------
-    raw : ndarray, shape (n_columns,)
-        Squares of the columns before the pose was taken out, over all blocks.
-    nuisances : int
-        How many of the columns, the first ones, may take any value.
-    groups : tuple of slice
-        The columns of each candidate.
-    """
+    """Blocks of all recordings."""
 
     blocks: tuple[Block, ...]
-    raw: Array
-    nuisances: int
-    groups: tuple[slice, ...]
+    raw: Array  # (n_columns,): squares of the columns before the pose was taken out, over all blocks
+    nuisances: int  # how many of the columns, the first ones, may take any value
+    groups: tuple[slice, ...]  # the columns of each candidate
 
     def arranged(self, known: Array, groups: Sequence[Array]) -> Evidence:
         """Of what was gathered together, some columns as nuisances and others in groups, by their numbers."""
@@ -152,25 +130,13 @@ def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layout:
-    """The columns of nuisances (first) and candidates, and whose products with each other are wanted.
-
-    Parameters
-    ----------
-    owners : tuple of Candidate
-        Of the columns.
-    nuisances : int
-        How many of the columns, the first ones, may take any value.
-    edges : ndarray
-        Where the groups of the others begin and end.
-    together : bool
-        Whether products of different candidates are wanted.
-    """
+    """The columns of nuisances (first) and candidates, and whose products with each other are wanted."""
 
     columns: tuple[Column, ...]
-    owners: tuple[Candidate, ...]
-    nuisances: int
-    edges: NDArray[np.intp]
-    together: bool
+    owners: tuple[Candidate, ...]  # of the columns
+    nuisances: int  # how many of the columns, the first ones, may take any value
+    edges: NDArray[np.intp]  # where the groups of the others begin and end
+    together: bool  # whether products of different candidates are wanted
 
     @classmethod
     def of(cls, nuisances: Sequence[Candidate], candidates: Sequence[Candidate], *, together: bool) -> Layout:

@@ -1,4 +1,4 @@
-"""What an effect is to the search: at a place, some columns of unknown size; and its estimate."""
+"""What an effect is to the search: at a place, some columns of unknown size; its estimate; its steps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
-from scaling_service.capabilities.discovery.laws.loads import Wobbling
+import numpy as np
+
+from scaling_service.capabilities.discovery.laws.loads import Between, Wobbling
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Oscillation, Profile
 from scaling_service.capabilities.discovery.laws.spots import At, Spot
 from scaling_service.capabilities.discovery.observations.wrench import Load
@@ -29,33 +31,16 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One unknown number of an effect.
+    """One unknown number of an effect."""
 
-    Parameters
-    ----------
-    name : str
-        As the results call it: ``x_mm``.
-    unit : float
-        The number in the results for a coefficient of one (SI, rad).
-    parts : tuple of Part
-        Of the motion.
-    neutral : float
-        The number in the results where the effect is absent: 1 for a factor.
-    load : Load, optional
-        Of the ground wrench, in place of parts.
-    low, high : float
-        What is plausible, as in the results.
-    natural : float, optional
-        The coefficient that physics gives, taken where the data do not speak clearly against it.
-    """
-
-    name: str
-    unit: float
-    parts: tuple[Part, ...] = ()
-    neutral: float = 0.0
-    load: Load | None = None
-    low: float = -math.inf
+    name: str  # as the results call it: ``x_mm``
+    unit: float  # the number in the results for a coefficient of one (SI, rad)
+    parts: tuple[Part, ...] = ()  # of the motion
+    neutral: float = 0.0  # the number in the results where the effect is absent: 1 for a factor
+    load: Load | None = None  # of the ground wrench, in place of parts
+    low: float = -math.inf  # low, high: what is plausible, as in the results
     high: float = math.inf
+    # the coefficient that physics gives, taken where the data do not speak clearly against it
     natural: float | None = None
 
     def plausible(self, size: float) -> bool:
@@ -83,20 +68,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """A turn or shift that takes any value in any frame: a degree of freedom that the model locks.
-
-    Parameters
-    ----------
-    at : 'start', 'before' or 'after'
-        In the parent's frame; before or after the joint's own turns.
-    axis : (3,)
-        Unit vector in the frame there.
-    """
+    """A turn or shift that takes any value in any frame: a degree of freedom that the model locks."""
 
     segment: str
-    at: At
+    at: At  # in the parent's frame; before or after the joint's own turns
     kind: Literal["rotation", "translation"]
-    axis: Vector
+    axis: Vector  # (3,): unit vector in the frame there
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,33 +105,16 @@ class Masked:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect at a place.
+    """An effect at a place."""
 
-    Parameters
-    ----------
-    kind : str
-        The catalogue's name.
-    where : tuple of str
-        Markers, segments, joints or plates.
-    driver : tuple of str
-        The coordinates that it follows.
-    trials : tuple of str
-        Those in which it is; all of them unless given.
-    note : str
-        What a person should know of this one: the frequency it was tried at.
-    change : FreeMotion, Exchange, Contact or Masked, optional
-        For what is not a sum of columns.
-    together : callable, optional
-        Whether coefficients, each in its range, are plausible together.
-    """
-
-    kind: str
-    where: tuple[str, ...]
+    kind: str  # the catalogue's name
+    where: tuple[str, ...]  # markers, segments, joints or plates
     columns: tuple[Column, ...]
-    driver: tuple[str, ...] = ()
-    trials: tuple[str, ...] = ()
-    note: str = ""
-    change: FreeMotion | Exchange | Contact | Masked | None = None
+    driver: tuple[str, ...] = ()  # the coordinates that it follows
+    trials: tuple[str, ...] = ()  # those in which it is; all of them unless given
+    note: str = ""  # what a person should know of this one: the frequency it was tried at
+    change: FreeMotion | Exchange | Contact | Masked | None = None  # for what is not a sum of columns
+    # whether coefficients, each in its range, are plausible together
     together: Callable[[Array], bool] | None = None
 
     def holds_in(self, trial: str) -> bool:
@@ -224,3 +184,50 @@ def loads_of(estimates: Iterable[Estimate], kind: type[LoadOf]) -> Iterator[tupl
 
 
 LoadOf = TypeVar("LoadOf")
+
+
+FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
+SHAPES = ("frequency_hz", "damping")
+TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
+"""Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
+tissue to the quick one of a marker on thin skin, lightly and well damped)."""
+
+_APART = 0.05  # of both numbers, for differences; chosen: far below what they are known to
+
+
+def with_shape_columns(effect: Estimate) -> Candidate:
+    """An effect's candidate, for an oscillation with the two numbers that shape it as further columns."""
+    pair = effect.candidate.oscillation
+    if pair is None or not effect.size.any():
+        return effect.candidate
+    slopes = (_slope(effect, pair, k) for k in range(len(SHAPES)))
+    return replace(effect.candidate, columns=(*effect.candidate.columns, *slopes))
+
+
+def stepped(effect: Estimate, step: Array) -> Estimate:
+    """An effect after a step of all columns of :func:`with_shape_columns`."""
+    count = len(effect.size)
+    moved = replace(effect, size=effect.size + step[:count])
+    if len(step) == count or effect.candidate.oscillation is None:
+        return moved
+    frequency, damping = np.array(effect.candidate.oscillation) + step[count:]
+    place = (float(np.clip(frequency, *FREQUENCIES_HZ)), float(np.clip(damping, *DAMPINGS)))
+    return replace(moved, candidate=effect.candidate.at(*place))
+
+
+def _slope(effect: Estimate, pair: tuple[float, float], k: int) -> Column:
+    """How the effect changes with its frequency (k = 0) or damping (k = 1)."""
+    step = _APART * pair[k]
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = list(pair)
+        moved[k] += sign * step
+        ends.append(effect.candidate.columns[0].at(moved[0], moved[1]))
+    high, low = ends
+    factor = float(effect.size[0]) / (2.0 * step)
+    load = None
+    if isinstance(high.load, Wobbling) and isinstance(low.load, Wobbling):
+        load = Between(high.load, low.load, factor)
+    up = tuple(replace(part, gain=factor * part.gain) for part in high.parts)
+    down = tuple(replace(part, gain=-factor * part.gain) for part in low.parts)
+    return Column(SHAPES[k], 1.0, (*up, *down), load=load)

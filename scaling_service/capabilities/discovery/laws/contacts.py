@@ -62,19 +62,11 @@ def wrench_of(item: WrenchFit, contact: Contact) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitting:
-    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood.
-
-    Parameters
-    ----------
-    point : ndarray, shape (3,), m
-        In the segment's frame.
-    left : float
-        Whitened square of the moment.
-    """
+    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood."""
 
     segment: str
-    point: Array
-    left: float
+    point: Array  # (3,), m: in the segment's frame
+    left: float  # whitened square of the moment
     misfit: float
 
 

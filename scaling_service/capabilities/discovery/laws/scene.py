@@ -10,28 +10,14 @@ from scaling_service.model.body import GROUND, BodyModel, Segment
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The body and what the recordings show of it.
+    """The body and what the recordings show of it."""
 
-    Parameters
-    ----------
-    model : BodyModel
-        Without parameters.
-    markers : tuple of str
-        Those that a recording shows.
-    moving : tuple of str
-        Coordinates that move enough to drive something.
-    plates : tuple of str
-        Those that a recording loads; none where there are no forces.
-    wrenches : tuple of str
-        Trials with forces.
-    """
-
-    model: BodyModel
-    markers: tuple[str, ...]
-    moving: tuple[str, ...]
+    model: BodyModel  # without parameters
+    markers: tuple[str, ...]  # those that a recording shows
+    moving: tuple[str, ...]  # coordinates that move enough to drive something
     trials: tuple[str, ...]
-    plates: tuple[str, ...] = ()
-    wrenches: tuple[str, ...] = ()
+    plates: tuple[str, ...] = ()  # those that a recording loads; none where there are no forces
+    wrenches: tuple[str, ...] = ()  # trials with forces
 
     def on(self, segment: str) -> tuple[str, ...]:
         """The markers shown on a segment."""

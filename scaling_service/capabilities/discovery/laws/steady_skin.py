@@ -17,8 +17,8 @@ from scipy.sparse import block_array, bsr_array, csc_array, csr_array, dia_array
 from scipy.sparse.linalg import LinearOperator, SuperLU, gmres, splu
 
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.generators import Generators, span
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
+from scaling_service.capabilities.discovery.laws.spots import Generators, span
 from scaling_service.capabilities.discovery.observations.oscillator import (
     oscillate,
     oscillator_taps,
@@ -111,18 +111,11 @@ def _under(item: TrackedTrial, springs: Springs) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Springs:
-    """What holds the swinging markers of one trial.
-
-    Parameters
-    ----------
-    step : float
-        Time from frame to frame, s.
-    held : tuple
-        Which of the markers, its share, frequency (Hz) and damping ratio.
-    """
+    """What holds the oscillating markers of one trial."""
 
     markers: tuple[str, ...]
-    step: float
+    step: float  # time from frame to frame, s
+    # which of the markers, its share, frequency (Hz) and damping ratio
     held: tuple[tuple[int, float, float, float], ...]
 
     def moved(self, places: Array) -> Array:
@@ -139,15 +132,10 @@ class Springs:
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """How a motion that follows swinging markers carries them further.
-
-    Parameters
-    ----------
-    follows : ndarray, shape (n, 3 n_markers, 3 n_markers)
-        How the bone under the markers follows them, the other markers held.
-    """
+    """How a motion that follows oscillating markers carries them further."""
 
     springs: Springs
+    # (n, 3 n_markers, 3 n_markers): how the bone under the markers follows them, the other markers held
     follows: Array
 
     @classmethod

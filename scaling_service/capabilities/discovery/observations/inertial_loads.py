@@ -23,20 +23,13 @@ _BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and f
 
 @dataclass(frozen=True, eq=False)
 class InertialLoads:
-    """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here.
-
-    Parameters
-    ----------
-    gravity : ndarray, shape (3,), m/s2
-    cutoff_hz : float
-        Of the light filter of coordinates.
-    """
+    """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here."""
 
     model: BodyModel
     times: Array
     q: Array
-    gravity: Array
-    cutoff_hz: float
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float  # of the light filter of coordinates
 
     @cached_property
     def rated(self) -> RatedMotion:

@@ -40,25 +40,13 @@ _RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determ
 
 @dataclass(frozen=True, eq=False)
 class TrackedTrial:
-    """One trial, and the motion with which the model tracks it best.
+    """One trial, and the motion with which the model tracks it best."""
 
-    Parameters
-    ----------
-    trial : Trial
-        Not smoothed and not filled: what was measured.
-    role : 'fit' or 'held_out'
-    task : Task
-        The model as tracked, with the markers used.
-    q : ndarray, shape (n_frames, n_coordinates), rad or m
-    floor : ndarray, shape (n_markers,), m
-        Standard deviation of the noise of one coordinate of each marker.
-    """
-
-    trial: Trial
+    trial: Trial  # not smoothed and not filled: what was measured
     role: Role
-    task: Task
-    q: Array
-    floor: Array
+    task: Task  # the model as tracked, with the markers used
+    q: Array  # (n_frames, n_coordinates), rad or m
+    floor: Array  # (n_markers,), m: standard deviation of the noise of one coordinate of each marker
 
     @classmethod
     def of(cls, model: BodyModel, trial: Trial, role: Role, near: TrackedTrial | None = None) -> TrackedTrial:

@@ -54,53 +54,28 @@ def band_hz(rate_hz: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactAssignment:
-    """The ground's forces in one trial, and in which frames they are all that touches the body.
+    """The ground's forces in one trial, and in which frames they are all that touches the body."""
 
-    Parameters
-    ----------
-    ground : GroundForces
-        At the trial's times, in its axes, filtered by :func:`band_hz`.
-    usable : ndarray of bool, shape (n,)
-        Frames in which nothing but the plates is known to touch the body.
-    cutoff_hz : float
-        Below which wrenches are compared.
-    columns : dict
-        Columns of loads in which the motion has no part, as they were asked for.
-    """
-
-    ground: GroundForces
-    usable: NDArray[np.bool_]
-    cutoff_hz: float = CUTOFF_HZ
+    ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`band_hz`
+    usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
+    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    # columns of loads in which the motion has no part, as they were asked for
     columns: dict[Load, Array] = field(init=False, default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class WrenchFit:
-    """One trial with forces, its motion and what is left between the two.
-
-    Parameters
-    ----------
-    model : BodyModel
-        With mass, as it is in this trial.
-    gravity : ndarray, shape (3,), m/s2
-    cutoff_hz : float
-        Below which wrenches are compared.
-    oscillating : tuple of (Load, float)
-        Masses (kg) on springs.
-    touched : ndarray, shape (n, 6), optional
-        What touches the body beside the plates, moment about the ground origin.
-    known_covariance : ndarray, shape (6, 6), optional
-        That of the noise, where it is known from before.
-    """
+    """One trial with forces, its motion and what is left between the two."""
 
     tracked: TrackedTrial
-    model: BodyModel
+    model: BodyModel  # with mass, as it is in this trial
     contacts: ContactAssignment
-    gravity: Array
-    cutoff_hz: float = CUTOFF_HZ
-    oscillating: tuple[tuple[Load, float], ...] = ()
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    oscillating: tuple[tuple[Load, float], ...] = ()  # masses (kg) on springs
+    # (n, 6): what touches the body beside the plates, moment about the ground origin
     touched: Array | None = None
-    known_covariance: Array | None = None
+    known_covariance: Array | None = None  # (6, 6): that of the noise, where it is known from before
     cache: InertialLoadCache = field(default_factory=InertialLoadCache)
 
     @property

@@ -98,32 +98,17 @@ def discover(
 
 @dataclass(slots=True, eq=False)
 class Search:
-    """What was named so far, and what was tried in vain.
+    """What was named so far, and what was tried in vain."""
 
-    Parameters
-    ----------
-    fit : Fit
-        With all that was named.
-    refused : set of str
-        Keys of candidates.
-    early : set of str
-        Those of them that may be tried again when more is known of the forces.
-    scored : ScoredCandidates, optional
-        What the last round saw.
-    disturbance : Disturbance, optional
-        One that no effect has and that ends the search.
-    share : float
-        Of the work, as it was reported last.
-    """
-
-    fit: Fit
+    fit: Fit  # with all that was named
     report: Progress
     named: list[NamedEffect] = field(default_factory=list)
-    refused: set[str] = field(default_factory=set)
+    refused: set[str] = field(default_factory=set)  # keys of candidates
+    # those of them that may be tried again when more is known of the forces
     early: set[str] = field(default_factory=set)
-    scored: ScoredCandidates | None = None
-    disturbance: Disturbance | None = None
-    share: float = 0.0
+    scored: ScoredCandidates | None = None  # what the last round saw
+    disturbance: Disturbance | None = None  # one that no effect has and that ends the search
+    share: float = 0.0  # of the work, as it was reported last
 
     def finish(self) -> ScoredCandidates:
         """Until nothing passes and nothing is superfluous; returns what the last round saw."""

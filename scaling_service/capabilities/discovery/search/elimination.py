@@ -32,14 +32,9 @@ class Removable:
     every effect each time that another one is found. To first order the answer lies in products of columns
     that are made once: what an effect took off is put back, and it and its rivals are fitted beside
     everything else, without tracking the recordings anew.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Gathered together: known columns are its nuisances.
     """
 
-    evidence: Evidence
+    evidence: Evidence  # gathered together: known columns are its nuisances
     known: list[Estimate]
     rivals: list[Candidate]
 

@@ -25,8 +25,9 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Estimate,
     FreeMotion,
     Part,
+    stepped,
+    with_shape_columns,
 )
-from scaling_service.capabilities.discovery.laws.oscillations import stepped, with_shape_columns
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import JointSpot
 from scaling_service.model.body import Vector

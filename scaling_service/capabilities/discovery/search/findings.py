@@ -25,76 +25,37 @@ def observable_of(place: str) -> Observable:
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """Where simulation and measurement differ, before anything was added.
+    """Where simulation and measurement differ, before anything was added."""
 
-    Parameters
-    ----------
-    where : str
-        A marker, or a component of the ground wrench (``fx`` …).
-    observable : 'marker', 'force' or 'moment'
-    rms, floor : float
-        SI (m, N, N m): the difference, and what noise alone would leave.
-    share : float
-        Of all that stands above the floors.
-    p : float
-        Of standing so far above its floor by chance, over all places looked at.
-    trials : mapping
-        Trial to its RMS (SI).
-    when : str
-        When it is largest, in words: a trial and a block of time.
-    along : str
-        The coordinate that it follows best, if any, and how.
-    """
-
-    where: str
+    where: str  # a marker, or a component of the ground wrench (``fx`` …)
     observable: Observable
-    rms: float
+    rms: float  # rms, floor: SI (m, N, N m): the difference, and what noise alone would leave
     floor: float
-    share: float
-    p: float
-    trials: Mapping[str, float] = field(default_factory=dict)
-    when: str = ""
-    along: str = ""
+    share: float  # of all that stands above the floors
+    p: float  # of standing so far above its floor by chance, over all places looked at
+    trials: Mapping[str, float] = field(default_factory=dict)  # trial to its RMS (SI)
+    when: str = ""  # when it is largest, in words: a trial and a block of time
+    along: str = ""  # the coordinate that it follows best, if any, and how
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedEffect:
-    """An effect that passed.
+    """An effect that passed."""
 
-    Parameters
-    ----------
-    effect : Estimate
-        With its size once everything was estimated together.
-    covariance : ndarray, shape (k, k)
-        Of its size (SI), whatever the memory of the noise.
-    fitted : Fitted
-        As it stood when it was named.
-    p_family : float
-        Over the whole catalogue.
-    smallest : mapping
-        Column to the size (as in the results) from which it is named nine times in ten.
-    equivalents : tuple of Candidate
-        Its equivalence class: those that this recording does not tell from it.
-    would_separate : str
-        The ordinary movement that would.
-    rivals : tuple of Candidate
-        Those that explained most beside it when it was named.
-    details : mapping
-        Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
-    spreads : mapping
-        Standard deviations of those of them that have one.
-    """
-
-    effect: Estimate
-    covariance: Array
-    fitted: Fitted
-    p_family: float
+    effect: Estimate  # with its size once everything was estimated together
+    covariance: Array  # (k, k): of its size (SI), whatever the memory of the noise
+    fitted: Fitted  # as it stood when it was named
+    p_family: float  # over the whole catalogue
     held_out: HeldOut
+    # column to the size (as in the results) from which it is named nine times in ten
     smallest: Mapping[str, float] = field(default_factory=dict)
+    # its equivalence class: those that this recording does not tell from it
     equivalents: tuple[Candidate, ...] = ()
-    would_separate: str = ""
-    rivals: tuple[Candidate, ...] = ()
+    would_separate: str = ""  # the ordinary movement that would
+    rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
+    # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)
     details: Mapping[str, float] = field(default_factory=dict)
+    # standard deviations of those of them that have one
     spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -110,89 +71,53 @@ class NamedEffect:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Before and after, between what noise leaves and what is not explained.
+    """Before and after, between what noise leaves and what is not explained."""
 
-    Parameters
-    ----------
-    before, after, floor, ceiling : float
-        RMS, SI; ``ceiling`` is what a black-box correction with as many numbers reaches.
-    low, high : float
-        95 % interval of ``after``, over blocks of time.
-    """
-
+    # before, after, floor, ceiling: RMS, SI; ``ceiling`` is what a black-box correction with as many
+    # numbers reaches
     before: float
     after: float
     floor: float
     ceiling: float
-    low: float
+    low: float  # low, high: 95 % interval of ``after``, over blocks of time
     high: float
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The gap of the recordings of one role.
+    """The gap of the recordings of one role."""
 
-    Parameters
-    ----------
-    levels : mapping
-        ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels.
-    places : mapping
-        Marker or component to its levels.
-    absorbed : float
-        Whitened RMS that is reached where the calibration's own parameters take up what they can instead.
-    """
-
+    # ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels
     levels: Mapping[str, Level]
-    places: Mapping[str, Level]
+    places: Mapping[str, Level]  # marker or component to its levels
+    # whitened RMS that is reached where the calibration's own parameters take up what they can instead
     absorbed: float
 
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """What is left above the floor and matches no effect.
-
-    Parameters
-    ----------
-    observable : 'marker', 'force' or 'moment'
-    law : str
-        The simplest sum of simple functions that describes it, in words and numbers.
-    rms, floor : float
-        SI.
-    """
+    """What is left above the floor and matches no effect."""
 
     where: tuple[str, ...]
     observable: Observable
-    law: str
-    rms: float
+    law: str  # the simplest sum of simple functions that describes it, in words and numbers
+    rms: float  # rms, floor: SI
     floor: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """The whole story.
-
-    Parameters
-    ----------
-    verdict : 'found', 'nothing' or 'unexplained'
-    disagreements : tuple of Disagreement
-        The largest first.
-    fit, held_out : Gap
-        ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is true.
-    tried : tuple of Option
-        The best that were not named.
-    reason : str
-        Why the search stopped.
-    notes : tuple of str
-        What could not be tried and why.
-    """
+    """The whole story."""
 
     verdict: Verdict
-    disagreements: tuple[Disagreement, ...]
+    disagreements: tuple[Disagreement, ...]  # the largest first
     named: tuple[NamedEffect, ...]
+    # fit, held_out: ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is
+    # true
     fit: Gap
     held_out: Gap
     folds: bool
-    tried: tuple[ScoredCandidate, ...]
+    tried: tuple[ScoredCandidate, ...]  # the best that were not named
     unexplained: tuple[Unexplained, ...]
-    reason: str
-    notes: tuple[str, ...]
+    reason: str  # why the search stopped
+    notes: tuple[str, ...]  # what could not be tried and why

@@ -14,8 +14,13 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, fit_each, p_of_lead
 from scaling_service.capabilities.discovery.evidence.sums import Evidence, inverse_of
 from scaling_service.capabilities.discovery.evidence.wrench import observation_of
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
-from scaling_service.capabilities.discovery.laws.oscillations import DAMPINGS, FREQUENCIES_HZ
+from scaling_service.capabilities.discovery.laws.candidates import (
+    DAMPINGS,
+    FREQUENCIES_HZ,
+    Candidate,
+    Estimate,
+    FreeMotion,
+)
 from scaling_service.capabilities.discovery.observations.performed import MOVEMENTS
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.numerics.multibody.laws import Array

@@ -27,24 +27,13 @@ from scaling_service.capabilities.discovery.search.findings import NamedEffect
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tested:
-    """What came of a test in full.
+    """What came of a test in full."""
 
-    Parameters
-    ----------
-    fit : Fit
-        With the effects that hold.
-    added : list of NamedEffect
-        These.
-    refused : set of str
-        Keys of candidates that do not hold.
-    early : set of str
-        Keys of candidates that raise what markers and forces disagree where they were not fitted, as far as
-        the forces are known by now.
-    """
-
-    fit: Fit
-    added: list[NamedEffect]
-    refused: set[str]
+    fit: Fit  # with the effects that hold
+    added: list[NamedEffect]  # these
+    refused: set[str]  # keys of candidates that do not hold
+    # keys of candidates that raise what markers and forces disagree where they were not fitted, as far as
+    # the forces are known by now
     early: set[str]
 
 

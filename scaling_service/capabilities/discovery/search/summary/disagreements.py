@@ -63,7 +63,7 @@ def _p(tally: Tally, k: int) -> float:
 
 
 def _on_the_whole(height: Array) -> float:
-    """Of the mean over blocks of log squares over floors, shape (n_stretches,)."""
+    """Of the mean over blocks of log squares over floors, shape (n_blocks,)."""
     spread = float(height.std(ddof=1))
     if spread == 0.0:
         return 1.0

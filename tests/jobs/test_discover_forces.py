@@ -168,7 +168,7 @@ def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepar
         np.testing.assert_allclose(made.residuals[made.usable], 0.0, atol=1e-6)
     assert standing.measured[:, 1].mean() == pytest.approx(known.mass * 9.81, rel=0.01)
     assert set(standing.contacts.ground.plates) <= set(known.contacts.ground.plates)
-    heights = squat.item.task.measured[:, :, 1]
+    heights = squat.tracked.task.measured[:, :, 1]
     assert np.ptp(heights.max(axis=1)) > 0.1  # m: the head comes down
     assert np.ptp(heights.min(axis=1)) < 0.05  # and the feet stay
 

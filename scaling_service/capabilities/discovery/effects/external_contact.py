@@ -18,6 +18,7 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import (
     Fitted,
     HeldOut,
+    best_span,
     p_above_zero,
     p_of_lead,
 )
@@ -106,10 +107,8 @@ def _spell(item: WrenchFit, level: float) -> Spell | None:
     usual = float(np.median(strength[item.usable])) if item.usable.any() else 0.0
     allowed = _STRONG * max(level, min(usual, _STRONG * level))
     excess = np.where(item.usable, strength - allowed, 0.0)
-    total = np.concatenate([[0.0], np.cumsum(excess)])
-    low = np.minimum.accumulate(total)
-    stop = int(np.argmax(total - low))
-    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
+    _, found = best_span(excess)
+    start, stop = found.start, found.stop
     if stop <= start or item.times[stop - 1] - item.times[start] < _SHORTEST_S:
         return None
     if excess[start:stop].clip(0.0).sum() < _MAIN * excess.clip(0.0).sum():

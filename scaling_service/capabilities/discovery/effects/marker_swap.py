@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, best_span
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators, span
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
@@ -72,7 +72,7 @@ def _best(item: TrackedTrial) -> Swap | None:
     if not pairs:
         return None
     gains, square, freedom = _gains(item, pairs)
-    spans = [_span(gains[:, k]) for k in range(len(pairs))]
+    spans = [best_span(gains[:, k]) for k in range(len(pairs))]
     k = int(np.argmax([gain for gain, _ in spans]))
     gain, rows = spans[k]
     if gain <= 0.0 or rows.stop - rows.start < _SHORTEST:
@@ -120,15 +120,6 @@ def _gains_in(
     size -= np.einsum("npc,pncd,npd->np", apart, both, apart, optimize=True)
     gains = np.where(known[:, a] & known[:, b], -2.0 * slope - size, 0.0)
     return gains, (gap**2).sum(axis=1), 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
-
-
-def _span(gain: Array) -> tuple[float, slice]:
-    """The span of the largest sum (Bentley 1984, Commun ACM 27:865)."""
-    total = np.concatenate([[0.0], np.cumsum(gain)])
-    low = np.minimum.accumulate(total)
-    stop = int(np.argmax(total - low))
-    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
-    return float(total[stop] - total[start]), slice(start, stop)
 
 
 def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:

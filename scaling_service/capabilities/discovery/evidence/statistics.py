@@ -198,11 +198,9 @@ def p_of_lead(best: Array, other: Array, penalty: float) -> float:
     if len(best) < _FEWEST or not np.isfinite(penalty):
         return 1.0
     lead = best - other - penalty / len(best)
-    spread = float(lead.std(ddof=1))
-    if spread == 0.0:
+    if not lead.std():
         return 1.0 if lead.mean() <= 0.0 else 0.0
-    statistic = float(lead.mean()) / (spread / np.sqrt(len(lead)))
-    return float(scipy.stats.t.sf(statistic, len(lead) - 1))
+    return p_above_zero(lead)
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,20 +232,26 @@ def try_held_out(evidence: Evidence, index: int, candidate: Candidate) -> HeldOu
         square += sum(s.square for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    if len(every) < _FEWEST or every.std() == 0.0:
-        return HeldOut(share, 1.0, len(rounds) > 1)
-    statistic = float(every.mean() / (every.std(ddof=1) / np.sqrt(len(every))))
-    return HeldOut(share, float(scipy.stats.t.sf(statistic, len(every) - 1)), len(rounds) > 1)
+    return HeldOut(share, p_above_zero(every), len(rounds) > 1)
 
 
 def p_above_zero(values: Array) -> float:
     """How likely chance alone brings the mean so far above zero."""
-    if len(values) < 3:
+    if len(values) < _FEWEST:
         return 1.0
     spread = float(values.std(ddof=1))
     if spread == 0.0:
         return 1.0
     return float(scipy.special.stdtr(len(values) - 1, -values.mean() / (spread / np.sqrt(len(values)))))
+
+
+def best_span(gain: Array) -> tuple[float, slice]:
+    """The span of the largest sum, and that sum (Bentley 1984, Commun ACM 27:865)."""
+    total = np.concatenate([[0.0], np.cumsum(gain)])
+    low = np.minimum.accumulate(total)
+    stop = int(np.argmax(total - low))
+    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
+    return float(total[stop] - total[start]), slice(start, stop)
 
 
 def holm(p: Array) -> Array:

@@ -11,7 +11,7 @@ import scipy
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors
 from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
-from scaling_service.capabilities.discovery.evidence.statistics import holm
+from scaling_service.capabilities.discovery.evidence.statistics import holm, p_above_zero
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.search.findings import Disagreement, observable_of
 from scaling_service.numerics.multibody.laws import Array
@@ -59,15 +59,7 @@ def _p(tally: Tally, k: int) -> float:
     if used.sum() < _FEWEST:
         return 1.0
     height = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)
-    return min(1.0, 2.0 * min(_on_the_whole(height), in_one_block(height)))
-
-
-def _on_the_whole(height: Array) -> float:
-    """Of the mean over blocks of log squares over floors, shape (n_blocks,)."""
-    spread = float(height.std(ddof=1))
-    if spread == 0.0:
-        return 1.0
-    return float(scipy.stats.t.sf(height.mean() / (spread / np.sqrt(len(height))), len(height) - 1))
+    return min(1.0, 2.0 * min(p_above_zero(height), in_one_block(height)))
 
 
 def in_one_block(height: Array) -> float:

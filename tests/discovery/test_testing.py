@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.search.estimation import estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.testing import Tested, try_in_full
+from scaling_service.capabilities.discovery.search.testing import Outcome, try_in_full
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.model.body import BodyModel
@@ -55,7 +55,7 @@ class Laboratory:
 
     def tried(
         self, recordings: Sequence[Recording], *found: NamedEffect, known: Sequence[Estimate] = ()
-    ) -> Tested:
+    ) -> Outcome:
         """Effects in full, where others are known as well as they can be without them."""
         now = estimate(fit_recordings(SearchContext(self.model, recordings)), known)
         return try_in_full(now, found)

@@ -21,7 +21,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 3
-"""Stretches from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
+"""Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -101,7 +101,7 @@ class Unexplained:
     where: tuple[str, ...]
     observable: Observable
     law: str  # the simplest sum of simple functions that describes it, in words and numbers
-    rms: float  # rms, floor: SI
+    rms: float  # SI, as the floor
     floor: float
 
 

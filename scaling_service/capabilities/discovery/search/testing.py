@@ -26,7 +26,7 @@ from scaling_service.capabilities.discovery.search.findings import NamedEffect
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tested:
+class Outcome:
     """What came of a test in full."""
 
     fit: Fit  # with the effects that hold
@@ -37,7 +37,7 @@ class Tested:
     early: set[str]
 
 
-def try_in_full(fit: Fit, found: Sequence[NamedEffect]) -> Tested:
+def try_in_full(fit: Fit, found: Sequence[NamedEffect]) -> Outcome:
     """Test effects (at least one) together, and without those that do not hold again, until the rest does."""
     refused: set[str] = set()
     early: set[str] = set()
@@ -51,12 +51,12 @@ def try_in_full(fit: Fit, found: Sequence[NamedEffect]) -> Tested:
         worst = [_worst(group, tried) for group in harmful]
         gone = implausible or worst or [n for group in broken for n in group[1:] or group]
         if not gone:
-            return Tested(tried, left, refused, early)
+            return Outcome(tried, left, refused, early)
         refused |= {n.key for n in gone if n in implausible or [n] in broken}
         early |= {n.key for n in worst}
         left = [n for n in left if n not in gone]
         if not left:
-            return Tested(fit, [], refused, early)
+            return Outcome(fit, [], refused, early)
         if worst or not (implausible or any(MARKERS.shows(n.candidate) for n in gone)):
             tried = remove(tried, [n.effect for n in gone])
         else:

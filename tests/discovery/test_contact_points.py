@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.external_contact import touches
+from scaling_service.capabilities.discovery.effects.external_contact import find_touches
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
@@ -61,13 +61,13 @@ def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
 @pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
 def test_a_push_is_told_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
     """Also one whose ramps are parts of their own, in which little stands out."""
-    (touch,) = touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
+    (touch,) = find_touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
     assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
     assert touch.fitted.p < 1e-4
 
 
 def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:
-    assert touches([sway], 0.5) == []
+    assert find_touches([sway], 0.5) == []
 
 
 def test_a_few_frames_far_apart_tell_no_segments_apart(sway: WrenchFit) -> None:
@@ -76,6 +76,6 @@ def test_a_few_frames_far_apart_tell_no_segments_apart(sway: WrenchFit) -> None:
     hidden = np.digitize(item.times, [0.4, 0.595, 0.825, 0.875, 1.095, 1.5]) % 2 == 1
     seen = replace(item, contacts=replace(item.contacts, usable=item.usable & ~hidden))
     assert 5 <= np.sum(seen.usable & (seen.times > 0.5) & (seen.times < 1.3)) < 10
-    (touch,) = touches([seen], 0.5)
+    (touch,) = find_touches([seen], 0.5)
     assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
     assert len(touch.equivalents) > 3

@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.search.discover import discover
-from scaling_service.capabilities.discovery.search.selection import widest
+from scaling_service.capabilities.discovery.search.selection import keep_widest
 from tests.discovery.hidden import candidate, hide, person, recorded
 
 MOVED_MM = (10.0, 0.0, 10.0)
@@ -74,7 +74,7 @@ def option(*trials: str) -> ScoredCandidate:
 def test_the_wider_of_two_scopes_stays_where_gains_do_not_compare(
     passing: list[tuple[str, ...]], kept: list[tuple[str, ...]]
 ) -> None:
-    found = widest([option(*trials) for trials in passing], "abcd", "ab", DiscoverySettings())
+    found = keep_widest([option(*trials) for trials in passing], "abcd", "ab", DiscoverySettings())
     assert [o.candidate.trials for o in found] == kept
 
 
@@ -87,4 +87,4 @@ def test_what_is_in_the_first_trial_alone_or_reversed_in_all_others_is_in_the_ot
     both = [
         replace(o, fitted=replace(NOTHING, gain=gain)) for o, gain in zip(both, (in_first, 1.0), strict=True)
     ]
-    assert [o.candidate.trials for o in widest(both, "abc", "ab", DiscoverySettings())] == kept
+    assert [o.candidate.trials for o in keep_widest(both, "abc", "ab", DiscoverySettings())] == kept

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
 from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
 from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
-from scaling_service.capabilities.discovery.search.naming import separating_movement
+from scaling_service.capabilities.discovery.search.naming import find_separating_movement
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.files.forces import forces_of_table, read_forces
@@ -180,6 +180,6 @@ def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared
     tilt = next(c for c in every if c.kind == "gravity_tilt")
     biases = [c for c in every if c.kind == "plate_bias" and not c.trials and len(c.columns) == 6]
     leaning = Estimate(tilt, np.array([0.01, 0.0]))
-    assert separating_movement(leaning, biases[:1], now) not in ("", "quiet standing")
-    assert separating_movement(Estimate(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""
-    assert separating_movement(leaning, (), now) == ""
+    assert find_separating_movement(leaning, biases[:1], now) not in ("", "quiet standing")
+    assert find_separating_movement(Estimate(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""
+    assert find_separating_movement(leaning, (), now) == ""

@@ -51,7 +51,7 @@ def _laws() -> tuple[DisturbanceLaw, ...]:
     return tuple(law for module in modules for law in getattr(module, "LAWS", ()))
 
 
-def unmodelled_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
+def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     """The disturbance that explains most of what stands above the noise, if it is clear and no chance."""
     settings = fit.settings
     sure = [law for law in _found(fit) if max(law.p * scored.count, law.held_out) <= settings.level]

@@ -36,7 +36,7 @@ class FreeMarker:
     expected: float
 
 
-def free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
+def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
     """A marker that goes its own way, if that explains clearly more than any law, be it sure or not.
 
     One of a segment at most: where two do, it is the segment that the model does not follow. None that has an

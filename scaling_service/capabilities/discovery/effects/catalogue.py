@@ -80,7 +80,7 @@ def candidates(scene: Scene, kinds: Collection[str] | None = None) -> Iterator[C
             yield from effect.candidates(scene)
 
 
-def searched(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
+def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
     """Effects that need a search of their own in an observation, where they are likely."""
     for effect in known_effects().values():
         if effect.search is not None and effect.seen_in == seen_in:

@@ -62,16 +62,16 @@ _LEVEL = 0.05  # chosen: the custom
 KIND = "external_contact"
 
 
-def contacts(fit: Fit) -> Iterator[ScoredCandidate]:
-    """Those of :func:`touches` at segments where none is known already, in the same trials or in all."""
+def find_contacts(fit: Fit) -> Iterator[ScoredCandidate]:
+    """Those of :func:`find_touches` at segments where none is known already, in the same trials or in all."""
     known = [e.candidate for e in fit.effects if e.candidate.kind == KIND]
-    for found in touches(fit.wrenches, fit.settings.block_s):
+    for found in find_touches(fit.wrenches, fit.settings.block_s):
         own = found.candidate
         if not any(c.where == own.where and c.trials in ((), own.trials) for c in known):
             yield found
 
 
-def touches(wrenches: Sequence[WrenchFit], block_s: float) -> list[ScoredCandidate]:
+def find_touches(wrenches: Sequence[WrenchFit], block_s: float) -> list[ScoredCandidate]:
     """The best segment of every trial in which the force stands out, and of all of them if all do alike."""
     level = _level(wrenches)
     looked_at = [_spell(item, level) or _whole_trial(item) for item in wrenches]
@@ -297,7 +297,7 @@ EFFECTS = (
     Effect(
         KIND,
         "something touches the segment that no plate measures",
-        search=contacts,
+        search=find_contacts,
         seen_in="wrench",
         details=_details,
         spreads=_spreads,

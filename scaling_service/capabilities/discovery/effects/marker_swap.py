@@ -35,7 +35,7 @@ class Swap:
     level: float  # whitened square of one number in the other frames
 
 
-def swaps(fit: Fit) -> Iterator[ScoredCandidate]:
+def find_swaps(fit: Fit) -> Iterator[ScoredCandidate]:
     """The best pair and span of every trial, and of all of them where all have the same."""
     found = [swap for swap in map_parallel(_best, fit.tracked) if swap is not None]
     together = _together(found)
@@ -129,4 +129,6 @@ def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return {"start_s": exchange.start_s, "end_s": exchange.end_s}
 
 
-EFFECTS = (Effect("marker_swap", "two labels are exchanged for a while", search=swaps, details=_details),)
+EFFECTS = (
+    Effect("marker_swap", "two labels are exchanged for a while", search=find_swaps, details=_details),
+)

@@ -42,7 +42,7 @@ _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
 _NOTES = {"before": "extra turn", "after": "extra turn about own axes", "start": "extra shift"}
 
 
-def locked_motions(fit: Fit) -> Iterator[ScoredCandidate]:
+def find_locked_motions(fit: Fit) -> Iterator[ScoredCandidate]:
     """Every joint that turns, with its best directions of turning and of shifting."""
     jointed = fit.scene.jointed
     spots = [JointSpot(s.name, at, kind, k) for s in jointed for at, kind in _PLACES for k in range(3)]
@@ -133,7 +133,7 @@ EFFECTS = (
     Effect(
         "missing_dof",
         "the joint moves in a way that the model locks",
-        search=locked_motions,
+        search=find_locked_motions,
         details=_details,
         spreads=_spreads,
     ),

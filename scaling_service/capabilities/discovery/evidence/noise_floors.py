@@ -42,12 +42,12 @@ class NoiseFloor:
 Floors = Mapping[Seen, NoiseFloor]
 
 
-def noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
+def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     """Of every observation, in a fit in which everything that was found is taken into account."""
-    return {observation.name: noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
+    return {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
 
 
-def noise_floor(fit: Fit, observation: Observation[Any], moving: Sequence[str]) -> NoiseFloor:
+def measure_noise_floor(fit: Fit, observation: Observation[Any], moving: Sequence[str]) -> NoiseFloor:
     """Of one observation, as coordinates that move predict it."""
     residuals = observation.residuals(fit)
     predicted = _predicted(residuals, moving, fit.settings.block_s) if residuals else []

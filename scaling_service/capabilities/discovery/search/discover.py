@@ -14,9 +14,9 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import (
     Disturbance,
-    unmodelled_disturbance,
+    find_disturbance,
 )
-from scaling_service.capabilities.discovery.disturbances.free_marker import free_marker
+from scaling_service.capabilities.discovery.disturbances.free_marker import find_free_marker
 from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
@@ -32,7 +32,7 @@ from scaling_service.capabilities.discovery.search.elimination import (
 from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_tuned
-from scaling_service.capabilities.discovery.search.pairs import pair_of_marker, pair_of_plate
+from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
 from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.capabilities.discovery.search.summary.summarise import summarise
@@ -129,13 +129,13 @@ class Search:
         self.scored = scored = score_all(fit, self.scored)
         selection = select(fit, scored, self.named, self.refused)
         self.refused |= selection.refused
-        self.disturbance = unmodelled_disturbance(fit, scored)
+        self.disturbance = find_disturbance(fit, scored)
         if self.disturbance is not None:
             return False
         masked = [e for e in fit.effects if isinstance(e.candidate.change, Masked)]
-        odd = free_marker(fit, scored) if len(masked) < settings.most_masked else None
+        odd = find_free_marker(fit, scored) if len(masked) < settings.most_masked else None
         name = partial(name_tuned, among=scored)
-        pair = [] if odd is None else pair_of_marker(odd, fit, name, scored.count, self.refused)
+        pair = [] if odd is None else find_marker_pair(odd, fit, name, scored.count, self.refused)
         if odd is not None and not pair:
             left_out = Estimate(odd.candidate, np.zeros(0))
             self.fit = MARKERS.refit(fit, fit.free, (*fit.effects, left_out))
@@ -162,7 +162,7 @@ class Search:
         """Whether something of what was named is superfluous; it is dropped, and refused from now on."""
         if self.named or self.disturbance is None:  # nothing is named in the stead of a disturbance
             name = partial(name_tuned, among=scored)
-            self.named, self.fit = pair_of_plate(self.named, self.fit, name, scored.count)
+            self.named, self.fit = replace_by_plate_pair(self.named, self.fit, name, scored.count)
         given = {n.key for n in self.named}
         self.named, self.fit = eliminate_backward(self.named, self.fit)
         dropped = given - {n.key for n in self.named}

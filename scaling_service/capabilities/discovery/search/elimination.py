@@ -11,7 +11,10 @@ import numpy as np
 from scaling_service.capabilities.discovery.effects.catalogue import details, spreads
 from scaling_service.capabilities.discovery.evidence.fit import Fit, held_out_squares
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.noise_floors import noise_floor, noise_floors
+from scaling_service.capabilities.discovery.evidence.noise_floors import (
+    measure_noise_floor,
+    measure_noise_floors,
+)
 from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, score_gathered
 from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
@@ -128,7 +131,7 @@ def _predicted_share(n: NamedEffect, before: Fit, fit: Fit) -> float:
     trials = n.candidate.trials
     if not rows or not trials or n.candidate.change is not None:
         return 0.0
-    explained = noise_floor(fit, MARKERS, before.scene.moving).explained
+    explained = measure_noise_floor(fit, MARKERS, before.scene.moving).explained
     left = sum(float(explained[trial][:, rows].sum()) for trial in trials)
     wanted = [names[r] for r in rows]
     taken = _squares_at(before, wanted, trials) - _squares_at(fit, wanted, trials)
@@ -184,7 +187,7 @@ def drop_insufficient(
 
 def sufficient(before: Fit, after: Fit) -> bool:
     """Whether the effects that lie between two fits explain the forces, as far as that can be told."""
-    floors, settings = noise_floors(after, before.scene.moving), after.settings
+    floors, settings = measure_noise_floors(after, before.scene.moving), after.settings
 
     def excess(observation: Observation[Any], fit: Fit, role: Role) -> float:
         return _excess(observation.tally(fit, role, floors[observation.name].noise))

@@ -36,7 +36,7 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
     """A candidate as a named effect, with the others among which it was selected."""
     settings, candidate = fit.settings, scored.candidate
     effect = Estimate(candidate, scored.fitted.size)
-    equivalents = equivalence_class(scored, among.best, settings.equivalence_level)
+    equivalents = find_equivalents(scored, among.best, settings.equivalence_level)
     return NamedEffect(
         effect,
         scored.fitted.spread,
@@ -45,7 +45,7 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         scored.held_out,
         smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
         equivalents,
-        separating_movement(effect, equivalents, fit) if equivalents else "",
+        find_separating_movement(effect, equivalents, fit) if equivalents else "",
         tuple(o.candidate for o in among.best if _comparable(o.candidate, candidate)),
     )
 
@@ -55,7 +55,7 @@ def _comparable(other: Candidate, candidate: Candidate) -> bool:
     return bool(other.columns and candidate.columns) and other.seen_in == candidate.seen_in
 
 
-def equivalence_class(
+def find_equivalents(
     scored: ScoredCandidate, others: Sequence[ScoredCandidate], level: float
 ) -> tuple[Candidate, ...]:
     """The candidates that explain what this one does so nearly as well that chance could make the difference.
@@ -115,7 +115,7 @@ def smallest_nameable(effect: Estimate, fitted: Fitted, level: float, power: flo
     }
 
 
-def separating_movement(effect: Estimate, others: Sequence[Candidate], fit: Fit) -> str:
+def find_separating_movement(effect: Estimate, others: Sequence[Candidate], fit: Fit) -> str:
     """The movement in which the nearest of the others leaves most of the effect unexplained, or ``""``."""
     own, settings, observation = effect.candidate, fit.settings, observation_of(effect.candidate)
     columns = [c for c in others if c.columns and observation.shows(c)][: settings.separating_nearest]

@@ -32,7 +32,7 @@ class _Pair:
     expected: float
 
 
-def pair_of_marker(
+def find_marker_pair(
     odd: FreeMarker, fit: Fit, name: Name, count: int, refused: Collection[str]
 ) -> list[NamedEffect]:
     """Two laws of a marker that seems to go its own way, if they explain about as much; else none.
@@ -55,7 +55,7 @@ def pair_of_marker(
     return _named(pair, fit, name, count)
 
 
-def pair_of_plate(
+def replace_by_plate_pair(
     named: Sequence[NamedEffect], fit: Fit, name: Name, count: int
 ) -> tuple[list[NamedEffect], Fit]:
     """Two faults of one plate in place of the effects of forces, where the two explain more."""

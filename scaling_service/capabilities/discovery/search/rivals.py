@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from scaling_service.capabilities.discovery.effects.catalogue import searched
+from scaling_service.capabilities.discovery.effects.catalogue import search_effects
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
@@ -69,7 +69,7 @@ def _place_contacts_anew(named: Sequence[NamedEffect], fit: Fit, name: Name) -> 
         own = kept[k].candidate
         if isinstance(own.change, Contact):
             bare = refit_without(fit, {own.key})
-            again = searched(bare, WRENCH.name)
+            again = search_effects(bare, WRENCH.name)
             same = (o for o in again if o.candidate.kind == own.kind and o.candidate.trials == own.trials)
             best = next(same, None)
             made = None if best is None else name(best, bare)

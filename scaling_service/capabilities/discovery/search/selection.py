@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates, searched
+from scaling_service.capabilities.discovery.effects.catalogue import candidates, search_effects
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
@@ -43,7 +43,8 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
 
     def scored(observation: Observation[Any]) -> tuple[list[ScoredCandidate], list[ScoredCandidate]]:
         choice = [c for c in every if observation.shows(c)]
-        return score_candidates(fit, choice, fit.settings.shortlist), list(searched(fit, observation.name))
+        found = search_effects(fit, observation.name)
+        return score_candidates(fit, choice, fit.settings.shortlist), list(found)
 
     if before is not None and before.tracked is fit.tracked:
         of_markers, of_wrench = before.of_markers, scored(WRENCH)
@@ -83,7 +84,7 @@ def select(
         room = fit.settings.most - sum(observation.shows(n.candidate) for n in named)
         passing = [o for o in scored.best if observation.shows(o.candidate) and _passes(o, scored, fit)]
         passing = [
-            o for o in widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
+            o for o in keep_widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
         ]
         for best in passing if room > 0 else []:
             first = name_tuned(best, fit, scored)
@@ -134,7 +135,7 @@ def _companions(
     return found[1:]
 
 
-def widest(
+def keep_widest(
     passing: Sequence[ScoredCandidate],
     trials: Sequence[str],
     fitting: Collection[str],

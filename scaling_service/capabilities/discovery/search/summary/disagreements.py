@@ -21,7 +21,7 @@ _TO_SD = 1.4826  # a normal distribution's standard deviation over its median di
 _HEAVY = 3  # degrees of freedom; chosen: noise with tails as heavy keeps to the level over all places
 
 
-def disagreements(fit: Fit, floors: Floors) -> tuple[Disagreement, ...]:
+def locate_disagreements(fit: Fit, floors: Floors) -> tuple[Disagreement, ...]:
     """All places, those that stand highest above their floors first; the p-values pay for their number."""
     rows = places_of(fit, floors)
     p = holm(np.array([_p(tally, k) for _, tally, k in rows]))

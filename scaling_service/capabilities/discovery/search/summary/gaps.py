@@ -32,12 +32,12 @@ _MARKERS, _FORCES, _MOMENTS = "markers", "force", "moment"
 _ABSORBING = ("marker_offset", "segment_length", "joint_axis_tilt")
 
 
-def gaps(
+def measure_gaps(
     named: Sequence[NamedEffect], before: Fit, after: Fit, roles: Sequence[Role], floors: Floors
 ) -> dict[Role, Gap]:
     """Levels of all observables of the trials of each role."""
     count = sum(max(len(n.candidate.columns), 1) for n in named if MARKERS.shows(n.candidate))
-    shares = black_box_bound(before, count) if count else dict.fromkeys(ROLES, 1.0)
+    shares = bound_by_black_box(before, count) if count else dict.fromkeys(ROLES, 1.0)
     swallowed = _absorbed(before) if named else before
     noise = floors[MARKERS.name].noise
     return {
@@ -133,7 +133,7 @@ def _whitened(pairs: Mapping[str, tuple[Tally, Tally, slice]], bound: Mapping[st
     return Level((before / weight) ** 0.5, (after / weight) ** 0.5, 1.0, (best / weight) ** 0.5, low, high)
 
 
-def black_box_bound(before: Fit, count: int) -> dict[Role, float]:
+def bound_by_black_box(before: Fit, count: int) -> dict[Role, float]:
     """Share of the markers' squares that the best ``count`` columns leave, by role.
 
     Columns are taken one after the other, each where it helps most beside those taken (orthogonal matching

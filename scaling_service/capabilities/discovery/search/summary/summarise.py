@@ -8,14 +8,14 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.noise_floors import noise_floors
+from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect, Verdict
-from scaling_service.capabilities.discovery.search.summary.disagreements import disagreements
-from scaling_service.capabilities.discovery.search.summary.gaps import gaps
-from scaling_service.capabilities.discovery.search.summary.unexplained import unexplained
+from scaling_service.capabilities.discovery.search.summary.disagreements import locate_disagreements
+from scaling_service.capabilities.discovery.search.summary.gaps import measure_gaps
+from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
 
 _DISTURBED = (
     "the recordings follow a law that the catalogue does not have, clearly better than any that it has: "
@@ -41,14 +41,14 @@ def summarise(
     """
     before, after, seen = fits
     settings, moving = before.settings, before.scene.moving
-    floors = noise_floors(after, moving)
-    places = disagreements(before, floors)
-    usual = floors if seen is after else noise_floors(seen, moving)
-    left = unexplained(seen, usual, disturbance)
+    floors = measure_noise_floors(after, moving)
+    places = locate_disagreements(before, floors)
+    usual = floors if seen is after else measure_noise_floors(seen, moving)
+    left = describe_unexplained(seen, usual, disturbance)
     verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
     folds = not any(item.role == "held_out" for item in before.tracked)
     roles = ROLES[:1] if folds else ROLES
-    by_role = gaps(named, before, after, roles, floors)
+    by_role = measure_gaps(named, before, after, roles, floors)
     spent = any(sum(o.shows(n.candidate) for n in named) >= settings.most for o in OBSERVATIONS)
     ended = _SPENT.format(settings.most) if spent else _NOTHING_MORE
     return Findings(

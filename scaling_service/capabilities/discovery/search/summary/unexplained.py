@@ -33,7 +33,9 @@ class _Function:
     values: Array
 
 
-def unexplained(fit: Fit, floors: Floors, disturbance: Disturbance | None = None) -> tuple[Unexplained, ...]:
+def describe_unexplained(
+    fit: Fit, floors: Floors, disturbance: Disturbance | None = None
+) -> tuple[Unexplained, ...]:
     """Places of which the movement or the time still predicts much, the largest first.
 
     An unmodelled disturbance comes before all, and stands for every place of its observation.

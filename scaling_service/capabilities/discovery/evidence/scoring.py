@@ -44,7 +44,7 @@ class ScoredCandidates:
     best: list[ScoredCandidate]
     count: int
     # those of the best that are sums of columns among the markers, and those that were searched for there
-    of_markers: tuple[list[ScoredCandidate], list[ScoredCandidate]] = ((), ())  # type: ignore[assignment]
+    of_markers: tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]] = ((), ())
     tracked: tuple[TrackedTrial, ...] = ()  # the recordings that these were told from
 
 

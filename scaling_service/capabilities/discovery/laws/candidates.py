@@ -16,6 +16,16 @@ from scaling_service.capabilities.discovery.observations.wrench import Load
 from scaling_service.model.body import Vector
 from scaling_service.numerics.multibody.laws import Array
 
+FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
+SHAPES = ("frequency_hz", "damping")
+TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
+"""Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
+tissue to the quick one of a marker on thin skin, lightly and well damped)."""
+
+_APART = 0.05  # of both numbers, for differences; chosen: far below what they are known to
+
+LoadOf = TypeVar("LoadOf")
+
 Seen = Literal["markers", "wrench"]
 """What a candidate shows in."""
 
@@ -181,18 +191,6 @@ def loads_of(estimates: Iterable[Estimate], kind: type[LoadOf]) -> Iterator[tupl
         for column, size in estimate.columns:
             if isinstance(column.load, kind):
                 yield column.load, size
-
-
-LoadOf = TypeVar("LoadOf")
-
-
-FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
-SHAPES = ("frequency_hz", "damping")
-TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.3))
-"""Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
-tissue to the quick one of a marker on thin skin, lightly and well damped)."""
-
-_APART = 0.05  # of both numbers, for differences; chosen: far below what they are known to
 
 
 def with_shape_columns(effect: Estimate) -> Candidate:

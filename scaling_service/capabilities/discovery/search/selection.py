@@ -41,7 +41,7 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
     taken = {s.candidate.key for s in fit.estimates}
     every = [c for c in candidates(fit.scene) if c.key not in taken]
 
-    def scored(observation: Observation[Any]) -> tuple[list[ScoredCandidate], list[ScoredCandidate]]:
+    def scored(observation: Observation[Any]) -> tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]]:
         choice = [c for c in every if observation.shows(c)]
         found = search_effects(fit, observation.name)
         return score_candidates(fit, choice, fit.settings.shortlist), list(found)

@@ -82,5 +82,5 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
     above = sum(i.square - i.freedom for i in now.tracked if i.role == "fit")
     law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
     monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
-    found = disturbance.unmodelled_disturbance(now, ScoredCandidates([], 1))
+    found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
     assert found is (law if told else None)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import scaling_service
 
-_SEARCH = ("core", "discovery", "estimation", "formats", "jobs", "kernels", "models", "processing")
+_SEARCH = ("capabilities", "core", "files", "model", "numerics", "recording")
 """Packages that decide what is found with a model that is scaled already."""
 
 TIMEOUT_S = 900.0

@@ -7,13 +7,12 @@ from functools import cache
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording, account, scene_of
-from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.catalogue import candidates
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.findings import Named
-from scaling_service.capabilities.discovery.search.judging import NOTHING
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.trial import Trial
@@ -62,7 +61,9 @@ def recorded(
 def choice(seed: int = 1) -> tuple[Candidate, ...]:
     """All that could be missing in this person's recordings."""
     someone = person(seed)
-    return tuple(candidates(scene_of(account(someone.model, recorded(someone, someone.model)))))
+    return tuple(
+        candidates(fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).scene)
+    )
 
 
 def candidate(kind: str, *where: str, driver: str | None = None) -> Candidate:
@@ -82,14 +83,14 @@ def hide(
     return effect.candidate, with_effects(person().model, [effect], "")
 
 
-def sized(kind: str, *where: str, numbers: Sequence[float], driver: str | None = None) -> Sized:
+def sized(kind: str, *where: str, numbers: Sequence[float], driver: str | None = None) -> Estimate:
     """One of the candidates with its size."""
     found = candidate(kind, *where, driver=driver)
     size = [(n - c.neutral) / c.unit for n, c in zip(numbers, found.columns, strict=True)]
-    return Sized(found, np.array(size))
+    return Estimate(found, np.array(size))
 
 
-def passed(effect: Sized) -> Named:
+def passed(effect: Estimate) -> NamedEffect:
     """An effect as if it had been named, with no promise of what it explains."""
     spread = np.eye(len(effect.size))
-    return Named(effect, spread, {}, {}, {}, NOTHING, 0.01, Unseen(0.1, 0.01, folds=False), (), "")
+    return NamedEffect(effect, spread, NOTHING, 0.01, HeldOut(0.1, 0.01, folds=False))

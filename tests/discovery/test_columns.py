@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import account
-from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
-from scaling_service.capabilities.discovery.laws.generators import Generators
-from scaling_service.capabilities.discovery.laws.wobbles import shapes
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.laws.candidates import Estimate
+from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.discovery.hidden import choice, person, recorded
@@ -26,20 +27,20 @@ KINDS = (
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_column_is_what_a_small_effect_does(kind: str) -> None:
     someone = person()
-    item = account(someone.model, recorded(someone, someone.model)[:1]).watched[0]
+    item = fit_recordings(SearchContext(someone.model, recorded(someone, someone.model)[:1])).tracked[0]
     for candidate in [c for c in choice() if c.kind == kind and not c.trials][:4]:
         for k, column in enumerate(candidate.columns):
             step = np.zeros(len(candidate.columns))
             step[k] = 1e-6
             sides = []
             for sign in (1.0, -1.0):
-                body = with_effects(someone.model, [Sized(candidate, sign * step)], "")
+                body = with_effects(someone.model, [Estimate(candidate, sign * step)], "")
                 tree = compile_model(body, item.markers)
                 sides.append(marker_positions(tree, item.q, parameter_values(body)))
             wanted = (sides[0] - sides[1]) / 2e-6
             spots = [part.spot for part in column.parts]
             _, _, made = Generators.of(item, spots).at(item, slice(0, len(item.q)))
-            courses = shapes([part.profile for part in column.parts], item)
+            courses = values_of([part.profile for part in column.parts], item)
             gains = np.array([part.gain for part in column.parts])
             got = np.einsum("nrs,sn,s->nr", made, courses, gains).reshape(wanted.shape) * item.floor[:, None]
             np.testing.assert_allclose(got, wanted, atol=2e-6)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import account
-from scaling_service.capabilities.discovery.evidence.weighed import Weighed
-from scaling_service.capabilities.discovery.laws.contact_points import Spell, fitted_point
-from scaling_service.capabilities.discovery.laws.contacts import touches
+from scaling_service.capabilities.discovery.effects.external_contact import find_touches
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
+from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.numerics.multibody.laws import Array
@@ -20,14 +20,16 @@ POINT = (0.08, 0.25, -0.1)
 
 
 @pytest.fixture(scope="module")
-def sway(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
+def sway(tmp_path_factory: pytest.TempPathFactory) -> WrenchFit:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
     prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    found = account(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
-    return found.weighed[0]
+    found = fit_recordings(
+        SearchContext(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
+    )
+    return found.wrenches[0]
 
 
-def pushed(item: Weighed, newton: float, start: float, end: float, *, turning: bool = True) -> Weighed:
+def pushed(item: WrenchFit, newton: float, start: float, end: float, *, turning: bool = True) -> WrenchFit:
     """The recording with a force on the trunk that turns as time goes by, or keeps its direction."""
     course = np.clip(np.minimum(item.times - start, end - item.times) / 0.2, 0.0, 1.0)
     angle = 2.0 * np.pi * (item.times - start) * turning
@@ -41,13 +43,13 @@ def distance(point: Array) -> float:
     return float(np.linalg.norm(point - POINT))
 
 
-def test_a_turning_force_shows_its_point(sway: Weighed) -> None:
+def test_a_turning_force_shows_its_point(sway: WrenchFit) -> None:
     item = pushed(sway, 60.0, 0.6, 1.5)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
     assert distance(fitted_point([spell], "torso").point) < 0.02
 
 
-def test_a_force_of_one_direction_shows_a_line(sway: Weighed) -> None:
+def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
     """Noise alone would say where on it: the moment about the point found is none all the same."""
     item = pushed(sway, 60.0, 0.6, 1.5, turning=False)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
@@ -57,23 +59,23 @@ def test_a_force_of_one_direction_shows_a_line(sway: Weighed) -> None:
 
 
 @pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
-def test_a_push_is_told_however_long_it_lasts(sway: Weighed, lasting_s: float) -> None:
+def test_a_push_is_told_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
     """Also one whose ramps are parts of their own, in which little stands out."""
-    (touch,) = touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
-    assert touch.contact.segment == "torso" or "torso" in {c.segment for c in touch.others}
+    (touch,) = find_touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
+    assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
     assert touch.fitted.p < 1e-4
 
 
-def test_without_a_push_nothing_touches(sway: Weighed) -> None:
-    assert touches([sway], 0.5) == []
+def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:
+    assert find_touches([sway], 0.5) == []
 
 
-def test_a_few_frames_far_apart_tell_no_segments_apart(sway: Weighed) -> None:
+def test_a_few_frames_far_apart_tell_no_segments_apart(sway: WrenchFit) -> None:
     """As where a foot off the plates hides most of what stands out; filters reach over its edges."""
     item = pushed(sway, 300.0, 0.5, 1.3)
     hidden = np.digitize(item.times, [0.4, 0.595, 0.825, 0.875, 1.095, 1.5]) % 2 == 1
-    seen = replace(item, footing=replace(item.footing, usable=item.usable & ~hidden))
+    seen = replace(item, contacts=replace(item.contacts, usable=item.usable & ~hidden))
     assert 5 <= np.sum(seen.usable & (seen.times > 0.5) & (seen.times < 1.3)) < 10
-    (touch,) = touches([seen], 0.5)
-    assert "torso" in {c.segment for c in (touch.contact, *touch.others)}
-    assert len(touch.others) > 3
+    (touch,) = find_touches([seen], 0.5)
+    assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
+    assert len(touch.equivalents) > 3

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import account, scene_of
-from scaling_service.capabilities.discovery.evidence.score import Evidence, gather
-from scaling_service.capabilities.discovery.evidence.watched import Watched
-from scaling_service.capabilities.discovery.laws.generators import Generators
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.sums import Evidence
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.laws.loads import columns_of
-from scaling_service.capabilities.discovery.laws.wobbles import shapes
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.catalogue import candidates
+from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.spots import Generators
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.numerics.multibody.laws import Array
@@ -31,14 +32,14 @@ def picked() -> list[Candidate]:
     return list({c.key: c for c in found}.values())[:30]
 
 
-def plainly(item: Watched, candidates: list[Candidate]) -> tuple[Array, Array, Array]:
+def plainly(item: TrackedTrial, candidates: list[Candidate]) -> tuple[Array, Array, Array]:
     """Columns freed of the pose (n, r, k), the gap freed of it (n, r), columns as they are (n, r, k)."""
     n = len(item.q)
     made = []
     for candidate in candidates:
         for column in candidate.columns:
             gap, pose, spots = Generators.of(item, [p.spot for p in column.parts]).at(item, slice(0, n))
-            course = shapes([p.profile for p in column.parts], item)
+            course = values_of([p.profile for p in column.parts], item)
             gains = candidate.holds_in(item.name) * np.array([p.gain for p in column.parts])
             made.append(np.einsum("nrs,sn,s->nr", spots, course, gains))
     raw = np.stack(made, axis=2)
@@ -47,17 +48,17 @@ def plainly(item: Watched, candidates: list[Candidate]) -> tuple[Array, Array, A
 
 
 @pytest.fixture(scope="module")
-def watched() -> tuple[Watched, ...]:
+def watched() -> tuple[TrackedTrial, ...]:
     someone = person()
-    return account(someone.model, recorded(someone, someone.model)).watched[:2]
+    return fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).tracked[:2]
 
 
-def gathered(watched: tuple[Watched, ...], picked: list[Candidate], *, together: bool) -> Evidence:
-    return gather(watched, picked[:3], picked[3:], STRETCH_S, together=together)
+def gathered(watched: tuple[TrackedTrial, ...], picked: list[Candidate], *, together: bool) -> Evidence:
+    return MARKERS.gather(watched, picked[:3], picked[3:], STRETCH_S, together=together)
 
 
 def test_sums_are_those_of_columns_made_one_by_one(
-    watched: tuple[Watched, ...], picked: list[Candidate]
+    watched: tuple[TrackedTrial, ...], picked: list[Candidate]
 ) -> None:
     found = gathered(watched, picked, together=True)
     own = scores = raw = 0.0
@@ -68,33 +69,33 @@ def test_sums_are_those_of_columns_made_one_by_one(
         own, scores = own + flat.T @ flat, scores + flat.T @ gap.ravel()
         raw, square = raw + np.square(plain).sum(axis=(0, 1)), square + float((gap**2).sum())
     size = np.sqrt(np.diag(np.asarray(own)))
-    got = sum(s.own for s in found.stretches)
+    got = sum(s.own for s in found.blocks)
     np.testing.assert_allclose(got / np.outer(size, size), own / np.outer(size, size), atol=1e-6)
-    np.testing.assert_allclose(sum(s.scores for s in found.stretches) / size, scores / size, atol=1e-5)
+    np.testing.assert_allclose(sum(s.scores for s in found.blocks) / size, scores / size, atol=1e-5)
     np.testing.assert_allclose(found.raw, raw, rtol=1e-5)
-    assert sum(s.square for s in found.stretches) == pytest.approx(square, rel=1e-6)
+    assert sum(s.square for s in found.blocks) == pytest.approx(square, rel=1e-6)
 
 
 def test_groups_by_themselves_are_parts_of_all_together(
-    watched: tuple[Watched, ...], picked: list[Candidate]
+    watched: tuple[TrackedTrial, ...], picked: list[Candidate]
 ) -> None:
     every, apart = (gathered(watched, picked, together=together) for together in (True, False))
-    for one, other in zip(every.apart().stretches, apart.stretches, strict=True):
+    for one, other in zip(every.apart().blocks, apart.blocks, strict=True):
         np.testing.assert_allclose(one.own, other.own, rtol=1e-9, atol=1e-9 * np.abs(one.own).max())
         np.testing.assert_allclose(one.cross, other.cross, rtol=1e-9, atol=1e-9 * np.abs(one.cross).max())
         np.testing.assert_allclose(one.scores, other.scores, rtol=1e-9, atol=1e-9)
 
 
-def test_arranged_anew_is_as_gathered_so(watched: tuple[Watched, ...], picked: list[Candidate]) -> None:
+def test_arranged_anew_is_as_gathered_so(watched: tuple[TrackedTrial, ...], picked: list[Candidate]) -> None:
     """Some of what was looked at as nuisances, and the rest in another order."""
-    every = gather(watched, (), picked, STRETCH_S, together=True)
+    every = MARKERS.gather(watched, (), picked, STRETCH_S, together=True)
     known, others = picked[3:6], [*picked[8:], *picked[:3]]
     rows = {c.key: np.r_[span] for c, span in zip(picked, every.groups, strict=True)}
     arranged = every.arranged(np.concatenate([rows[c.key] for c in known]), [rows[c.key] for c in others])
-    wanted = gather(watched, known, others, STRETCH_S, together=True)
+    wanted = MARKERS.gather(watched, known, others, STRETCH_S, together=True)
     assert (arranged.nuisances, arranged.groups) == (wanted.nuisances, wanted.groups)
     np.testing.assert_allclose(arranged.raw, wanted.raw, rtol=1e-9)
-    for one, other in zip(arranged.stretches, wanted.stretches, strict=True):
+    for one, other in zip(arranged.blocks, wanted.blocks, strict=True):
         np.testing.assert_allclose(one.own, other.own, rtol=1e-9, atol=1e-9 * np.abs(one.own).max())
         np.testing.assert_allclose(one.cross, other.cross, rtol=1e-9, atol=1e-9 * np.abs(one.own).max())
 
@@ -102,9 +103,9 @@ def test_arranged_anew_is_as_gathered_so(watched: tuple[Watched, ...], picked: l
 def test_loads_made_together_are_those_made_one_by_one(tmp_path_factory: pytest.TempPathFactory) -> None:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
     prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, STRETCH_S)
-    now = account(prepared.model, prepared.recordings)
-    weighed = now.weighed[0]
-    loads = [column.load for c in candidates(scene_of(now)) if c.of_forces for column in c.columns]
+    now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
+    weighed = now.wrenches[0]
+    loads = [column.load for c in candidates(now.scene) if c.seen_in == "wrench" for column in c.columns]
     loads = list(dict.fromkeys(load for load in loads if load is not None))
     assert len({type(load) for load in loads}) >= 8
     made = columns_of(loads, weighed)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.laws.onsets import onset
+from scaling_service.capabilities.discovery.laws.contacts import onset
 from scaling_service.numerics.multibody.laws import Array
 
 TIMES = np.arange(0.0, 2.0, 0.01)

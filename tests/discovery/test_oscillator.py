@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.laws.oscillator import (
+from scaling_service.capabilities.discovery.observations.oscillator import (
     oscillate,
     oscillator_taps,
     pulled,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from scaling_service.capabilities.discovery.laws.additions import with_effects
-from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.search.discover import discover
 from tests.discovery.hidden import person, recorded, sized
 
 

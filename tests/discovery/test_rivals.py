@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import Account, Recording, account, scene_of
-from scaling_service.capabilities.discovery.laws.additions import Sized
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Contact
-from scaling_service.capabilities.discovery.search.catalogue import candidates
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.findings import Named
-from scaling_service.capabilities.discovery.search.judging import Fitted
-from scaling_service.capabilities.discovery.search.option import Option
-from scaling_service.capabilities.discovery.search.refining import misfit, refined
-from scaling_service.capabilities.discovery.search.rivals import Naming, better_rival, revisited
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
+from scaling_service.capabilities.discovery.search.estimation import estimate, misfit
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.rivals import better_rival, rename
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.model.body import Vector
@@ -28,16 +26,16 @@ POINT = (0.08, 0.25, -0.1)
 START_S, END_S = 0.5, 1.9
 
 
-def named_anew(option: Option, _: Account) -> Named:
+def named_anew(option: ScoredCandidate, _: Fit) -> NamedEffect:
     """As if it had passed."""
-    return passed(Sized(option.candidate, option.fitted.size))
+    return passed(Estimate(option.candidate, option.fitted.size))
 
 
-def touching(segment: str, point: Vector) -> Named:
+def touching(segment: str, point: Vector) -> NamedEffect:
     """A contact that was named."""
     change = Contact(segment, START_S, END_S, point)
     candidate = Candidate("external_contact", (segment,), (), trials=("sway",), change=change)
-    return passed(Sized(candidate, np.zeros(0)))
+    return passed(Estimate(candidate, np.zeros(0)))
 
 
 @pytest.fixture(scope="module")
@@ -48,26 +46,30 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
 
 def pushed(prepared: Prepared) -> list[Recording]:
     """Recordings in one of which something pushes the trunk, by what the plates bear less."""
-    (item,) = (w for w in account(prepared.model, prepared.recordings).weighed if w.name == "sway")
+    (item,) = (
+        w
+        for w in fit_recordings(SearchContext(prepared.model, prepared.recordings)).wrenches
+        if w.name == "sway"
+    )
     course = np.clip(np.minimum(item.times - START_S, END_S - item.times) / 0.2, 0.0, 1.0)
     angle = 2.0 * np.pi * (item.times - START_S)
     force = 30.0 * course[:, None] * np.stack([np.cos(angle), 0.3 + 0.0 * angle, np.sin(angle)], axis=1)
     origin, axes = item.segment_frame("torso")
     place = origin + np.einsum("njk,j->nk", axes, np.array(POINT))
-    ground = item.footing.ground
+    ground = item.contacts.ground
     half = 0.5 * force[:, None]
     borne = replace(ground, force=ground.force - half, moment=ground.moment - np.cross(place[:, None], half))
-    footing = replace(item.footing, ground=borne)
-    return [replace(r, footing=footing) if r.trial.name == "sway" else r for r in prepared.recordings]
+    footing = replace(item.contacts, ground=borne)
+    return [replace(r, contacts=footing) if r.trial.name == "sway" else r for r in prepared.recordings]
 
 
 def scaled(recording: Recording, gain: float) -> Recording:
     """As if the first plate measured too much."""
-    assert recording.footing is not None
-    ground = recording.footing.ground
+    assert recording.contacts is not None
+    ground = recording.contacts.ground
     factor = np.where(np.array(ground.plates) == "plate_1", gain, 1.0)[:, None]
     ground = replace(ground, force=factor * ground.force, moment=factor * ground.moment)
-    return replace(recording, footing=replace(recording.footing, ground=ground))
+    return replace(recording, contacts=replace(recording.contacts, ground=ground))
 
 
 @pytest.mark.parametrize(("gain", "plate"), [(1.1, "plate_1"), (2.0, "plate_2")])
@@ -75,15 +77,14 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
     prepared: Prepared, gain: float, plate: str
 ) -> None:
     recordings = [scaled(r, gain) for r in prepared.recordings]
-    start = account(prepared.model, recordings)
-    choice = [c for c in candidates(scene_of(start)) if not c.trials]
+    start = fit_recordings(SearchContext(prepared.model, recordings))
+    choice = [c for c in candidates(start.scene) if not c.trials]
     right, wrong = (c for c in choice if c.kind == "plate_gain")
     other = next(c for c in choice if c.kind == "plate_position")
-    early = replace(passed(Sized(wrong, np.zeros(1))), rivals=(wrong, right))
-    later = passed(Sized(other, np.zeros(len(other.columns))))
-    settings = DiscoverySettings()
-    now = refined(start, recordings, [early.effect, later.effect], settings.stretch_s)
-    kept, after = revisited([early, later], now, Naming(recordings, settings, 100, named_anew))
+    early = replace(passed(Estimate(wrong, np.zeros(1))), rivals=(wrong, right))
+    later = passed(Estimate(other, np.zeros(len(other.columns))))
+    now = estimate(start, [early.effect, later.effect])
+    kept, after = rename([early, later], now, named_anew)
     assert kept[0].effect.candidate.where == (plate,)
     assert {e.candidate.key for e in after.effects} == {n.effect.candidate.key for n in kept}
 
@@ -91,16 +92,15 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
 def test_a_rival_that_needs_fewer_numbers_for_more_gets_the_name(prepared: Prepared) -> None:
     """A bias that is as large as the weight makes it is a gain."""
     recordings = [scaled(r, 1.1) for r in prepared.recordings]
-    start = account(prepared.model, recordings)
-    choice = [c for c in candidates(scene_of(start)) if not c.trials and c.where == ("plate_1",)]
+    start = fit_recordings(SearchContext(prepared.model, recordings))
+    choice = [c for c in candidates(start.scene) if not c.trials and c.where == ("plate_1",)]
     bias = next(c for c in choice if c.kind == "plate_bias")
     gain = next(c for c in choice if c.kind == "plate_gain")
     turn = next(c for c in choice if c.kind == "plate_rotation")
-    early = replace(passed(Sized(bias, np.zeros(len(bias.columns)))), rivals=(bias, gain))
-    later = passed(Sized(turn, np.zeros(len(turn.columns))))
-    settings = DiscoverySettings()
-    now = refined(start, recordings, [early.effect, later.effect], settings.stretch_s)
-    kept, _ = revisited([early, later], now, Naming(recordings, settings, 100, named_anew))
+    early = replace(passed(Estimate(bias, np.zeros(len(bias.columns)))), rivals=(bias, gain))
+    later = passed(Estimate(turn, np.zeros(len(turn.columns))))
+    now = estimate(start, [early.effect, later.effect])
+    kept, _ = rename([early, later], now, named_anew)
     assert [n.effect.candidate.kind for n in kept] == ["plate_gain", "plate_rotation"]
 
 
@@ -115,12 +115,12 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
     mine, rival = (Candidate("marker_offset", (marker,), ()) for marker in ("C7", "RSHO"))
     level = np.linspace(0.9, 1.1, 20)
 
-    def option(candidate: Candidate, size: float, fitted_p: float) -> Option:
+    def option(candidate: Candidate, size: float, fitted_p: float) -> ScoredCandidate:
         fitted = Fitted(np.zeros(1), np.eye(1), size, 1.0, fitted_p, 1.0, 15.0)
-        return Option(candidate, fitted, size * level, Unseen(gain, unseen_p, folds=False))
+        return ScoredCandidate(candidate, fitted, size * level, HeldOut(gain, unseen_p, folds=False))
 
     options = [option(rival, 60.0, p), option(mine, 20.0, 1e-4)]
-    found = better_rival(passed(Sized(mine, np.zeros(1))), options, DiscoverySettings())
+    found = better_rival(passed(Estimate(mine, np.zeros(1))), options, DiscoverySettings())
     assert (found is options[0]) == taken
     assert found is None or taken
 
@@ -128,12 +128,12 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
 @pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])
 def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vector) -> None:
     recordings = pushed(prepared)
-    scene = scene_of(account(prepared.model, recordings))
+    scene = fit_recordings(SearchContext(prepared.model, recordings)).scene
     load = next(c for c in candidates(scene) if c.kind == "plate_gain" and not c.trials)
     early = touching(segment, point)
-    later = passed(Sized(load, np.zeros(1)))
-    now = account(prepared.model, recordings, (), [early.effect, later.effect])
-    kept, after = revisited([early, later], now, Naming(recordings, DiscoverySettings(), 100, named_anew))
+    later = passed(Estimate(load, np.zeros(1)))
+    now = fit_recordings(SearchContext(prepared.model, recordings), (), [early.effect, later.effect])
+    kept, after = rename([early, later], now, named_anew)
     contact = kept[0].effect.candidate.change
     assert isinstance(contact, Contact)
     assert contact.segment == "torso"

@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects import marker_offset
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.judging import NOTHING
-from scaling_service.capabilities.discovery.search.option import Option
-from scaling_service.capabilities.discovery.search.widest import widest
-from scaling_service.capabilities.discovery.search.workflow import discover
+from scaling_service.capabilities.discovery.search.discover import discover
+from scaling_service.capabilities.discovery.search.selection import keep_widest
 from tests.discovery.hidden import candidate, hide, person, recorded
 
 MOVED_MM = (10.0, 0.0, 10.0)
@@ -41,7 +40,7 @@ def test_a_marker_that_was_stuck_on_again_is_found_in_its_recordings(trials: tup
 def test_a_place_that_is_free_does_not_hide_that_it_changed() -> None:
     """A calibration takes the mean; the other recordings tell what is free of all from what is in some."""
     mean = 0.5e-3 * np.array(MOVED_MM)
-    free = [Sized(replace(candidate("marker_offset", STUCK), note="as calibrated"), mean)]
+    free = [Estimate(replace(candidate("marker_offset", STUCK), note="as calibrated"), mean)]
     (named,) = discover(person().model, moved("gait_1", "gait_2"), free).findings.named
     assert named.effect.candidate.where == (STUCK,)
     assert named.effect.candidate.trials in {("knee_r",), ("gait_1", "gait_2")}
@@ -51,13 +50,15 @@ def test_a_place_that_is_free_does_not_hide_that_it_changed() -> None:
 def test_scopes_are_all_trials_each_and_all_since_each() -> None:
     scene = Scene(person().model, (STUCK,), (), ("a", "b", "c"), (), ("a",))
     assert scene.scopes == ((), ("a",), ("b",), ("c",), ("b", "c"))
-    assert scene.scopes_of_forces == ((),)
-    assert [c.trials for c in marker_offset.candidates(scene)] == list(scene.scopes)
+    assert scene.scopes_with_forces == ((),)
+    assert [c.trials for c in candidates(scene, ["marker_offset"])] == list(scene.scopes)
 
 
-def option(*trials: str) -> Option:
+def option(*trials: str) -> ScoredCandidate:
     """The same effect in some trials; () for all."""
-    return Option(Candidate("marker_offset", (STUCK,), (), trials=trials), NOTHING, None, Unseen(1, 0, False))
+    return ScoredCandidate(
+        Candidate("marker_offset", (STUCK,), (), trials=trials), NOTHING, None, HeldOut(1, 0, False)
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +74,7 @@ def option(*trials: str) -> Option:
 def test_the_wider_of_two_scopes_stays_where_gains_do_not_compare(
     passing: list[tuple[str, ...]], kept: list[tuple[str, ...]]
 ) -> None:
-    found = widest([option(*trials) for trials in passing], "abcd", "ab")
+    found = keep_widest([option(*trials) for trials in passing], "abcd", "ab", DiscoverySettings())
     assert [o.candidate.trials for o in found] == kept
 
 
@@ -86,4 +87,4 @@ def test_what_is_in_the_first_trial_alone_or_reversed_in_all_others_is_in_the_ot
     both = [
         replace(o, fitted=replace(NOTHING, gain=gain)) for o, gain in zip(both, (in_first, 1.0), strict=True)
     ]
-    assert [o.candidate.trials for o in widest(both, "abc", "ab")] == kept
+    assert [o.candidate.trials for o in keep_widest(both, "abc", "ab", DiscoverySettings())] == kept

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
-from scaling_service.capabilities.discovery.evidence.spots import At
-from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Exchange, FreeMotion
-from scaling_service.capabilities.discovery.search.workflow import Discovery, discover
+from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange, FreeMotion
+from scaling_service.capabilities.discovery.laws.spots import At
+from scaling_service.capabilities.discovery.search.discover import Discovery, discover
 from scaling_service.model.trial import Trial
 from tests.discovery.hidden import hide, person, recorded
 
@@ -44,7 +44,7 @@ def test_a_hidden_effect_is_named(
     whitened = result.findings.held_out.levels["whitened"]
     assert whitened.before - whitened.after > 0.9 * (whitened.before - 1.0)
     before, after = (
-        sum(i.square for i in a.watched if i.role == "held_out") for a in (result.before, result.after)
+        sum(i.square for i in a.tracked if i.role == "held_out") for a in (result.before, result.after)
     )
     assert after < before
 
@@ -64,7 +64,7 @@ def test_a_locked_motion_is_found_with_its_axis(at: At, axis: int, rms_deg: floa
     about[axis] = 1.0
     hidden = FreeMotion("tibia_r", at, "rotation", (about[0], about[1], about[2]))
     free = Candidate("missing_dof", ("knee_r",), (), note="extra turn", change=hidden)
-    truth = with_effects(person().model, [Sized(free, np.zeros(0))], "")
+    truth = with_effects(person().model, [Estimate(free, np.zeros(0))], "")
     course = np.radians(rms_deg) * np.sqrt(2.0) * np.sin(2.0 * np.pi * 0.7 * np.arange(500) / 100.0)
     (named,) = found(recorded(person(), truth, more=course)).findings.named
     change = named.effect.candidate.change

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import account
-from scaling_service.capabilities.discovery.laws.additions import with_effects
-from scaling_service.capabilities.discovery.search.options import compared
-from scaling_service.capabilities.discovery.search.withdrawn import Withdrawable
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.search.elimination import Removable
 from tests.discovery.hidden import candidate, person, recorded, sized
 
 
@@ -18,16 +19,16 @@ def test_taking_back_is_to_first_order_what_following_anew_says() -> None:
     rival = candidate("joint_centre_offset", "hip_r")
     recordings = recorded(person(), with_effects(person().model, [offset, artefact], ""))
     model = person().model
-    now = account(model, recordings, (), [offset, artefact])
-    without = account(model, recordings, (), [artefact])
+    now = fit_recordings(SearchContext(model, recordings), (), [offset, artefact])
+    without = fit_recordings(SearchContext(model, recordings), (), [artefact])
 
-    known = Withdrawable.of(now, [rival], 0.5, of_forces=False)
+    known = Removable.of(now, MARKERS, [rival])
     quick = {o.candidate.key: o for o in known.without(offset, [rival])}
-    anew = {o.candidate.key: o for o in compared(without, [offset.candidate, rival], 0.5, 2)}
+    anew = {o.candidate.key: o for o in score_candidates(without, [offset.candidate, rival], 2)}
     assert set(quick) == set(anew)
     for key, option in anew.items():
         assert quick[key].fitted.expected == pytest.approx(option.fitted.expected, rel=0.02)
-        assert quick[key].unseen.gain == pytest.approx(option.unseen.gain, rel=0.05)
+        assert quick[key].held_out.gain == pytest.approx(option.held_out.gain, rel=0.05)
     own = quick[offset.candidate.key]
     np.testing.assert_allclose(own.fitted.size, offset.size, atol=2e-4)
-    assert own.unseen.p < 1e-3
+    assert own.held_out.p < 1e-3

@@ -6,21 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import (
+    Candidate,
+    Column,
+    Contact,
+    Estimate,
+    FreeMotion,
+)
 from scaling_service.capabilities.discovery.laws.loads import Inertial
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, Contact, FreeMotion
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, Named
-from scaling_service.capabilities.discovery.search.judging import NOTHING
+from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, NamedEffect
 
-UNSEEN = Unseen(0.5, 1e-4, False)
+UNSEEN = HeldOut(0.5, 1e-4, False)
 
 
-def named(candidate: Candidate, size: list[float], sd: list[float]) -> Named:
+def named(candidate: Candidate, size: list[float], sd: list[float]) -> NamedEffect:
     """An effect of known size and spread, the numbers independent."""
     covariance = np.diag(np.square(sd))
-    effect = Sized(candidate, np.array(size))
-    return Named(effect, covariance, {}, {}, {}, NOTHING, 0.01, UNSEEN, (), "")
+    effect = Estimate(candidate, np.array(size))
+    return NamedEffect(effect, covariance, NOTHING, 0.01, UNSEEN)
 
 
 LOAD = named(
@@ -75,7 +79,7 @@ TOUCH = replace(
 )
 
 
-def findings(*effects: Named) -> Findings:
+def findings(*effects: NamedEffect) -> Findings:
     """With a gap whose numbers are round, and a ceiling that is not known."""
     level = Level(0.010, 0.002, 0.001, float("nan"), 0.0015, 0.0025)
     force = Level(20.0, 5.0, 4.0, 10.0, 4.5, 5.5)

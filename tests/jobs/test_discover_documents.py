@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, QuantityDocument
 from scaling_service.capabilities.discovery.documents import discovery_document
-from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.words import known_kinds, meaning, shown
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
@@ -25,7 +25,7 @@ KINDS = {
 }  # fmt: skip
 
 
-def written(*effects: Named) -> dict[str, Any]:
+def written(*effects: NamedEffect) -> dict[str, Any]:
     """As it stands in the file."""
     results = replace(found(), findings=findings(*effects))
     text = json.dumps(discovery_document(results).model_dump(mode="json"), allow_nan=False)

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import Account, account, scene_of
-from scaling_service.capabilities.discovery.evidence.forces import corrected_forces
-from scaling_service.capabilities.discovery.evidence.performing import performed_on_plates
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.forces import usable_frames
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.apply import corrected_forces
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Contact, Estimate
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
+from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
 from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, Contact
-from scaling_service.capabilities.discovery.search.catalogue import candidates
-from scaling_service.capabilities.discovery.search.separating import would_separate
+from scaling_service.capabilities.discovery.search.naming import find_separating_movement
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.files.forces import read_forces, read_forces_from_table
@@ -35,7 +34,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
 
 
 def test_recordings_with_forces_are_weighed(prepared: Prepared) -> None:
-    assert set(prepared.forces.by_trial) == {r.trial.name for r in prepared.recordings if r.footing}
+    assert set(prepared.forces.by_trial) == {r.trial.name for r in prepared.recordings if r.contacts}
     assert len(prepared.forces.by_trial) == 2
     for name, footing in prepared.forces.by_trial.items():
         np.testing.assert_array_equal(footing.usable, prepared.forces.sources[name].contacts.supported)
@@ -93,11 +92,11 @@ def test_folders_without_forces_say_so(tmp_path: Path) -> None:
     assert not prepared.forces.by_trial
 
 
-GAIN = Sized(
+GAIN = Estimate(
     Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, neutral=1.0, load=PlateGain("plate_1")),)),
     np.array([0.05]),
 )
-TOUCH = Sized(
+TOUCH = Estimate(
     Candidate(
         "external_contact", ("torso",), (), trials=("sway",), change=Contact("torso", 0.5, 1.5, (0.0,) * 3)
     ),
@@ -107,7 +106,7 @@ TOUCH = Sized(
 
 def test_corrected_forces_are_those_of_the_file_without_the_fault(prepared: Prepared, tmp_path: Path) -> None:
     """Not filtered, and at their own rate: a plate that measures 5 % too much is divided by 1.05."""
-    told = write_corrected(tmp_path, Account(prepared.model, (), (GAIN,), ()), prepared)
+    told = write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (GAIN,), ()), prepared)
     assert len(told) == 1
     path = next(p for p in prepared.subject.calibration if p.stem == "sway")
     given = read_forces(prepared.subject.forces[path.name])
@@ -125,7 +124,7 @@ def test_a_bias_is_taken_off_readings_only() -> None:
     loads[20:40, 0] = 0.0
     ground = ground_of(loads.tolist())
     column = Column("fx_N", 1.0, load=PlateBias("plate_1", 0))
-    bias = Sized(Candidate("plate_bias", ("plate_1",), (column,)), np.array([12.0]))
+    bias = Estimate(Candidate("plate_bias", ("plate_1",), (column,)), np.array([12.0]))
     mended = corrected_forces(ground, ground.times, [bias])
     expected = np.where(loads[:, :1] > 0.0, [-12.0, 350.0, 0.0], 0.0)
     np.testing.assert_allclose(mended.force[:, 0], expected)
@@ -133,18 +132,20 @@ def test_a_bias_is_taken_off_readings_only() -> None:
 
 
 def test_without_a_fault_nothing_is_corrected(prepared: Prepared, tmp_path: Path) -> None:
-    assert write_corrected(tmp_path, Account(prepared.model, (), (), ()), prepared) == ()
+    assert write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (), ()), prepared) == ()
     assert not (tmp_path / "corrected").exists()
 
 
 def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -> None:
-    found = account(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"], (), [TOUCH])
+    found = fit_recordings(
+        SearchContext(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"]), (), [TOUCH]
+    )
     assert write_contacts(tmp_path, found) == ("sway_contact.sto holds the force that was inferred",)
     table = read_sto(tmp_path / "sway_contact.sto")
     outside = (table.times < 0.4) | (table.times > 1.6)
     assert table.columns[1:] == tuple(f"contact_{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz"))
     assert not table.data[outside, 1:].any()
-    item = found.weighed[0]
+    item = found.wrenches[0]
     assert item.touched is not None
     np.testing.assert_allclose(table.times, item.times[item.usable])
     np.testing.assert_allclose(table.data[:, 1:], item.touched[item.usable], rtol=1e-9, atol=1e-9)
@@ -152,33 +153,33 @@ def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -
 
 def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_path: Path) -> None:
     everywhere = replace(TOUCH, candidate=replace(TOUCH.candidate, trials=()))
-    found = account(prepared.model, prepared.recordings, (), [everywhere])
+    found = fit_recordings(SearchContext(prepared.model, prepared.recordings), (), [everywhere])
     write_contacts(tmp_path, found)
-    assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.weighed}
+    assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.wrenches}
 
 
 def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepared) -> None:
     """The plates give what the movement needs, and standing still that is the weight."""
-    known = account(prepared.model, prepared.recordings).weighed[0]
+    known = fit_recordings(SearchContext(prepared.model, prepared.recordings)).wrenches[0]
     standing, squat = (performed_on_plates(known, movement) for movement in ("quiet standing", "a squat"))
     assert standing is not None
     assert squat is not None
     for made in (standing, squat):
-        np.testing.assert_allclose(made.gap[made.usable], 0.0, atol=1e-6)
+        np.testing.assert_allclose(made.residuals[made.usable], 0.0, atol=1e-6)
     assert standing.measured[:, 1].mean() == pytest.approx(known.mass * 9.81, rel=0.01)
-    assert set(standing.footing.ground.plates) <= set(known.footing.ground.plates)
-    heights = squat.item.task.measured[:, :, 1]
+    assert set(standing.contacts.ground.plates) <= set(known.contacts.ground.plates)
+    heights = squat.tracked.task.measured[:, :, 1]
     assert np.ptp(heights.max(axis=1)) > 0.1  # m: the head comes down
     assert np.ptp(heights.min(axis=1)) < 0.05  # and the feet stay
 
 
 def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared) -> None:
     """Standing, a tilted vertical pulls as a plate's bias does; two plates' biases always look alike."""
-    now = account(prepared.model, prepared.recordings)
-    every = list(candidates(scene_of(now)))
+    now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
+    every = list(candidates(now.scene))
     tilt = next(c for c in every if c.kind == "gravity_tilt")
     biases = [c for c in every if c.kind == "plate_bias" and not c.trials and len(c.columns) == 6]
-    leaning = Sized(tilt, np.array([0.01, 0.0]))
-    assert would_separate(leaning, biases[:1], now) not in ("", "quiet standing")
-    assert would_separate(Sized(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""
-    assert would_separate(leaning, (), now) == ""
+    leaning = Estimate(tilt, np.array([0.01, 0.0]))
+    assert find_separating_movement(leaning, biases[:1], now) not in ("", "quiet standing")
+    assert find_separating_movement(Estimate(biases[0], np.full(6, 5.0)), biases[1:2], now) == ""
+    assert find_separating_movement(leaning, (), now) == ""

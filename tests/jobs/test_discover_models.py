@@ -10,17 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects import (
-    coupled_motion,
-    joint_axis_tilt,
-    joint_centre_offset,
-    marker_offset,
-    segment_length,
-    skin_wobble,
-    soft_tissue_artefact,
-)
-from scaling_service.capabilities.discovery.evidence.fitting import Account
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.loads import Inertial, PlateGain, Tilt
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import (
@@ -29,7 +21,6 @@ from scaling_service.capabilities.discovery.models import (
     own_models,
     write_corrected_osim,
 )
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Column, FreeMotion
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.files.osim import read_osim, write_osim
@@ -46,28 +37,28 @@ MODEL = builtin("lower_limb_14dof")
 SCENE = Scene(MODEL, MODEL.marker_names, ("hip_flexion_r", "knee_angle_r"), ("a", "b"))
 
 
-def one(found: Iterable[Candidate], size: list[float], *where: str, trials: tuple[str, ...] = ()) -> Sized:
+def one(found: Iterable[Candidate], size: list[float], *where: str, trials: tuple[str, ...] = ()) -> Estimate:
     """The first candidate at a place, of known size (SI)."""
     candidate = next(c for c in found if c.where == where and c.trials == trials)
-    return Sized(candidate, np.array(size))
+    return Estimate(candidate, np.array(size))
 
 
-TILT = one(joint_axis_tilt.candidates(SCENE), [0.05, -0.03], "knee_r")
-LENGTH = one(segment_length.candidates(SCENE), [0.04], "femur_r")
-OFFSET = one(marker_offset.candidates(SCENE), [0.01, -0.02, 0.005], "RFH")
-CENTRE = one(joint_centre_offset.candidates(SCENE), [0.004, 0.01, -0.006], "hip_l")
-GLIDE = one(coupled_motion.candidates(SCENE), [0.005, 0.002, 0.0], "knee_r")
-SKIN = one(soft_tissue_artefact.candidates(SCENE), [0.01, 0.0, 0.02], "RLFE")
-SWINGING = one(skin_wobble.candidates(SCENE), [1.0], "RLFE")
-ONCE = one(marker_offset.candidates(SCENE), [0.01, 0.0, 0.0], "LFH", trials=("b",))
-FREE = Sized(
+TILT = one(candidates(SCENE, ["joint_axis_tilt"]), [0.05, -0.03], "knee_r")
+LENGTH = one(candidates(SCENE, ["segment_length"]), [0.04], "femur_r")
+OFFSET = one(candidates(SCENE, ["marker_offset"]), [0.01, -0.02, 0.005], "RFH")
+CENTRE = one(candidates(SCENE, ["joint_centre_offset"]), [0.004, 0.01, -0.006], "hip_l")
+GLIDE = one(candidates(SCENE, ["coupled_motion"]), [0.005, 0.002, 0.0], "knee_r")
+SKIN = one(candidates(SCENE, ["soft_tissue_artefact"]), [0.01, 0.0, 0.02], "RLFE")
+SWINGING = one(candidates(SCENE, ["skin_wobble"]), [1.0], "RLFE")
+ONCE = one(candidates(SCENE, ["marker_offset"]), [0.01, 0.0, 0.0], "LFH", trials=("b",))
+FREE = Estimate(
     Candidate(
         "missing_dof", ("knee_l",), (), note="extra turn",
         change=FreeMotion("tibia_l", "before", "rotation", (0.0, 1.0, 0.0)),
     ),
     np.zeros(0),
 )  # fmt: skip
-HEAVIER = Sized(
+HEAVIER = Estimate(
     Candidate(
         "segment_mass", ("tibia_r",), (Column("kg", 1.0, load=Inertial("tibia_r", (1.0, *([0.0] * 9)))),)
     ),
@@ -78,8 +69,8 @@ HEAVIER = Sized(
 ONE = np.array([0.05])
 
 
-def account(*effects: Sized, model: BodyModel = MODEL) -> Account:
-    return Account(model, (), effects, ())
+def account(*effects: Estimate, model: BodyModel = MODEL) -> Fit:
+    return Fit(SearchContext(model), (), effects, ())
 
 
 def prepared(model: BodyModel = MODEL, source: Path | None = None) -> Prepared:
@@ -150,10 +141,10 @@ def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
 def test_what_is_not_the_models_leaves_its_file_alone() -> None:
     """A plate's fault is taken out of the recording; a vertical that leans is OpenSim's gravity."""
     source = prepared(source=Path("given.osim"))
-    plate = Sized(
+    plate = Estimate(
         Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, load=PlateGain("plate_1")),)), ONE
     )
-    leaning = Sized(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
+    leaning = Estimate(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
     plan = osim_plan(account(plate, leaning), source)
     assert plan.amended
     assert plan.model == corrected_model(account())

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import account
-from scaling_service.capabilities.discovery.laws.additions import Sized
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Contact
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.files.sto import read_sto, write_sto
@@ -41,7 +40,7 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def test_frames_of_the_foot_without_a_plate_count(squat: tuple[Prepared, np.ndarray]) -> None:
-    footing = squat[0].recordings[0].footing
+    footing = squat[0].recordings[0].contacts
     assert footing is not None
     assert footing.usable.mean() > 0.95
     assert "plate_2" in footing.ground.plates  # of a third, which nobody stands on
@@ -55,8 +54,10 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
         "external_contact", ("calcn_l",), (), trials=("squats1",),
         change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0)),
     )  # fmt: skip
-    found = account(prepared.model, prepared.recordings, (), [Sized(contact, np.zeros(0))])
-    item = found.weighed[0]
+    found = fit_recordings(
+        SearchContext(prepared.model, prepared.recordings), (), [Estimate(contact, np.zeros(0))]
+    )
+    item = found.wrenches[0]
     assert item.touched is not None
     inferred = item.touched[item.usable, 1]
     measured = np.interp(item.times[item.usable], vertical[:, 0], vertical[:, 1])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.fit import LARGEST_M, check_fits, mirrored, typical_distance
 from scaling_service.capabilities.discovery.free import free_of
 from scaling_service.capabilities.discovery.limits import check_lengths, limits

@@ -19,17 +19,17 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
     Unit,
 )
-from scaling_service.capabilities.discovery.evidence.weighed import COMPONENTS
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.run import DiscoverResults
-from scaling_service.capabilities.discovery.search.candidates import Candidate
 from scaling_service.capabilities.discovery.search.findings import (
     Disagreement,
     Gap,
     Level,
-    Named,
+    NamedEffect,
     Unexplained,
 )
-from scaling_service.capabilities.discovery.search.option import Option
 from scaling_service.capabilities.discovery.sizes import finite, quantities, rounded
 from scaling_service.capabilities.discovery.words import sentence
 from scaling_service.capabilities.subject.provenance import repair_notes
@@ -104,26 +104,26 @@ def placed(candidate: Candidate) -> PlacedEffect:
     )
 
 
-def _effect(named: Named) -> EffectDocument:
+def _effect(named: NamedEffect) -> EffectDocument:
     candidate, numbers = named.effect.candidate, quantities(named)
     return EffectDocument(
         **placed(candidate).model_dump(),
         name=sentence(candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers),
         parameters=numbers,
         smallest_nameable={name: rounded(v) for name, v in named.smallest.items() if finite(v) is not None},
-        confusable_with=[placed(other) for other in named.confusable],
+        confusable_with=[placed(other) for other in named.equivalents],
         would_separate=named.would_separate or None,
         evidence=EvidenceDocument(
-            gain_held_out=finite(named.unseen.gain),
-            p_held_out=finite(named.unseen.p),
+            gain_held_out=finite(named.held_out.gain),
+            p_held_out=finite(named.held_out.p),
             p_family_wise=finite(named.p_family),
-            by_blocks=named.unseen.folds,
+            by_blocks=named.held_out.folds,
         ),
     )
 
 
-def _tried(option: Option) -> TriedDocument:
-    return TriedDocument(**placed(option.candidate).model_dump(), gain=finite(option.unseen.gain))
+def _tried(option: ScoredCandidate) -> TriedDocument:
+    return TriedDocument(**placed(option.candidate).model_dump(), gain=finite(option.held_out.gain))
 
 
 def _disagreement(item: Disagreement) -> DisagreementDocument:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.evidence.weighed import Footing, band_hz
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, band_hz
 from scaling_service.capabilities.dynamics.forces import (
     TrialForces,
     feet_of,
@@ -49,7 +49,7 @@ class Footings:
         What could not be used, and what follows from it.
     """
 
-    by_trial: Mapping[str, Footing] = field(default_factory=dict)
+    by_trial: Mapping[str, ContactAssignment] = field(default_factory=dict)
     sources: Mapping[str, TrialForces] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -84,7 +84,7 @@ def footings(loaded: Loaded, subject: Subject, model: BodyModel, cutoff_hz: floa
         return Footings(notes=(f"{lacking}: {NOT_TRIED}",))
     sources = {name: _turned(loaded, subject, name, *forces) for name, forces in read.items()}
     made = {
-        name: Footing(forces.ground, usable_frames(forces.ground, forces.contacts), cutoff_hz)
+        name: ContactAssignment(forces.ground, usable_frames(forces.ground, forces.contacts), cutoff_hz)
         for name, forces in sources.items()
     }
     without = [name for name in paths if name not in read]

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects import joint_axis_tilt, marker_offset, segment_length
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.search.candidates import Candidate
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.subject.settings import CalibrationSettings
@@ -21,13 +20,13 @@ from scaling_service.numerics.least_squares.masks import ever, seen
 NOTE = "as calibrated"
 """Marks them, so that they are not taken for effects that were named."""
 
-_SOURCES = {"length": segment_length, "axis": joint_axis_tilt, "marker": marker_offset}
+_SOURCES = {"length": "segment_length", "axis": "joint_axis_tilt", "marker": "marker_offset"}
 """The group of a calibration's parameter to the effect that is the same change."""
 
 
 def free_of(
     method: str, model: BodyModel, trials: Sequence[Trial], settings: CalibrationSettings
-) -> tuple[Sized, ...]:
+) -> tuple[Estimate, ...]:
     """The numbers that a method frees, at zero.
 
     Parameters
@@ -54,16 +53,16 @@ def _marked(model: BodyModel, shown: frozenset[str]) -> tuple[str, ...]:
     return tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
 
 
-def _of(scene: Scene, parameters: Sequence[Parameter]) -> Iterator[Sized]:
+def _of(scene: Scene, parameters: Sequence[Parameter]) -> Iterator[Estimate]:
     """One candidate for each thing that was freed, with the columns of its free numbers."""
     free: dict[tuple[str, str], set[str]] = {}
     for parameter in parameters:
         free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
     for (group, target), letters in free.items():
-        for candidate in _SOURCES[group].candidates(scene):
+        for candidate in candidates(scene, [_SOURCES[group]]):
             if candidate.where == (target,):
                 kept = _kept(candidate, letters, group)
-                yield Sized(kept, np.zeros(len(kept.columns)))
+                yield Estimate(kept, np.zeros(len(kept.columns)))
 
 
 def _kept(candidate: Candidate, letters: set[str], group: str) -> Candidate:

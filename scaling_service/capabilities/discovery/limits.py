@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.derivatives import MIN_SAMPLES
@@ -32,20 +32,20 @@ def check_lengths(trials: Sequence[Trial]) -> None:
             )
 
 
-def limits(recordings: Sequence[Recording], stretch_s: float) -> tuple[str, ...]:
+def limits(recordings: Sequence[Recording], block_s: float) -> tuple[str, ...]:
     """Plain sentences on what cannot be decided.
 
     Parameters
     ----------
     recordings : sequence of Recording
-    stretch_s : float
+    block_s : float
         Length of the stretches of time that count as independent, s.
     """
     lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
-    count = sum(max(2, int(length / stretch_s)) for length in lengths)
+    count = sum(max(2, int(length / block_s)) for length in lengths)
     if count >= _AT_LEAST:
         return ()
     return (
-        f"{sum(lengths):.1f} s to fit are {count} stretches of {stretch_s:g} s that count as independent: "
+        f"{sum(lengths):.1f} s to fit are {count} stretches of {block_s:g} s that count as independent: "
         "only strong effects can be told from chance, and hardly any from their likes",
     )

@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from scaling_service.capabilities.discovery.effects.joint_axis_tilt import KIND as TILT
-from scaling_service.capabilities.discovery.evidence.fitting import Account
-from scaling_service.capabilities.discovery.evidence.forces import weighty
-from scaling_service.capabilities.discovery.evidence.spots import MarkerSpot, SizeSpot, VolumeSpot
-from scaling_service.capabilities.discovery.laws.additions import Sized, with_effects
+from scaling_service.capabilities.discovery.effects.joints import AXIS_TILT as TILT
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
+from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion, Part
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Swing
-from scaling_service.capabilities.discovery.search.candidates import FreeMotion, Part
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Oscillation
+from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSpot, VolumeSpot
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
@@ -25,36 +24,36 @@ _EVERY = ""
 """A name of no trial: what holds in all of them."""
 
 
-def corrected_model(account: Account) -> BodyModel:
+def corrected_model(account: Fit) -> BodyModel:
     """The model with all that holds in every recording: shape, markers, masses."""
     return _with(account.model, _lasting(account))
 
 
-def own_models(account: Account) -> dict[str, BodyModel]:
+def own_models(account: Fit) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
     own = {trial for s in account.effects if _of_model(s) for trial in s.candidate.trials}
     return {
-        trial: _with(account.model, [s for s in account.everything if s.candidate.holds_in(trial)])
+        trial: _with(account.model, [s for s in account.estimates if s.candidate.holds_in(trial)])
         for trial in sorted(own)
     }
 
 
-def _with(model: BodyModel, effects: Sequence[Sized]) -> BodyModel:
+def _with(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
     own = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
-    return weighty(with_effects(model, own, _EVERY), own)
+    return with_inertial_changes(with_effects(model, own, _EVERY), own)
 
 
-def _lasting(account: Account) -> list[Sized]:
-    return [s for s in account.everything if not s.candidate.trials]
+def _lasting(account: Fit) -> list[Estimate]:
+    return [s for s in account.estimates if not s.candidate.trials]
 
 
-def _of_model(effect: Sized) -> bool:
+def _of_model(effect: Estimate) -> bool:
     """Whether an effect changes the model rather than the recording."""
     parts = _parts(effect)
-    return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Swing) for p in parts)
+    return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Oscillation) for p in parts)
 
 
-def _parts(effect: Sized) -> list[Part]:
+def _parts(effect: Estimate) -> list[Part]:
     return [part for column in effect.candidate.columns for part in column.parts]
 
 
@@ -81,9 +80,9 @@ class OsimPlan:
     tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def osim_plan(account: Account, prepared: Prepared) -> OsimPlan:
+def osim_plan(account: Fit, prepared: Prepared) -> OsimPlan:
     """Leave out what OpenSim cannot hold, effect by effect."""
-    kept: list[Sized] = []
+    kept: list[Estimate] = []
     left: list[str] = []
     for effect in _lasting(account):
         reason = _refusal(account.model, [*kept, effect], effect)
@@ -97,12 +96,14 @@ def osim_plan(account: Account, prepared: Prepared) -> OsimPlan:
     return OsimPlan(model, tuple(left), True, _factors(prepared, kept), _tilts(prepared, kept))
 
 
-def _refusal(model: BodyModel, kept: Sequence[Sized], effect: Sized) -> str:
+def _refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> str:
     """Why an OpenSim file cannot hold an effect; empty where it can."""
     parts, loads = _parts(effect), [column.load for column in effect.candidate.columns]
     if any(isinstance(load, Tilt) for load in loads):
         return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
-    if any(isinstance(p.profile, Swing) for p in parts) or any(isinstance(load, Wobbling) for load in loads):
+    if any(isinstance(p.profile, Oscillation) for p in parts) or any(
+        isinstance(load, Wobbling) for load in loads
+    ):
         return "nothing swings in model files; its numbers are in discovery.json"
     if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
         return "OpenSim's markers do not move on their segments; model.json holds it"
@@ -125,7 +126,7 @@ def _still(model: BodyModel) -> BodyModel:
     )
 
 
-def _amendable(effect: Sized) -> bool:
+def _amendable(effect: Estimate) -> bool:
     """Whether an effect is a change of sizes, axes, markers or masses, which a file can be given, or none."""
     if isinstance(effect.candidate.change, FreeMotion):
         return False
@@ -137,7 +138,7 @@ def _amendable(effect: Sized) -> bool:
     )
 
 
-def _factors(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, Vector]:
+def _factors(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, Vector]:
     known = dict(prepared.calibration.scale_factors) if prepared.calibration is not None else {}
     for effect in kept:
         for column, size in effect.columns:
@@ -149,7 +150,7 @@ def _factors(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, Vector]:
     return known
 
 
-def _tilts(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, tuple[float, float]]:
+def _tilts(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, tuple[float, float]]:
     known = dict(prepared.calibration.axis_tilts) if prepared.calibration is not None else {}
     for effect in kept:
         if effect.candidate.kind == TILT:
@@ -160,7 +161,7 @@ def _tilts(prepared: Prepared, kept: Sequence[Sized]) -> dict[str, tuple[float, 
     return known
 
 
-def write_corrected_osim(path: Path, account: Account, prepared: Prepared) -> tuple[str, ...]:
+def write_corrected_osim(path: Path, account: Fit, prepared: Prepared) -> tuple[str, ...]:
     """Write ``model.osim`` with all that OpenSim can hold.
 
     Returns

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.document import DiscoveryDocument
-from scaling_service.capabilities.discovery.evidence.watched import Watched
-from scaling_service.capabilities.discovery.evidence.weighed import COMPONENTS, Weighed
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.report.data import DiscoveryData, HeatMap
 from scaling_service.capabilities.discovery.report.style import AFTER, BEFORE
 from scaling_service.capabilities.discovery.run import DiscoverResults
@@ -52,17 +52,17 @@ def pictures(results: DiscoverResults, document: DiscoveryDocument) -> Discovery
     )
 
 
-def _pairs(results: DiscoverResults) -> list[tuple[Watched, Watched]]:
+def _pairs(results: DiscoverResults) -> list[tuple[TrackedTrial, TrackedTrial]]:
     """Every recording as followed before and after, the largest disagreement first."""
-    both = list(zip(results.before.watched, results.after.watched, strict=True))
+    both = list(zip(results.before.tracked, results.after.tracked, strict=True))
     return sorted(both, key=lambda pair: -_typical(pair[0]))
 
 
-def _typical(item: Watched) -> float:
+def _typical(item: TrackedTrial) -> float:
     return float(np.nanmean((item.residuals / item.floor[:, None]) ** 2))
 
 
-def _shown(results: DiscoverResults) -> list[tuple[Watched, Watched]]:
+def _shown(results: DiscoverResults) -> list[tuple[TrackedTrial, TrackedTrial]]:
     """A few recordings, at least one of each role, in the order in which they were given."""
     pairs = _pairs(results)
     chosen = pairs[:MOST_TRIALS]
@@ -70,21 +70,21 @@ def _shown(results: DiscoverResults) -> list[tuple[Watched, Watched]]:
         of_role = [pair for pair in pairs if pair[0].role == role]
         if of_role and not any(pair[0].role == role for pair in chosen):
             chosen = [*chosen[: MOST_TRIALS - 1], of_role[0]]
-    order = [item.name for item in results.before.watched]
+    order = [item.name for item in results.before.tracked]
     return sorted(chosen, key=lambda pair: order.index(pair[0].name))
 
 
 def _maps(results: DiscoverResults) -> Iterator[HeatMap]:
     ranking = [d.where for d in results.findings.disagreements]
-    weighed = {item.name: item for item in results.before.weighed}
-    after = {item.name: item for item in results.after.weighed}
+    weighed = {item.name: item for item in results.before.wrenches}
+    after = {item.name: item for item in results.after.wrenches}
     for before, now in _shown(results):
         yield _of_markers(before, now, ranking)
         if before.name in weighed and before.name in after:
             yield _of_wrench(weighed[before.name], after[before.name])
 
 
-def _of_markers(before: Watched, after: Watched, ranking: Sequence[str]) -> HeatMap:
+def _of_markers(before: TrackedTrial, after: TrackedTrial, ranking: Sequence[str]) -> HeatMap:
     """Markers in the order of the ranking, so that all recordings have the same."""
     away = [_MM * np.linalg.norm(item.residuals, axis=2) for item in (before, after)]
     order = sorted(range(len(before.markers)), key=lambda k: ranking.index(before.markers[k]))
@@ -95,9 +95,10 @@ def _of_markers(before: Watched, after: Watched, ranking: Sequence[str]) -> Heat
     )  # fmt: skip
 
 
-def _of_wrench(before: Weighed, after: Weighed) -> HeatMap:
+def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
     away = [
-        np.where(item.usable[:, None], np.abs(item.gap) / before.floor, np.nan) for item in (before, after)
+        np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan)
+        for item in (before, after)
     ]
     return _binned(
         before.name, before.role == "held_out", "floors", COMPONENTS, before.times, away[0], away[1]
@@ -136,7 +137,7 @@ def scene(results: DiscoverResults) -> Scene | None:
         None where no marker was seen.
     """
     before, after = max(
-        zip(results.before.watched, results.after.watched, strict=True), key=lambda pair: _largest(*pair)[0]
+        zip(results.before.tracked, results.after.tracked, strict=True), key=lambda pair: _largest(*pair)[0]
     )
     middle = _largest(before, after)[1]
     rows = _around(before.trial.times, middle)
@@ -162,7 +163,7 @@ def scene(results: DiscoverResults) -> Scene | None:
     )
 
 
-def _largest(before: Watched, after: Watched) -> tuple[float, int]:
+def _largest(before: TrackedTrial, after: TrackedTrial) -> tuple[float, int]:
     """By how much the mean square of a frame's distances falls at most, m2, and in which frame.
 
     Both are held against the corrected recording, so that it is the models that differ. Not at the very ends,
@@ -190,7 +191,7 @@ def _around(times: Array, middle: int) -> Rows:
     return np.asarray(middle + step * np.arange(-half, half + 1), dtype=np.intp)
 
 
-def _body(name: str, colour: str, item: Watched, rows: Rows, labels: tuple[str, ...]) -> Body:
+def _body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: tuple[str, ...]) -> Body:
     drawing = Drawing(item.task.model)
     for label in labels:
         drawing.add_marker(label)

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.fitting import Account
-from scaling_service.capabilities.discovery.evidence.forces import corrected_forces
-from scaling_service.capabilities.discovery.evidence.spots import VolumeSpot
-from scaling_service.capabilities.discovery.evidence.weighed import COMPONENTS
-from scaling_service.capabilities.discovery.laws.additions import Sized, corrected
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.apply import corrected_forces, corrected_trial
+from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.loads import (
     Late,
     PlateBias,
@@ -19,7 +17,8 @@ from scaling_service.capabilities.discovery.laws.loads import (
     PlateShift,
     PlateTurn,
 )
-from scaling_service.capabilities.discovery.search.candidates import Contact, Exchange
+from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.dynamics.forces import read_trial_forces
 from scaling_service.files.sto import Table, write_sto
@@ -37,7 +36,7 @@ SAID = (
 )
 
 
-def write_corrected(folder: Path, account: Account, prepared: Prepared) -> tuple[str, ...]:
+def write_corrected(folder: Path, account: Fit, prepared: Prepared) -> tuple[str, ...]:
     """Write all recordings, corrected, where any of them was at fault.
 
     One set in one system of axes, so that it can be used in place of the given one.
@@ -64,7 +63,7 @@ def write_corrected(folder: Path, account: Account, prepared: Prepared) -> tuple
     session = prepared.loaded.session
     static = () if session.static is None else (session.static,)
     for trial in (*static, *session.dynamic):
-        write_trc(place / f"{trial.name}.trc", corrected(trial, effects))
+        write_trc(place / f"{trial.name}.trc", corrected_trial(trial, effects))
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
         if path.stem in prepared.forces.by_trial:
             ground = _as_recorded(path, prepared)
@@ -74,12 +73,12 @@ def write_corrected(folder: Path, account: Account, prepared: Prepared) -> tuple
     return (SAID,)
 
 
-def _of_markers(effect: Sized) -> bool:
+def _of_markers(effect: Estimate) -> bool:
     scaled = any(isinstance(p.spot, VolumeSpot) for c in effect.candidate.columns for p in c.parts)
     return scaled or isinstance(effect.candidate.change, Exchange)
 
 
-def _of_forces(effect: Sized) -> bool:
+def _of_forces(effect: Estimate) -> bool:
     return any(isinstance(column.load, _OF_PLATES) for column in effect.candidate.columns)
 
 
@@ -109,14 +108,14 @@ def forces_table(name: str, ground: GroundForces) -> Table:
     return Table(name, tuple(names), np.column_stack([ground.times, columns]), in_degrees=False)
 
 
-def write_contacts(folder: Path, account: Account) -> tuple[str, ...]:
+def write_contacts(folder: Path, account: Fit) -> tuple[str, ...]:
     """Write what a contact that no plate measured must have been, ``TRIAL_contact.sto``.
 
     Force on the body (N) and its moment about the origin of the ground (N m), zero outside the contact.
     Frames in which it cannot be known, such as the first and last tenths of a second, are left out.
     """
     written = []
-    for item in account.weighed:
+    for item in account.wrenches:
         if item.touched is not None and _touched(item.name, account.effects):
             table = Table(
                 f"{item.name}_contact",
@@ -129,6 +128,6 @@ def write_contacts(folder: Path, account: Account) -> tuple[str, ...]:
     return tuple(written)
 
 
-def _touched(trial: str, effects: Sequence[Sized]) -> bool:
+def _touched(trial: str, effects: Sequence[Estimate]) -> bool:
     """Whether something that no plate measures touches the body in this trial."""
     return any(isinstance(e.candidate.change, Contact) and e.candidate.holds_in(trial) for e in effects)

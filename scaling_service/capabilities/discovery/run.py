@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scaling_service.capabilities.discovery.document import HiddenDocument
-from scaling_service.capabilities.discovery.evidence.fitting import Account
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.search.discover import discover as searched
 from scaling_service.capabilities.discovery.search.findings import Findings
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
-from scaling_service.capabilities.discovery.search.workflow import discover as searched
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.capabilities.subject.loading import Loaded
@@ -51,8 +51,8 @@ class DiscoverResults:
     settings: Settings
     search: DiscoverySettings
     findings: Findings
-    before: Account
-    after: Account
+    before: Fit
+    after: Fit
     wall_s: float = 0.0
     subject_file: Path | None = None
     hidden: Sequence[HiddenDocument] | None = None
@@ -121,7 +121,7 @@ def run(
     clock = time.perf_counter() if started is None else started
     report = progress or _silent
     prepared = prepare(
-        loaded, chosen, settings, search.stretch_s, lambda what, share: report(what, _PREPARING * share)
+        loaded, chosen, settings, search.block_s, lambda what, share: report(what, _PREPARING * share)
     )
     with blamed_on(None, recordings(loaded.session.subject)):
         found = searched(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.watched import Watched
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.run import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.playback.document import SceneDocument
@@ -24,7 +24,7 @@ def scene_of_discovery(results: DiscoverResults, outputs: Path) -> SceneDocument
 
     ``outputs``: the folder of the job's files.
     """
-    pairs = list(zip(results.before.watched, results.after.watched, strict=True))
+    pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
     bones = _bones(results.prepared)
     bodies = [
         Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
@@ -49,7 +49,7 @@ def _bones(prepared: Prepared) -> dict[str, Bone]:
     return local_bones(prepared.calibration, coarse)
 
 
-def _watched(name: str, item: Watched) -> Played:
+def _watched(name: str, item: TrackedTrial) -> Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
     return Played(name, model, item.q, item.markers, distances, frozenset(model.coordinate_names))

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from scaling_service.capabilities.discovery.document import QuantityDocument
-from scaling_service.capabilities.discovery.search.candidates import Candidate, FreeMotion
-from scaling_service.capabilities.discovery.search.findings import Named
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.numerics.multibody.laws import Array
 
 _DIGITS = 6
@@ -17,7 +17,7 @@ _DIGITS = 6
 _MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
 
 
-def quantities(named: Named) -> dict[str, QuantityDocument]:
+def quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
     """Every number of an effect by its name in the results.
 
     Parameters
@@ -38,7 +38,7 @@ def quantities(named: Named) -> dict[str, QuantityDocument]:
     return found
 
 
-def _in_results(named: Named) -> tuple[Array, Array]:
+def _in_results(named: NamedEffect) -> tuple[Array, Array]:
     """Values and covariance in the units of the results."""
     columns = named.effect.candidate.columns
     units = np.array([column.unit for column in columns])

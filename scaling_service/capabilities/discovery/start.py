@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from scaling_service.capabilities.discovery.evidence.fitting import Recording
+from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.fit import check_fits
 from scaling_service.capabilities.discovery.forces import Footings, footings
 from scaling_service.capabilities.discovery.free import free_of
-from scaling_service.capabilities.discovery.laws.additions import Sized
+from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.limits import check_lengths, limits
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.dynamics.start import Massive, with_inertia
@@ -53,7 +53,7 @@ class Prepared:
     start: str
     model: BodyModel
     recordings: tuple[Recording, ...]
-    free: tuple[Sized, ...] = ()
+    free: tuple[Estimate, ...] = ()
     forces: Footings = field(default_factory=Footings)
     calibration: Calibration | None = None
     notes: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ def prepare(
     loaded: Loaded,
     chosen: DiscoverSettings,
     settings: Settings,
-    stretch_s: float,
+    block_s: float,
     progress: Progress | None = None,
 ) -> Prepared:
     """Scale the model, read the forces, and look whether the model follows the recordings at all.
@@ -99,7 +99,7 @@ def prepare(
         Recordings neither smoothed nor filled.
     chosen : DiscoverSettings
     settings : Settings
-    stretch_s : float
+    block_s : float
         Length of the stretches of time that count as independent, s.
     progress : callable, optional
 
@@ -131,7 +131,7 @@ def prepare(
         *warnings,
         *(massive.notes if forces.by_trial else ()),
         *forces.notes,
-        *limits(used, stretch_s),
+        *limits(used, block_s),
     )
     return Prepared(
         loaded, method, massive.model, used, free, forces, calibration, tuple(dict.fromkeys(notes))

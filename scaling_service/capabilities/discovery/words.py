@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from scaling_service.capabilities.discovery.document import QuantityDocument
-from scaling_service.capabilities.discovery.search.catalogue import kinds
+from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.core.text import few
 from scaling_service.report.methods import words
 
@@ -25,12 +25,12 @@ _SUFFIXES = (
 
 def meaning(kind: str) -> str:
     """What an effect is, in a sentence without its place."""
-    return kinds()[kind].meaning
+    return known_effects()[kind].meaning
 
 
 def known_kinds() -> tuple[str, ...]:
     """All kinds of effects that the search knows."""
-    return tuple(kinds())
+    return tuple(known_effects())
 
 
 def sentence(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from scaling_service.capabilities.discovery.evidence.spots import LETTERS, JointSpot, MarkerSpot, Spot
+from scaling_service.capabilities.discovery.laws.candidates import Column, Part
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Following, Profile
-from scaling_service.capabilities.discovery.search.candidates import Column, Part
+from scaling_service.capabilities.discovery.laws.spots import LETTERS, JointSpot, MarkerSpot, Spot
 
 MM = 1e3
 DEG = 180.0 / math.pi
 MM_PER_DEG = MM / DEG
-
 MOST_MM_PER_DEG = 3.0
 """Chosen: over 60 degrees of knee flexion this is 180 mm, far more than skin moves."""
 
@@ -35,38 +34,21 @@ def turn_of(segment: str) -> Spots:
     return lambda axis: [JointSpot(segment, "before", "rotation", axis)]
 
 
-def shifts(
-    spots: Spots,
-    *,
-    suffix: str = "_mm",
-    unit: float = MM,
-    profile: Profile = ALWAYS,
-    most: float,
-) -> tuple[Column, ...]:
-    """A column for each axis, of ``most`` at most; ``spots`` gives what moves together along one."""
+def shifts(spots: Spots, *, most: float, driver: str | None = None) -> tuple[Column, ...]:
+    """A column for each axis, of ``most`` mm at most: constant, or per degree of a coordinate."""
+    if driver is None:
+        return _along_axes(spots, "_mm", MM, ALWAYS, most)
+    return _along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver), most)
+
+
+def turns(spots: Spots, *, driver: str) -> tuple[Column, ...]:
+    """A column for each axis, of a degree per degree of a coordinate at most."""
+    return _along_axes(spots, "_deg_per_deg", 1.0, Following(driver), 1.0)
+
+
+def _along_axes(spots: Spots, suffix: str, unit: float, profile: Profile, most: float) -> tuple[Column, ...]:
+    """``spots`` gives what moves together along an axis."""
     return tuple(
         Column(f"{LETTERS[k]}{suffix}", unit, tuple(Part(s, profile) for s in spots(k)), low=-most, high=most)
         for k in range(3)
-    )
-
-
-def skin(markers: Sequence[str], driver: str) -> tuple[Column, ...]:
-    """Markers that move alike in their segment, in proportion to a coordinate."""
-    return shifts(
-        of_markers(*markers),
-        suffix="_mm_per_deg",
-        unit=MM_PER_DEG,
-        profile=Following(driver),
-        most=MOST_MM_PER_DEG,
-    )
-
-
-def glide(segment: str, driver: str) -> tuple[Column, ...]:
-    """A segment that shifts in its parent, in proportion to a coordinate."""
-    return shifts(
-        shift_of(segment),
-        suffix="_mm_per_deg",
-        unit=MM_PER_DEG,
-        profile=Following(driver),
-        most=MOST_MM_PER_DEG,
     )

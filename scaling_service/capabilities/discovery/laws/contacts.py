@@ -1,8 +1,12 @@
-"""Something touches a segment and no plate measures it.
+"""Where on a segment something touches, and when that begins and ends.
 
-The force may take any course, so the force part of the disagreement says nothing by itself. What speaks for
-a contact is its moment: about the point where it acts there is none. A foot's contact wanders over its sole,
-any other contact a little; so much the moment may differ.
+Where is told by the moment that is left about the point. The force may take any course; about the point where
+it acts there is no moment. A foot's contact wanders over its sole, any other contact a little; so much the
+moment may differ.
+
+When is told by the course of the force. One that rises smoothly stands above the noise only some time after
+it began. So ramps of several shapes are laid through it, of every beginning and length, each with the height
+that suits it best; what they say is weighed by their likelihood.
 """
 
 from __future__ import annotations
@@ -11,245 +15,282 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
-from scaling_service.capabilities.discovery.evidence.score import stretches_of
-from scaling_service.capabilities.discovery.evidence.weighed import Weighed
-from scaling_service.capabilities.discovery.laws.contact_points import (
-    FEET,
-    Fitting,
-    Spell,
-    costs,
-    fitted_point,
-    solved,
-)
-from scaling_service.capabilities.discovery.laws.contact_times import edges, lasts_throughout, together
-from scaling_service.capabilities.discovery.laws.freedoms import above
-from scaling_service.capabilities.discovery.search.candidates import Contact
-from scaling_service.capabilities.discovery.search.comparing import no_worse
-from scaling_service.capabilities.discovery.search.judging import Fitted
+from scaling_service.capabilities.discovery.laws.candidates import Contact
+from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
-_HANDS = ("hand", "radius", "forearm")
-"""What may hold on to something throughout; anything else touched all the time is a fault of a plate."""
+WANDER_M = {"foot": 0.06, "other": 0.02}
+"""m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
+a hand's grip stays within some 2 cm (both chosen)."""
 
-_STRONG = 4.0  # chosen: of the level of the disagreement elsewhere, from which a contact is looked for
-_SHORTEST_S = 0.1  # chosen: a shorter one is a knock
-_LEAST_SHARE = 0.2
-"""Of the whole disagreement that may be left where a foot is known to rest beside the plates (chosen)."""
-
-_STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
-"""A resting foot is slower, lies lower above the lowest marker, and bears on a plate when pressure is nearer
-(chosen: a swinging foot moves at 1 to 4 m/s; a shoe is 0.3 m long)."""
-
-_MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must hold
-_QUIET = 0.1  # chosen: the quietest tenth of the frames
-_FEWEST, _MANY = 5, 8  # frames of a stretch, and stretches, from which something is told (both chosen)
-_PARTS = 10  # stretches that a contact should have at least (chosen: fewer can be sure of nothing)
-_PICKED = 2.0 * _STRONG  # chosen: frames of four times the usual square and more have about eight times it
-_MOSTLY = 0.8  # chosen: of a contact's frames, in which a foot must rest, and no plate's pressure be near
-_COMMON = 0.7  # chosen: of the time that contacts in several trials cover, what they share if they are one
-_ALIKE = 6.0
-"""Twice the difference of log-likelihoods below which segments are not told apart (chosen: 1 in 20)."""
-_LEVEL = 0.05  # chosen: the custom
+_UNIT = np.eye(3)
+_ROUNDS = 3  # chosen: weights change little from one to the next
+_SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Touch:
-    """A contact that was looked at.
+class Spell:
+    """The frames of one trial in which something may touch; ``all_along`` if no frame is quieter."""
+
+    wrench: WrenchFit
+    rows: NDArray[np.intp]
+    all_along: bool = False
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of force and moment."""
+        return self.wrench.square_in(self.rows)
+
+    def left_about(self, segment: str, point: Array) -> float:
+        """Whitened square of the moment that a contact at a point of a segment leaves."""
+        return float(solved(self.wrench, segment, self.rows, point)[2].sum())
+
+
+def wrench_of(item: WrenchFit, contact: Contact) -> Array:
+    """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
+    inside = (item.times >= contact.start_s - 1e-9) & (item.times <= contact.end_s + 1e-9) & item.usable
+    rows = np.flatnonzero(inside)
+    found = np.zeros((len(item.times), 6))
+    if len(rows):
+        force, moment, _ = solved(item, contact.segment, rows, np.array(contact.point))
+        found[rows] = np.concatenate([force, moment], axis=1)
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitting:
+    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood."""
+
+    segment: str
+    point: Array  # (3,), m: in the segment's frame
+    left: float  # whitened square of the moment
+    misfit: float
+
+
+def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
+    """The point within reach of the segment about which the disagreement has least moment.
+
+    Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
+    products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
+    force that keeps its direction only noise would place the point: it stays in the middle.
+    """
+    low, high = _extent(spells[0].wrench, segment)
+    middle = point = 0.5 * (low + high)
+    for _round in range(_ROUNDS):
+        point = _stepped(spells, segment, point, middle, (low, high))
+    parts = [_cost(spell, segment, point) for spell in spells]
+    left, spread = np.sum(parts, axis=0).tolist()
+    count = 3 * sum(len(s.rows) for s in spells)
+    # frames are not independent: the likelihood counts one of them for each period of the filter
+    share = float(np.median(np.diff(spells[0].wrench.times))) * 2.0 * spells[0].wrench.cutoff_hz
+    misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
+    return Fitting(segment, point, left, misfit)
+
+
+def _stepped(
+    spells: Sequence[Spell], segment: str, point: Array, middle: Array, within: tuple[Array, Array]
+) -> Array:
+    """The best point with the weights of another one, (3,), m."""
+    normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    for spell in spells:
+        item, rows = spell.wrench, spell.rows
+        gap, weight = item.residuals[rows], _weights(item, segment, rows, point)
+        origin, axes = (places[rows] for places in item.segment_frame(segment))
+        across = _about(origin - item.about[rows])
+        unit = -_crossing(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
+        lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
+        weighted = weight @ lever
+        normal += np.einsum("njk,njl->kl", lever, weighted)
+        target += np.einsum("njk,nji,ni->k", weighted, across, gap)
+        noise = item.covariance
+        heavy = weight @ unit
+        chance += np.einsum("ab,anjk,bnjl->kl", noise[:3, :3], unit, heavy)
+        target -= np.einsum("anjk,nji,ia->k", heavy, across, noise[:, :3])
+    normal -= chance
+    value, vector = np.linalg.eigh(normal)
+    by_chance = np.einsum("ak,ab,bk->k", vector, chance, vector)
+    shown = value > by_chance
+    slope = np.where(shown, vector.T @ (target - normal @ middle), 0.0)
+    size = np.sqrt(np.maximum(np.where(shown, value, by_chance), 1e-300))
+    low, high = (edge - middle for edge in within)
+    return np.asarray(
+        middle + lsq_linear(size[:, None] * vector.T, slope / size, (low, high), method="bvls").x
+    )
+
+
+def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
+    """Twice the negative logarithm of the likelihood of every part, all frames counted, (n_parts,).
 
     Parameters
     ----------
-    contact : Contact
-    trials : tuple of str
-        Those in which it is; all of them unless given.
-    fitted : Fitted
-    gain_share : float
-        Of the trials' whitened squares that it takes off.
-    others : tuple of Contact
-        At segments where it would explain nearly as much.
+    scale : float
+        Mean whitened square of one number.
     """
-
-    contact: Contact
-    trials: tuple[str, ...]
-    fitted: Fitted
-    gain_share: float
-    others: tuple[Contact, ...]
+    every = np.array([_cost(part, fitting.segment, fitting.point) for part in parts])
+    return np.asarray(every[:, 0] / scale + every[:, 1])
 
 
-def touches(weighed: Sequence[Weighed], stretch_s: float) -> list[Touch]:
-    """The best segment of every trial in which the force stands out, and of all of them if all do alike."""
-    level = _level(weighed)
-    looked_at = [_spell(item, level) or _whole_trial(item) for item in weighed]
-    spells = [spell for spell in looked_at if spell is not None]
-    found = [_best([spell], (spell.item.name,), stretch_s) for spell in spells]
-    if len(spells) == len(weighed) > 1 and _alike(spells):
-        found.append(_best(spells, (), stretch_s))
-    return [touch for touch in found if touch is not None]
+def _cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
+    """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
+    _, _, square = solved(spell.wrench, segment, spell.rows, point)
+    weight = _weights(spell.wrench, segment, spell.rows, point)
+    return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
 
 
-def _alike(spells: Sequence[Spell]) -> bool:
-    """Whether contacts last throughout their trials, or from and to the same times in all."""
-    if all(lasts_throughout(s.item, s.rows) for s in spells):
-        return True
-    spans = np.array([s.item.times[s.rows[[0, -1]]] for s in spells])
-    common = spans[:, 1].min() - spans[:, 0].max()
-    return bool(common > _COMMON * (spans[:, 1].max() - spans[:, 0].min()))
+def _extent(item: WrenchFit, segment: str) -> tuple[Array, Array]:
+    """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
+    own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
+    places = np.array([*own, np.array(item.model.segment(segment).com)])
+    return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
 
 
-def _level(weighed: Sequence[Weighed]) -> float:
-    """Whitened square per number of the force where it disagrees least, at least one."""
-    quiet = [
-        float(np.quantile(np.square(item.gap[item.usable, :3] / item.floor[:3]).mean(axis=1), _QUIET))
-        for item in weighed
-        if item.usable.any()
-    ]
-    return max(1.0, min(quiet, default=1.0))
+def solved(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
+    """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
+    force = -item.residuals[rows, :3]
+    place = _place(item, segment, rows, point)
+    left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
+    weight = _weights(item, segment, rows, point)
+    square = np.einsum("na,nab,nb->n", left, weight, left)
+    wandering = np.einsum("nab,nbc,nc->na", _wandering(force, segment), weight, left)
+    return force, np.cross(place, force) - wandering, square
 
 
-def _spell(item: Weighed, level: float) -> Spell | None:
-    """The stretch of time in which the force disagrees much more than where it is quietest."""
-    strength = np.square(item.gap[:, :3] / item.floor[:3]).mean(axis=1)
-    usual = float(np.median(strength[item.usable])) if item.usable.any() else 0.0
-    allowed = _STRONG * max(level, min(usual, _STRONG * level))
-    excess = np.where(item.usable, strength - allowed, 0.0)
-    total = np.concatenate([[0.0], np.cumsum(excess)])
-    low = np.minimum.accumulate(total)
-    stop = int(np.argmax(total - low))
-    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
-    if stop <= start or item.times[stop - 1] - item.times[start] < _SHORTEST_S:
-        return None
-    if excess[start:stop].clip(0.0).sum() < _MAIN * excess.clip(0.0).sum():
-        return None  # it stands out as much at other times
-    rows = np.arange(start, stop)[item.usable[start:stop]]
-    return Spell(item, rows) if len(rows) >= _FEWEST else None
+def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+    """Where a point of a segment is, (n, 3), m."""
+    origin, axes = item.segment_frame(segment)
+    return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
 
 
-def _whole_trial(item: Weighed) -> Spell | None:
-    """All frames, where the force disagrees even in the quietest."""
-    rows = np.flatnonzero(item.usable)
-    strength = np.square(item.gap[rows, :3] / item.floor[:3]).mean(axis=1)
-    if len(rows) < _FEWEST or np.quantile(strength, _QUIET) < _STRONG:
-        return None
-    return Spell(item, rows, all_along=True)
+def _weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+    """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
+    across = _about(_place(item, segment, rows, point) - item.about[rows])
+    noise = across @ item.covariance @ across.transpose(0, 2, 1)
+    return np.asarray(np.linalg.inv(_wandering(item.residuals[rows, :3], segment) + noise))
 
 
-def _reachable(item: Weighed) -> list[str]:
-    """Segments that carry markers."""
-    shown = {item.model.marker(m).segment for m in item.item.markers}
-    return [s.name for s in item.model.segments if s.name in shown]
+def _wandering(force: Array, segment: str) -> Array:
+    """Covariance of the moment of a force whose point wanders, (n, 3, 3)."""
+    inside = _crossing(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
+    return np.asarray(inside @ inside.transpose(0, 2, 1))
 
 
-def _best(spells: Sequence[Spell], trials: tuple[str, ...], stretch_s: float) -> Touch | None:
-    names = [n for n in _reachable(spells[0].item) if all(n in _reachable(s.item) for s in spells)]
-    if not names:
-        return None
-    gap = sum(float(np.square(s.item.gap[s.rows] / s.item.floor).sum()) for s in spells)
-    fits = {name: fitted_point(spells, name) for name in names}
-    beside = [n for n in names if n.startswith(FEET) and all(_beside_plates(s, n) for s in spells)]
-    likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
-    if not likely and not any(s.all_along for s in spells):
-        lasting = all(lasts_throughout(s.item, s.rows) for s in spells)
-        likely = [n for n in names if n.startswith(_HANDS)] if lasting else names
-    if not likely:
-        return None
-    order = sorted(likely, key=lambda name: fits[name].misfit)
-    best = fits[order[0]]
-    square = sum(float(np.square(s.item.gap[s.item.usable] / s.item.floor).sum()) for s in spells)
-    p = _p(spells, order[0], stretch_s)
-    fitting = [s for s in spells if s.item.role == "fit"] or spells  # as all other effects are judged
-    taken = [_taken(s, order[0], best.point) for s in fitting]
-    gain, left = np.sum(taken, axis=0).tolist()
-    fitted = Fitted(np.zeros(0), np.zeros((0, 0)), gain, left, p, 1.0)
-    near = [n for n in order[1:] if _not_told_apart(_parts(spells, stretch_s), best, fits[n])]
-    contact, *others = (_contact(spells, n, fits[n].point) for n in (order[0], *near))
-    return Touch(contact, trials, fitted, (gap - best.left) / square, tuple(others))
+def _about(arm: Array) -> Array:
+    """What makes of a wrench its moment about a point at the end of an arm (n, 3), (n, 3, 6)."""
+    return np.concatenate([-_crossing(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
 
 
-def _taken(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
-    """Whitened squares that a contact takes off, and those that it leaves."""
-    left = float(solved(spell.item, segment, spell.rows, point)[2].sum())
-    return float(np.square(spell.item.gap[spell.rows] / spell.item.floor).sum()) - left, left
+def _crossing(vectors: Array) -> Array:
+    """The matrices (n, 3, 3) of the cross product with vectors (n, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
 
 
-def _beside_plates(spell: Spell, foot: str) -> bool:
-    """Whether a foot rests low and still most of the time, and no loaded plate's pressure is near it."""
-    item, rows = spell.item, spell.rows
-    on = [k for k, m in enumerate(item.item.markers) if item.model.marker(m).segment == foot]
-    places = item.item.task.measured
-    speed = np.linalg.norm(np.gradient(places[:, on], item.times, axis=0), axis=2)
-    lowest = np.nanmin(places[..., 1])
-    still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
-    if still[rows].any(axis=1).mean() < _MOSTLY:
-        return False
-    centre = np.nanmean(places[:, on], axis=1)[:, None]
-    pressed = item.footing.ground.centre_of_pressure()
-    apart = np.linalg.norm((pressed - centre)[..., [0, 2]], axis=2)
-    near = np.nan_to_num(apart, nan=np.inf)[rows].min(axis=1) < _NEAR_M
-    return bool(near.mean() < 1.0 - _MOSTLY)
+_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
+_FEWEST = 5  # frames from which something is told
+
+Edges = tuple[tuple[float, float], tuple[float, float]]
+"""When a contact begins and when it ends, s, each with its standard deviation."""
 
 
-def _contact(spells: Sequence[Spell], segment: str, point: Array) -> Contact:
-    x, y, z = (float(v) for v in point)
-    if all(lasts_throughout(s.item, s.rows) for s in spells):
-        start, end = min(float(s.item.times[0]) for s in spells), max(float(s.item.times[-1]) for s in spells)
-    else:
-        (start, _), (end, _) = together([edges(s.item, s.rows, s.item.gap[:, :3]) for s in spells])
-    return Contact(segment, start, end, (x, y, z))
+def lasts_throughout(item: WrenchFit, rows: NDArray[np.intp]) -> bool:
+    """Whether frames are most of a trial."""
+    return bool(len(rows) > _THROUGHOUT * item.usable.sum())
 
 
-def _p(spells: Sequence[Spell], segment: str, stretch_s: float) -> float:
-    """How likely chance leaves so little moment about one point, stretch by stretch."""
-    parts = _parts(spells, stretch_s)
-    if len(parts) < _MANY:
-        return _brief_p(spells, segment)
-    ratios = []
-    for known, new in ((parts[0::2], parts[1::2]), (parts[1::2], parts[0::2])):
-        point = fitted_point(known, segment).point
-        for part in new:
-            left = float(solved(part.item, segment, part.rows, point)[2].sum())
-            gap = float(np.square(part.item.gap[part.rows] / part.item.floor).sum())
-            ratios.append(np.log(max(gap - left, 1e-12) / max(left, 1e-12)))
-    return above(np.array(ratios))
+def edges_of(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
+    """The edges of a contact that was taken out of recordings; None where it lasts throughout one."""
+    found = []
+    for item in wrenches:
+        inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
+        rows = np.flatnonzero(inside & item.usable)
+        if item.touched is None or len(rows) < _FEWEST or lasts_throughout(item, rows):
+            return None
+        found.append(
+            edges(item, rows, item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0))
+        )
+    return together(found) if found else None
 
 
-def _parts(spells: Sequence[Spell], stretch_s: float) -> list[Spell]:
-    """The frames by stretches of time."""
-    return [
-        Spell(spell.item, rows)
-        for spell in spells
-        for s in stretches_of(spell.item.item, _length(spells, stretch_s))
-        if len(rows := spell.rows[(spell.rows >= s.start) & (spell.rows < s.stop)]) >= _FEWEST
-    ]
+def edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
+    """From the force along its main direction, as far before and after the frames as they last.
 
-
-def _not_told_apart(parts: Sequence[Spell], best: Fitting, other: Fitting) -> bool:
-    """Whether chance makes the difference: the moment's noise, or what differs from part to part.
-
-    A few frames far apart make no part, and then nothing tells segments apart.
+    Parameters
+    ----------
+    rows : ndarray of int
+        Frames in which the force stands out.
+    gap : ndarray, shape (n, 3), N
+        What the plates do not measure of the force, negative.
     """
-    if not parts or other.misfit - best.misfit < _ALIKE:
-        return True
-    scale = max(best.left, 1e-12) / (3.0 * sum(len(part.rows) for part in parts))
-    return no_worse(-costs(parts, best, scale), -costs(parts, other, scale), 0.0) > _LEVEL
+    _, vectors = np.linalg.eigh(gap[rows].T @ gap[rows])
+    along = vectors[:, -1]
+    course, noise = gap @ along, float(np.sqrt(np.square(along * item.floor[:3]).sum()))
+    course *= np.sign(course[rows].mean())
+    first, last = item.times[rows[[0, -1]]].tolist()
+    middle, lasting = 0.5 * (first + last), last - first
+    memory = item.tracked.trial.rate_hz / (2.0 * item.cutoff_hz)
+    before = item.usable & (item.times >= first - lasting) & (item.times <= middle)
+    after = item.usable & (item.times <= last + lasting) & (item.times >= middle)
+    start, of_start = onset(item.times[before], course[before], noise, memory)
+    end, of_end = onset(-item.times[after][::-1], course[after][::-1], noise, memory)
+    return (start, of_start), (-end, of_end)
 
 
-def _length(spells: Sequence[Spell], stretch_s: float) -> float:
-    """Shorter stretches for a short contact, yet longer than the filter's memory, s."""
-    lasting = sum(float(np.ptp(s.item.times[s.rows])) for s in spells)
-    memory = max(1.0 / s.item.cutoff_hz for s in spells)
-    return min(stretch_s, max(memory, lasting / _PARTS))
+def together(found: Sequence[Edges]) -> Edges:
+    """One beginning and end for several trials."""
+    values, spreads = np.array(found).transpose(2, 0, 1)
+    apart = values.var(axis=0, ddof=1) / len(values) if len(values) > 1 else np.zeros(2)
+    start, end = values.mean(axis=0).tolist()
+    of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
+    return (start, of_start), (end, of_end)
 
 
-def _brief_p(spells: Sequence[Spell], segment: str) -> float:
-    """For contacts too brief for stretches: how far force and moment stand above what is left of the moment.
+_BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked through
+_CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
 
-    Both are taken to be as many independent numbers as pass the filter. Frames were picked because their
-    force stands out, so that much is no evidence.
+
+def onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:
+    """When a course rises from nothing.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n,), s
+        From well before the rise to about the middle of what comes after it.
+    course : ndarray, shape (n,)
+        About zero at first; what comes after the rise stays about as high.
+    noise : float
+        Its standard deviation.
+    memory : float
+        How many frames the noise remembers.
+
+    Returns
+    -------
+    beginning, sd : float
+        s; mean and standard deviation over all ramps.
     """
-    left = fitted_point(spells, segment).left
-    gap = sum(float(np.square(s.item.gap[s.rows] / s.item.floor).sum()) for s in spells)
-    passed = sum(2.0 * s.item.cutoff_hz * len(s.rows) / s.item.item.trial.rate_hz for s in spells)
-    own, others = 3.0 * passed, max(3.0 * passed - 3.0, 1.0)
-    ratio = (gap - left) / own / max(left / others, 1e-12)
-    return float(scipy.stats.f.sf(ratio / _PICKED, own, others))
+    whole = times[-1] - times[0]
+    beginnings = np.linspace(times[0], times[-1], _BEGINNINGS, endpoint=False)
+    lengths = whole * np.linspace(0.0, 1.0, _LENGTHS + 1)[1:] ** 2  # short ones more closely
+    left = np.concatenate(
+        [_left(times, course, beginnings, some) for some in np.array_split(lengths, _LENGTHS // _CHUNK)],
+        axis=1,
+    )
+    level = max(noise**2, float(left.min()) / len(times))
+    weight = np.exp(-0.5 * (left - left.min()) / (level * max(memory, 1.0)))
+    share = weight.sum(axis=(1, 2)) / weight.sum()
+    mean = float(share @ beginnings)
+    step = float(beginnings[1] - beginnings[0])
+    return mean, float(np.sqrt(share @ (beginnings - mean) ** 2 + step**2 / 12.0))
+
+
+def _left(times: Array, course: Array, beginnings: Array, lengths: Array) -> Array:
+    """Squares that ramps leave, (n_beginnings, n_lengths, n_shapes)."""
+    u = np.clip((times - beginnings[:, None, None]) / lengths[:, None], 0.0, 1.0)
+    ramps = [u, u * (2.0 - u), u**2 * (3.0 - 2.0 * u), u**3 * (10.0 - 15.0 * u + 6.0 * u**2)]
+    shapes = np.stack(ramps, axis=2)
+    square = np.square(shapes).sum(axis=3)
+    height = np.maximum(shapes @ course, 0.0) / np.maximum(square, 1e-12)
+    return np.asarray(course @ course - height**2 * square)

@@ -1,44 +1,53 @@
 """What an unknown number does to the disagreement of the ground wrench.
 
 The disagreement is what the plates measured minus what the motion needs. Each load gives its derivative
-with respect to one number: force (N) and moment about the ground origin (N m), in every frame.
+with respect to one number: force (N) and moment about the ground origin (N m), in every frame. A fault of a
+plate also says how its readings are freed of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.laws.oscillator import oscillate
+from scaling_service.capabilities.discovery.observations.oscillator import oscillate
+from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.discovery.evidence.weighed import Weighed
 
 _UNIT = np.eye(3)
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
+
+
+class Plate(NamedTuple):
+    """One plate: force and moment about the ground origin (n, 3), its middle (3,), its readings (n,)."""
+
+    force: Array
+    moment: Array
+    middle: Array
+    read: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Late:
     """The forces come late: seconds. ``measured(t) = true(t - d)``."""
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """Minus the rate of the measured wrench, (n, 6)."""
-        return -np.gradient(weighed.measured, weighed.times, axis=0)
+        return -np.gradient(fit.measured, fit.times, axis=0)
 
 
 @dataclass(frozen=True, slots=True)
 class Drifting:
     """The forces come later and later: seconds each second of a trial."""
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """Minus the rate of the measured wrench, more with time, (n, 6)."""
-        return np.asarray((weighed.times - weighed.times[0])[:, None] * Late().column(weighed))
+        return np.asarray((fit.times - fit.times[0])[:, None] * Late().column(fit))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +57,14 @@ class PlateShift:
     plate: str
     axis: int
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """Its forces act elsewhere than was taken, (n, 6)."""
-        force = weighed.plate(self.plate)[:, :3]
+        force = fit.plate(self.plate)[:, :3]
         return np.concatenate([np.zeros_like(force), -np.cross(_UNIT[self.axis], force)], axis=1)
+
+    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+        """Force and moment without it."""
+        return plate.force, plate.moment + np.cross(size * _UNIT[self.axis], plate.force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +77,20 @@ class PlateBias:
     plate: str
     component: int
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """One component wherever the plate is read, (n, 6)."""
         wrench = np.zeros(6)
         wrench[self.component] = 1.0
         if self.component < 3:
-            wrench[3:] = np.cross(weighed.centre(self.plate), _UNIT[self.component])
-        return np.outer(weighed.readings(self.plate), wrench)
+            wrench[3:] = np.cross(fit.centre(self.plate), _UNIT[self.component])
+        return np.outer(fit.readings(self.plate), wrench)
+
+    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+        """Force and moment without it."""
+        if self.component >= 3:
+            return plate.force, plate.moment - np.outer(size * plate.read, _UNIT[self.component - 3])
+        added = np.outer(size * plate.read, _UNIT[self.component])
+        return plate.force - added, plate.moment - np.cross(plate.middle, added)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +99,13 @@ class PlateGain:
 
     plate: str
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """The plate's own wrench, (n, 6)."""
-        return weighed.plate(self.plate)
+        return fit.plate(self.plate)
+
+    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+        """Force and moment without it."""
+        return plate.force / (1.0 + size), plate.moment / (1.0 + size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,23 +115,27 @@ class PlateTurn:
     plate: str
     axis: int
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """Minus what turning its wrench would add, (n, 6)."""
-        wrench, centre = weighed.plate(self.plate), weighed.centre(self.plate)
+        wrench, centre = fit.plate(self.plate), fit.centre(self.plate)
         about = wrench[:, 3:] - np.cross(centre, wrench[:, :3])
         turned = -np.cross(_UNIT[self.axis], wrench[:, :3])
         moment = np.cross(centre, turned) - np.cross(_UNIT[self.axis], about)
         return np.concatenate([turned, moment], axis=1)
+
+    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+        """Force and moment without it."""
+        turn = rotation_about(_UNIT[self.axis], size)
+        about = plate.moment - np.cross(plate.middle, plate.force)
+        turned = plate.force @ turn.T
+        return turned, about @ turn.T + np.cross(plate.middle, turned)
 
 
 @dataclass(frozen=True, slots=True)
 class Shear:
     """A plate's force along a horizontal axis follows its vertical one: s, share or N, after what it follows.
 
-    Parameters
-    ----------
-    follows : 'rate', 'force' or 'load'
-        The rate of the vertical force, that force itself, or only that there is one.
+    That is the ``rate`` of the vertical force, that ``force`` itself, or only that there is one (``load``).
     """
 
     plate: str
@@ -116,34 +144,28 @@ class Shear:
 
     FOLLOWS: ClassVar[tuple[str, ...]] = ("rate", "force", "load")
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """A horizontal force where the plate is pressed, (n, 6)."""
-        vertical = weighed.plate(self.plate)[:, 1]
+        vertical = fit.plate(self.plate)[:, 1]
         shapes = {
-            "rate": np.gradient(vertical, weighed.times),
+            "rate": np.gradient(vertical, fit.times),
             "force": vertical,
             "load": (vertical > _LOADED_N).astype(float),
         }
         force = np.outer(shapes[self.follows], _UNIT[self.axis])
-        return np.concatenate([force, np.cross(weighed.pressed(self.plate), force)], axis=1)
+        return np.concatenate([force, np.cross(fit.pressed(self.plate), force)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """A segment's inertial parameters change along a direction.
-
-    Parameters
-    ----------
-    change : (10,)
-        As ``Inertias.parameters`` orders them.
-    """
+    """A segment's inertial parameters change along a direction (10,), ordered as ``Inertias.parameters``."""
 
     segment: str
     change: tuple[float, ...]
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """What the motion needs more, (n, 6)."""
-        return weighed.needed_more([self.segment], np.array([self.change]))[:, :, 0]
+        return fit.needed_more([self.segment], np.array([self.change]))[:, :, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,10 +174,10 @@ class Tilt:
 
     axis: int
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """What the whole weight does then, (n, 6)."""
-        force = -weighed.mass * np.cross(_UNIT[self.axis], GRAVITY)
-        moment = np.cross(weighed.centre_of_mass, force)
+        force = -fit.mass * np.cross(_UNIT[self.axis], GRAVITY)
+        moment = np.cross(fit.centre_of_mass, force)
         return np.concatenate([np.broadcast_to(force, moment.shape), moment], axis=1)
 
 
@@ -167,9 +189,9 @@ class Wobbling:
     frequency_hz: float
     damping: float
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
-        return _swinging(weighed, [self.segment], self.frequency_hz, self.damping)[:, :, 0]
+        return _oscillating(fit, [self.segment], self.frequency_hz, self.damping)[:, :, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,61 +202,44 @@ class Between:
     low: Wobbling
     factor: float
 
-    def column(self, weighed: Weighed) -> Array:
+    def column(self, fit: WrenchFit) -> Array:
         """The difference, (n, 6)."""
-        return self.factor * (self.high.column(weighed) - self.low.column(weighed))
+        return self.factor * (self.high.column(fit) - self.low.column(fit))
 
 
-Load = (
-    Late
-    | Drifting
-    | PlateShift
-    | PlateBias
-    | PlateGain
-    | PlateTurn
-    | Shear
-    | Inertial
-    | Tilt
-    | Wobbling
-    | Between
-)
+PlateFault = PlateShift | PlateBias | PlateGain | PlateTurn
 
 
-def columns_of(loads: Sequence[Load], weighed: Weighed) -> Array:
+def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:
     """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
-    made = np.empty((len(weighed.times), 6, len(loads)))
+    made = np.empty((len(fit.times), 6, len(loads)))
     changing: dict[int, Inertial] = {}
-    swinging: dict[tuple[float, float], dict[int, str]] = {}
+    oscillating: dict[tuple[float, float], dict[int, str]] = {}
     for k, load in enumerate(loads):
         if isinstance(load, Inertial):
             changing[k] = load
         elif isinstance(load, Wobbling):
-            swinging.setdefault((load.frequency_hz, load.damping), {})[k] = load.segment
+            oscillating.setdefault((load.frequency_hz, load.damping), {})[k] = load.segment
         elif isinstance(load, Tilt | Between):
-            made[:, :, k] = load.column(weighed)
-        else:
-            made[:, :, k] = _of_plates(load, weighed)
+            made[:, :, k] = load.column(fit)
+        else:  # the motion has no part in it: made once for all draws of its noise
+            kept = fit.contacts.columns
+            if load not in kept:
+                kept[load] = load.column(fit)
+            made[:, :, k] = kept[load]
     if changing:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
-        made[:, :, list(changing)] = weighed.needed_more(segments, np.array(changes))
-    for (frequency, damping), here in swinging.items():
-        made[:, :, list(here)] = _swinging(weighed, list(here.values()), frequency, damping)
+        made[:, :, list(changing)] = fit.needed_more(segments, np.array(changes))
+    for (frequency, damping), here in oscillating.items():
+        made[:, :, list(here)] = _oscillating(fit, list(here.values()), frequency, damping)
     return made
 
 
-def _of_plates(load: Load, weighed: Weighed) -> Array:
-    """A load in which the motion has no part, made once for all draws of its noise."""
-    kept = weighed.footing.columns
-    if load not in kept:
-        kept[load] = load.column(weighed)
-    return kept[load]
-
-
-def _swinging(weighed: Weighed, segments: Sequence[str], frequency_hz: float, damping: float) -> Array:
+def _oscillating(fit: WrenchFit, segments: Sequence[str], frequency_hz: float, damping: float) -> Array:
     """What a kilogram on a spring needs more, in each of some segments, (n, 6, n_segments)."""
-    place, pull = weighed.centres(segments), weighed.pulls(segments)
-    displaced, speed = oscillate(pull, weighed.step, frequency_hz, damping)
+    place, pull = fit.centres(segments), fit.pulls(segments)
+    displaced, speed = oscillate(pull, fit.step, frequency_hz, damping)
     w = 2.0 * np.pi * frequency_hz
     force = pull - 2.0 * damping * w * speed - w * w * displaced
-    moment = np.cross(place, force) + np.cross(displaced, force - pull - weighed.gravity)
+    moment = np.cross(place, force) + np.cross(displaced, force - pull - fit.gravity)
     return np.concatenate([force, moment], axis=2).transpose(0, 2, 1)

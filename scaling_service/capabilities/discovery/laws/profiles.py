@@ -1,15 +1,36 @@
-"""How the value at a spot varies: not at all, with a coordinate, or as skin that swings."""
+"""How the value at a spot varies: not at all, with a coordinate, as oscillating skin, while a foot stands."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
+
+from scaling_service.capabilities.discovery.observations.oscillator import oscillate, pulled
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.body import Term
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import positions
+
+_LOW = 0.05  # quantile of heights at which a segment stands
+_NEAR_M = 0.015  # m; chosen: a foot that rolls over the floor keeps its middle so near its lowest
+_RISES_M = 0.05  # m; chosen: a foot that steps rises more
+_FLOOR_M = 0.2  # m; chosen: the middle of a standing foot's markers is lower
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
     """The same in all frames."""
+
+    def values(self, item: TrackedTrial, _skin: Skin) -> Array:
+        """In every frame, (n,)."""
+        return np.ones(len(item.q))
+
+    def term(self, gain: float) -> Term:
+        """The profile times a gain, as a term of a law."""
+        return Term(gain)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,15 +39,30 @@ class Following:
 
     coordinate: str
 
+    def values(self, item: TrackedTrial, _skin: Skin) -> Array:
+        """In every frame, (n,)."""
+        return np.asarray(item.q[:, item.task.model.coordinate_names.index(self.coordinate)])
+
+    def term(self, gain: float) -> Term:
+        """The profile times a gain, as a term of a law."""
+        return Term(gain, coordinate=self.coordinate)
+
 
 @dataclass(frozen=True, slots=True)
-class Swing:
+class Oscillation:
     """The skin under a marker as an oscillator that its segment drives, along an axis of the segment (m)."""
 
     marker: str
     frequency_hz: float
     damping: float
     axis: int
+
+    def values(self, item: TrackedTrial, skin: Skin) -> Array:
+        """In every frame, (n,); zero without the marker."""
+        if self.marker not in item.markers:
+            return np.zeros(len(item.q))
+        moved = skin.local(self.frequency_hz, self.damping)
+        return np.asarray(moved[:, item.markers.index(self.marker), self.axis])
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +71,60 @@ class Standing:
 
     markers: tuple[str, ...]
 
+    def values(self, item: TrackedTrial, _skin: Skin) -> Array:
+        """In every frame, (n,)."""
+        height = _height(item, self.markers)
+        down = height < np.quantile(height, _LOW) + _NEAR_M
+        frames = np.arange(len(down))
+        last_up = np.maximum.accumulate(np.where(down, -1, frames))
+        return np.where(down, (frames - last_up) * item.step, 0.0)
 
-Profile = Constant | Following | Swing | Standing
+
+Profile = Constant | Following | Oscillation | Standing
 ALWAYS = Constant()
 
 
-def term(profile: Constant | Following, gain: float) -> Term:
-    """The profile times a gain, as a term of a law."""
-    return Term(gain, coordinate=profile.coordinate if isinstance(profile, Following) else None)
+class Skin:
+    """Skin of one recording as oscillators that its segments drive: ``u'' + 2 z w u' + w^2 u = -a``."""
+
+    def __init__(self, item: TrackedTrial) -> None:
+        self._item = item
+        self._moved: dict[tuple[float, float], Array] = {}
+
+    @cached_property
+    def _pull_and_axes(self) -> tuple[Array, Array]:
+        """Minus the acceleration under every marker, (n, n_markers, 3), m/s2, ground; its segment's axes."""
+        tree, poses = self._item.task.tree, self._item.poses
+        places = np.moveaxis(positions(tree, poses), -1, 0)
+        return pulled(places, self._item.step), poses.axes[tree.marker_link]
+
+    def local(self, frequency_hz: float, damping: float) -> Array:
+        """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""
+        pair = (frequency_hz, damping)
+        if pair not in self._moved:
+            pull, axes = self._pull_and_axes
+            moved = oscillate(pull, self._item.step, frequency_hz, damping)[0]
+            self._moved[pair] = np.asarray(np.einsum("majn,nmj->nma", axes, moved))
+        return self._moved[pair]
+
+
+def values_of(profiles: Sequence[Profile], item: TrackedTrial) -> Array:
+    """Profiles in every frame of a recording, (n_profiles, n_frames)."""
+    skin = Skin(item)
+    found = np.ones((len(profiles), len(item.q)))
+    for k, profile in enumerate(profiles):
+        found[k] = profile.values(item, skin)
+    return found
+
+
+def stands(item: TrackedTrial, markers: Sequence[str]) -> bool:
+    """Whether a segment with these markers comes down to the floor and leaves it again."""
+    height = _height(item, markers)
+    low = float(np.quantile(height, _LOW))
+    return low < _FLOOR_M and float(height.max()) - low > _RISES_M
+
+
+def _height(item: TrackedTrial, markers: Sequence[str]) -> Array:
+    """Of the middle of the markers, (n,), m."""
+    at = [item.markers.index(m) for m in markers if m in item.markers]
+    return np.asarray(item.places[:, at, 1].mean(axis=1)) if at else np.zeros(len(item.q))

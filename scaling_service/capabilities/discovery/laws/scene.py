@@ -4,35 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scaling_service.capabilities.discovery.evidence.spots import turning
+from scaling_service.capabilities.discovery.laws.spots import turning
 from scaling_service.model.body import GROUND, BodyModel, Segment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The body and what the recordings show of it.
+    """The body and what the recordings show of it."""
 
-    Parameters
-    ----------
-    model : BodyModel
-        Without parameters.
-    markers : tuple of str
-        Those that a recording shows.
-    moving : tuple of str
-        Coordinates that move enough to drive something.
-    trials : tuple of str
-    plates : tuple of str
-        Those that a recording loads; none where there are no forces.
-    weighed : tuple of str
-        Trials with forces.
-    """
-
-    model: BodyModel
-    markers: tuple[str, ...]
-    moving: tuple[str, ...]
+    model: BodyModel  # without parameters
+    markers: tuple[str, ...]  # those that a recording shows
+    moving: tuple[str, ...]  # coordinates that move enough to drive something
     trials: tuple[str, ...]
-    plates: tuple[str, ...] = ()
-    weighed: tuple[str, ...] = ()
+    plates: tuple[str, ...] = ()  # those that a recording loads; none where there are no forces
+    wrenches: tuple[str, ...] = ()  # trials with forces
 
     def on(self, segment: str) -> tuple[str, ...]:
         """The markers shown on a segment."""
@@ -49,9 +34,9 @@ class Scene:
         return _scopes(self.trials)
 
     @property
-    def scopes_of_forces(self) -> tuple[tuple[str, ...], ...]:
+    def scopes_with_forces(self) -> tuple[tuple[str, ...], ...]:
         """The same of trials with forces."""
-        return _scopes(self.weighed)
+        return _scopes(self.wrenches)
 
     @property
     def bearing(self) -> tuple[Segment, ...]:

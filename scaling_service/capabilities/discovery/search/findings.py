@@ -6,208 +6,118 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from scaling_service.capabilities.discovery.laws.additions import Sized
-from scaling_service.capabilities.discovery.search.candidates import Candidate
-from scaling_service.capabilities.discovery.search.comparing import Unseen
-from scaling_service.capabilities.discovery.search.judging import Fitted
-from scaling_service.capabilities.discovery.search.option import Option
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.numerics.multibody.laws import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
 
 
+def observable_of(place: str) -> Observable:
+    """What kind of place a name is."""
+    if place not in COMPONENTS:
+        return "marker"
+    return "force" if place.startswith("f") else "moment"
+
+
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """Where simulation and measurement differ, before anything was added.
+    """Where simulation and measurement differ, before anything was added."""
 
-    Parameters
-    ----------
-    where : str
-        A marker, or a component of the ground wrench (``fx`` …).
-    observable : 'marker', 'force' or 'moment'
-    rms, floor : float
-        SI (m, N, N m): the difference, and what noise alone would leave.
-    share : float
-        Of all that stands above the floors.
-    p : float
-        Of standing so far above its floor by chance, over all places looked at.
-    trials : mapping
-        Trial to its RMS (SI).
-    when : str
-        When it is largest, in words: a trial and a stretch of time.
-    along : str
-        The coordinate that it follows best, if any, and how.
-    """
-
-    where: str
+    where: str  # a marker, or a component of the ground wrench (``fx`` …)
     observable: Observable
-    rms: float
+    rms: float  # rms, floor: SI (m, N, N m): the difference, and what noise alone would leave
     floor: float
-    share: float
-    p: float
-    trials: Mapping[str, float] = field(default_factory=dict)
-    when: str = ""
-    along: str = ""
+    share: float  # of all that stands above the floors
+    p: float  # of standing so far above its floor by chance, over all places looked at
+    trials: Mapping[str, float] = field(default_factory=dict)  # trial to its RMS (SI)
+    when: str = ""  # when it is largest, in words: a trial and a block of time
+    along: str = ""  # the coordinate that it follows best, if any, and how
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
-    """An effect that passed.
+class NamedEffect:
+    """An effect that passed."""
 
-    Parameters
-    ----------
-    effect : Sized
-        With its size once everything was estimated together.
-    covariance : ndarray, shape (k, k)
-        Of its size (SI), whatever the memory of the noise.
-    details : mapping
-        Further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``).
-    spreads : mapping
-        Standard deviations of those of them that have one.
-    smallest : mapping
-        Column to the size (as in the results) from which it is named nine times in ten.
-    fitted : Fitted
-        As it stood when it was named.
-    p_family : float
-        Over the whole catalogue.
-    unseen : Unseen
-    confusable : tuple of Candidate
-        Those that this recording does not tell from it.
-    would_separate : str
-        The ordinary movement that would.
-    rivals : tuple of Candidate
-        Those that explained most beside it when it was named.
-    """
+    effect: Estimate  # with its size once everything was estimated together
+    covariance: Array  # (k, k): of its size (SI), whatever the memory of the noise
+    fitted: Fitted  # as it stood when it was named
+    p_family: float  # over the whole catalogue
+    held_out: HeldOut
+    # column to the size (as in the results) from which it is named nine times in ten
+    smallest: Mapping[str, float] = field(default_factory=dict)
+    # its equivalence class: those that this recording does not tell from it
+    equivalents: tuple[Candidate, ...] = ()
+    would_separate: str = ""  # the ordinary movement that would
+    rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
+    # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)
+    details: Mapping[str, float] = field(default_factory=dict)
+    # standard deviations of those of them that have one
+    spreads: Mapping[str, float] = field(default_factory=dict)
 
-    effect: Sized
-    covariance: Array
-    details: Mapping[str, float]
-    spreads: Mapping[str, float]
-    smallest: Mapping[str, float]
-    fitted: Fitted
-    p_family: float
-    unseen: Unseen
-    confusable: tuple[Candidate, ...]
-    would_separate: str
-    rivals: tuple[Candidate, ...] = ()
+    @property
+    def candidate(self) -> Candidate:
+        """What it is, and where."""
+        return self.effect.candidate
+
+    @property
+    def key(self) -> str:
+        """The candidate's."""
+        return self.effect.candidate.key
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Before and after, between what noise leaves and what is not explained.
+    """Before and after, between what noise leaves and what is not explained."""
 
-    Parameters
-    ----------
-    before, after, floor, ceiling : float
-        RMS, SI; ``ceiling`` is what a black-box correction with as many numbers reaches.
-    low, high : float
-        95 % interval of ``after``, over stretches of time.
-    """
-
+    # before, after, floor, ceiling: RMS, SI; ``ceiling`` is what a black-box correction with as many
+    # numbers reaches
     before: float
     after: float
     floor: float
     ceiling: float
-    low: float
+    low: float  # low, high: 95 % interval of ``after``, over blocks of time
     high: float
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The gap of the recordings of one role.
+    """The gap of the recordings of one role."""
 
-    Parameters
-    ----------
-    levels : mapping
-        ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels.
-    places : mapping
-        Marker or component to its levels.
-    absorbed : float
-        Whitened RMS that is reached where the calibration's own parameters take up what they can instead.
-    """
-
+    # ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels
     levels: Mapping[str, Level]
-    places: Mapping[str, Level]
+    places: Mapping[str, Level]  # marker or component to its levels
+    # whitened RMS that is reached where the calibration's own parameters take up what they can instead
     absorbed: float
 
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """What is left above the floor and matches no effect.
-
-    Parameters
-    ----------
-    where : tuple of str
-    observable : 'marker', 'force' or 'moment'
-    law : str
-        The simplest sum of simple functions that describes it, in words and numbers.
-    rms, floor : float
-        SI.
-    """
+    """What is left above the floor and matches no effect."""
 
     where: tuple[str, ...]
     observable: Observable
-    law: str
-    rms: float
+    law: str  # the simplest sum of simple functions that describes it, in words and numbers
+    rms: float  # SI, as the floor
     floor: float
-
-
-@dataclass(frozen=True, slots=True)
-class Foreign:
-    """A law that the recordings follow and that no entry of the catalogue has.
-
-    Parameters
-    ----------
-    where : tuple of str
-    law : str
-        In words and numbers.
-    expected : float
-        As ``Fitted.expected``.
-    p : float
-        Of as large a statistic by chance, for this law alone.
-    unseen : float
-        Of as consistent a gain by chance on what did not fit it.
-    of_forces : bool
-        Whether it shows in the ground wrench rather than among the markers.
-    """
-
-    where: tuple[str, ...]
-    law: str
-    expected: float
-    p: float
-    unseen: float
-    of_forces: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """The whole story.
-
-    Parameters
-    ----------
-    verdict : 'found', 'nothing' or 'unexplained'
-    disagreements : tuple of Disagreement
-        The largest first.
-    named : tuple of Named
-    fit, held_out : Gap
-        ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is true.
-    tried : tuple of Option
-        The best that were not named.
-    unexplained : tuple of Unexplained
-    reason : str
-        Why the search stopped.
-    notes : tuple of str
-        What could not be tried and why.
-    """
+    """The whole story."""
 
     verdict: Verdict
-    disagreements: tuple[Disagreement, ...]
-    named: tuple[Named, ...]
+    disagreements: tuple[Disagreement, ...]  # the largest first
+    named: tuple[NamedEffect, ...]
+    # fit, held_out: ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is
+    # true
     fit: Gap
     held_out: Gap
     folds: bool
-    tried: tuple[Option, ...]
+    tried: tuple[ScoredCandidate, ...]  # the best that were not named
     unexplained: tuple[Unexplained, ...]
-    reason: str
-    notes: tuple[str, ...]
+    reason: str  # why the search stopped
+    notes: tuple[str, ...]  # what could not be tried and why

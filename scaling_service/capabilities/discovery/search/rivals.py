@@ -7,110 +7,98 @@ wrong place. With the others known, another candidate may explain clearly more.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from scaling_service.capabilities.discovery.evidence.fitting import Account, Recording, scene_of, without
-from scaling_service.capabilities.discovery.search import catalogue
-from scaling_service.capabilities.discovery.search.candidates import Candidate, Contact
-from scaling_service.capabilities.discovery.search.comparing import no_worse
-from scaling_service.capabilities.discovery.search.findings import Named
-from scaling_service.capabilities.discovery.search.hindsight import does_good, keeps_to_its_range
-from scaling_service.capabilities.discovery.search.option import Option
-from scaling_service.capabilities.discovery.search.options import ALIKE
-from scaling_service.capabilities.discovery.search.refining import ROUGHLY, SOON, misfit, refined
-from scaling_service.capabilities.discovery.search.strictness import DiscoverySettings
-from scaling_service.capabilities.discovery.search.withdrawn import Withdrawable
+from scaling_service.capabilities.discovery.effects.catalogue import search_effects
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.statistics import p_of_lead
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact
+from scaling_service.capabilities.discovery.search.elimination import Removable
+from scaling_service.capabilities.discovery.search.estimation import (
+    ROUGHLY,
+    SOON,
+    estimate,
+    misfit,
+    observations_of,
+    refit_without,
+)
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.testing import in_range
 
-
-@dataclass(frozen=True, slots=True)
-class Naming:
-    """What it takes to give a name anew.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    settings : DiscoverySettings
-    count : int
-        Of the options among which names are chosen.
-    name : callable
-        Makes a named effect of an option, in an account.
-    """
-
-    recordings: Sequence[Recording]
-    settings: DiscoverySettings
-    count: int
-    name: Callable[[Option, Account], Named | None]
+Name = Callable[[ScoredCandidate, Fit], NamedEffect | None]
+"""Makes a named effect of a scored candidate, in a fit."""
 
 
-def revisited(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
+def rename(named: Sequence[NamedEffect], fit: Fit, name: Name) -> tuple[list[NamedEffect], Fit]:
     """Give every name but the last of its sort to a rival that explains clearly more, or more with less."""
     kept = list(named)
-    for of_forces in (False, True):
-        sort = [k for k, n in enumerate(named) if n.effect.candidate.of_forces == of_forces]
-        early = [k for k in sort[:-1] if named[k].effect.candidate.columns and _rivals(named[k])]
+    for observation in OBSERVATIONS:
+        sort = [k for k, n in enumerate(named) if observation.shows(n.candidate)]
+        early = [k for k in sort[:-1] if named[k].candidate.columns and _rivals(named[k])]
         rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
-        known: Withdrawable | None = None
+        known: Removable | None = None
         for k in early:
-            known = known or Withdrawable.of(now, rivals, naming.settings.stretch_s, of_forces=of_forces)
-            given = _given_away(kept[k], known, now, naming)
+            known = known or Removable.of(fit, observation, rivals)
+            given = _give_away(kept[k], known, fit, name)
             if given is not None:
-                (kept[k], now), known = given, None
-    return _touched_anew(kept, now, naming)
+                (kept[k], fit), known = given, None
+    return _place_contacts_anew(kept, fit, name)
 
 
-def _given_away(n: Named, known: Withdrawable, now: Account, naming: Naming) -> tuple[Named, Account] | None:
+def _give_away(n: NamedEffect, known: Removable, fit: Fit, name: Name) -> tuple[NamedEffect, Fit] | None:
     """A better rival with the name, if there is one whose numbers a laboratory could meet."""
-    better = better_rival(n, known.without(n.effect, _rivals(n)), naming.settings)
+    better = better_rival(n, known.without(n.effect, _rivals(n)), fit.settings)
     if better is None:
         return None
-    bare = without({n.effect.candidate.key}, now, naming.recordings)
-    made = naming.name(better, bare)
+    bare = refit_without(fit, {n.key})
+    made = name(better, bare)
     if made is None:
         return None
-    of_forces = made.effect.candidate.of_forces
-    tried = refined(
-        bare, naming.recordings, [made.effect], naming.settings.stretch_s, SOON, of_forces=of_forces
-    )
-    return (replace(made, rivals=n.rivals), tried) if keeps_to_its_range(made, tried) else None
+    tried = estimate(bare, [made.effect], SOON, observations=observations_of([made.effect]))
+    return (replace(made, rivals=n.rivals), tried) if in_range(made, tried) else None
 
 
-def _touched_anew(named: Sequence[Named], now: Account, naming: Naming) -> tuple[list[Named], Account]:
+def _place_contacts_anew(named: Sequence[NamedEffect], fit: Fit, name: Name) -> tuple[list[NamedEffect], Fit]:
     """Look again for where something touches, now that more is known of the forces."""
-    recordings, stretch_s = naming.recordings, naming.settings.stretch_s
     kept = list(named)
-    loads = [k for k, n in enumerate(named) if n.effect.candidate.of_forces]
+    loads = [k for k, n in enumerate(named) if WRENCH.shows(n.candidate)]
     for k in loads[:-1]:
-        own = kept[k].effect.candidate
+        own = kept[k].candidate
         if isinstance(own.change, Contact):
-            bare = without({own.key}, now, recordings)
-            again = catalogue.options(bare, scene_of(bare), stretch_s, of_forces=True)
+            bare = refit_without(fit, {own.key})
+            again = search_effects(bare, WRENCH.name)
             same = (o for o in again if o.candidate.kind == own.kind and o.candidate.trials == own.trials)
             best = next(same, None)
-            made = None if best is None else naming.name(best, bare)
+            made = None if best is None else name(best, bare)
             if made is not None:
-                tried = refined(bare, recordings, [made.effect], stretch_s, ROUGHLY, of_forces=True)
-                if misfit(tried) < misfit(now):
-                    kept[k], now = made, tried
-    return kept, now
+                tried = estimate(bare, [made.effect], ROUGHLY, observations=(WRENCH,))
+                if misfit(tried) < misfit(fit):
+                    kept[k], fit = made, tried
+    return kept, fit
 
 
-def _rivals(n: Named) -> list[Candidate]:
-    own = n.effect.candidate
-    return [c for c in n.rivals if c.key != own.key and c.trials == own.trials]
+def _rivals(n: NamedEffect) -> list[Candidate]:
+    return [c for c in n.rivals if c.key != n.key and c.trials == n.candidate.trials]
 
 
-def better_rival(n: Named, options: Sequence[Option], settings: DiscoverySettings) -> Option | None:
+def better_rival(
+    n: NamedEffect, scored: Sequence[ScoredCandidate], settings: DiscoverySettings
+) -> ScoredCandidate | None:
     """The best of a name and its rivals, if it is a rival and chance does not make the difference.
 
-    Nor does it where the rival needs fewer numbers for more. What looking back would drop gets no name.
+    Nor does it where the rival needs fewer numbers for more. What elimination would drop gets no name.
     """
-    best = next(iter(options), None)
-    mine = next((o for o in options if o.candidate.key == n.effect.candidate.key), None)
-    if best is None or best is mine or best.fitted.p > settings.level or not does_good(best, settings):
+    level = settings.level
+    best = next(iter(scored), None)
+    mine = next((o for o in scored if o.candidate.key == n.key), None)
+    if best is None or best is mine or best.fitted.p > level or not best.does_good(level):
         return None
     if mine is None or len(best.candidate.columns) < len(mine.candidate.columns):
         return best
     assert best.gains is not None
     assert mine.gains is not None
-    p = no_worse(best.gains, mine.gains, best.fitted.by_chance - mine.fitted.by_chance)
-    return best if p <= ALIKE else None
+    p = p_of_lead(best.gains, mine.gains, best.fitted.by_chance - mine.fitted.by_chance)
+    return best if p <= settings.equivalence_level else None

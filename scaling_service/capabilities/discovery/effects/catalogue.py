@@ -1,0 +1,99 @@
+"""All effects that are known: those of this package's files and those of other distributions."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from scaling_service.capabilities.discovery import effects
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
+from scaling_service.capabilities.discovery.laws.scene import Scene
+
+ENTRY_POINTS = "scaling_service.effects"
+"""Group of entry points, each of a module with ``EFFECTS`` or of an object with the attributes of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One kind of effect.
+
+    Parameters
+    ----------
+    kind, meaning : str
+        The name in results, and what it is in a sentence for a person.
+    candidates : callable, optional
+        The places where it could sit and its columns there; of an effect that is a sum of columns.
+    search : callable, optional
+        The likely ones, fitted and tried; of an effect whose course is not known beforehand, so that no
+        column can stand for it.
+    seen_in : 'markers' or 'wrench'
+        What that search looks at.
+    details : callable, optional
+        Numbers that no column holds, by the names of the results.
+    spreads : callable, optional
+        Standard deviations of these.
+    """
+
+    kind: str
+    meaning: str
+    candidates: Callable[[Scene], Iterable[Candidate]] | None = None
+    search: Callable[[Fit], Iterable[ScoredCandidate]] | None = None
+    seen_in: Seen = "markers"
+    details: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
+    spreads: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
+
+
+@cache
+def known_effects() -> Mapping[str, Effect]:
+    """Every effect by its kind, in the order of their names."""
+    names = [info.name for info in pkgutil.iter_modules(effects.__path__) if not info.name.startswith("_")]
+    sources: list[Any] = [import_module(f"{effects.__name__}.{name}") for name in names]
+    sources += [point.load() for point in entry_points(group=ENTRY_POINTS)]
+    found = [_effect(each) for source in sources for each in _held_by(source)]
+    return {effect.kind: effect for effect in sorted(found, key=lambda effect: effect.kind)}
+
+
+def _held_by(source: Any) -> Iterable[Any]:
+    """What a module or object holds: its ``EFFECTS``, itself, or nothing."""
+    held: Iterable[Any] = getattr(source, "EFFECTS", [source] if hasattr(source, "meaning") else [])
+    return held
+
+
+def _effect(source: Any) -> Effect:
+    """An effect, or whatever has its attributes."""
+    if isinstance(source, Effect):
+        return source
+    return Effect(**{f.name: getattr(source, f.name) for f in fields(Effect) if hasattr(source, f.name)})
+
+
+def candidates(scene: Scene, kinds: Collection[str] | None = None) -> Iterator[Candidate]:
+    """All effects (or those kinds) that are sums of columns, at all places where they could be."""
+    for effect in known_effects().values():
+        if effect.candidates is not None and (kinds is None or effect.kind in kinds):
+            yield from effect.candidates(scene)
+
+
+def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
+    """Effects that need a search of their own in an observation, where they are likely."""
+    for effect in known_effects().values():
+        if effect.search is not None and effect.seen_in == seen_in:
+            yield from effect.search(fit)
+
+
+def details(effect: Estimate, after: Fit) -> Mapping[str, float]:
+    """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
+    found = known_effects()[effect.candidate.kind].details
+    return {} if found is None else found(effect, after)
+
+
+def spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
+    """Standard deviations of the details that have one."""
+    found = known_effects()[effect.candidate.kind].spreads
+    return {} if found is None else found(effect, after)

@@ -1,0 +1,80 @@
+"""Joints and segments whose centres, axes, lengths or ways of moving are other than the model has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.capabilities.discovery.effects._columns import (
+    DEG,
+    MOST_MM_PER_DEG,
+    shift_of,
+    shifts,
+    turn_of,
+    turns,
+)
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import LETTERS, At, JointSpot, SizeSpot
+
+AXIS_TILT = "joint_axis_tilt"
+
+
+def centre_offsets(scene: Scene) -> Iterator[Candidate]:
+    """Every joint that turns."""
+    for segment in scene.jointed:
+        columns = shifts(shift_of(segment.name), most=80.0)
+        yield Candidate("joint_centre_offset", (segment.joint_name,), columns)
+
+
+def axis_tilts(scene: Scene) -> Iterator[Candidate]:
+    """Every joint of one or two turns; one of three takes any direction anyhow.
+
+    The turn goes before the joint's own and back after them, so that the neutral pose stays.
+    """
+    for segment in scene.jointed:
+        own = [j for j in segment.joints if j.kind == "rotation" and not j.law.is_constant]
+        if len(own) < 3:
+            columns = tuple(
+                Column(f"{LETTERS[k]}_deg", DEG, _there_and_back(segment.name, k), low=-45.0, high=45.0)
+                for k in (0, 1)
+            )
+            yield Candidate(AXIS_TILT, (segment.joint_name,), columns)
+
+
+def _there_and_back(segment: str, axis: int) -> tuple[Part, Part]:
+    before, after = (JointSpot(segment, at, "rotation", axis) for at in _AROUND)
+    return Part(before), Part(after, gain=-1.0)
+
+
+_AROUND: tuple[At, At] = ("before", "after")
+
+
+def coupled_motions(scene: Scene) -> Iterator[Candidate]:
+    """Every joint that turns, gliding or turning with each of its own coordinates."""
+    for segment in scene.jointed:
+        for driver in scene.coordinates_of(segment):
+            where = (segment.joint_name,)
+            gliding = shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
+            turning = turns(turn_of(segment.name), driver=driver)
+            yield Candidate("coupled_motion", where, gliding, (driver,))
+            yield Candidate("coupled_motion", where, turning, (driver,), note="turning")
+
+
+def segment_lengths(scene: Scene) -> Iterator[Candidate]:
+    """Every segment that has a size."""
+    sized = {joint.scales_with for _, joint in scene.model.joints() if joint.scales_with}
+    sized |= {m.segment for m in scene.model.markers if m.follows_size}
+    for segment in scene.bearing:
+        if segment.name in sized:
+            part = Part(SizeSpot(segment.name))
+            column = Column("factor", 1.0, (part,), neutral=1.0, low=0.7, high=1.4)
+            yield Candidate("segment_length", (segment.name,), (column,))
+
+
+EFFECTS = (
+    Effect("joint_centre_offset", "the joint's centre lies elsewhere in the parent segment", centre_offsets),
+    Effect(AXIS_TILT, "the joint's axis is turned", axis_tilts),
+    Effect("coupled_motion", "the joint glides or turns along with a coordinate", coupled_motions),
+    Effect("segment_length", "the segment is longer or shorter, its markers following", segment_lengths),
+)

@@ -1,0 +1,47 @@
+"""Markers that sit elsewhere or move over the bone, and a volume that is scaled as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, of_markers, shifts
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
+
+
+def marker_offsets(scene: Scene) -> Iterator[Candidate]:
+    """Every marker, in all trials, in each one and since each one: it may have been stuck on again."""
+    for marker in scene.markers:
+        columns = shifts(of_markers(marker), most=80.0)
+        for trials in scene.scopes:
+            yield Candidate("marker_offset", (marker,), columns, trials=trials)
+
+
+def skin_artefacts(scene: Scene) -> Iterator[Candidate]:
+    """Every marker and every segment's markers together, with each coordinate at the segment's ends."""
+    for segment in scene.bearing:
+        markers = scene.on(segment.name)
+        for driver in scene.drivers_of(segment.name):
+            groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
+            for group in groups:
+                columns = shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+                yield Candidate("soft_tissue_artefact", group, columns, (driver,))
+
+
+def capture_scale(_scene: Scene) -> Iterator[Candidate]:
+    """The whole recording: a calibration wand of another length."""
+    column = Column("factor", 1.0, (Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
+    yield Candidate("capture_scale", ("markers",), (column,))
+
+
+EFFECTS = (
+    Effect("marker_offset", "the marker sits elsewhere on its segment", marker_offsets),
+    Effect(
+        "soft_tissue_artefact",
+        "the skin under the marker moves over the bone with a joint's angle",
+        skin_artefacts,
+    ),
+    Effect("capture_scale", "all measured positions are scaled by one factor", capture_scale),
+)

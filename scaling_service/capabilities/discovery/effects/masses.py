@@ -1,0 +1,85 @@
+"""Segments that are heavier, balanced elsewhere, or carry something."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects._columns import MM
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
+from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import LETTERS
+from scaling_service.model.body import Segment
+from scaling_service.model.inertia import tensor_of
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import TENSOR
+
+_REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
+
+
+def segment_masses(scene: Scene) -> Iterator[Candidate]:
+    """Every segment with mass, its inertia in proportion."""
+    for segment in scene.heavy:
+        com = np.array(segment.com)
+        tensor = tensor_of(segment.inertia) + segment.mass * _spread(com, com)
+        every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
+        load = Inertial(segment.name, tuple((every / segment.mass).tolist()))
+        column = Column("kg", 1.0, load=load, low=-0.9 * segment.mass, high=20.0)
+        yield Candidate("segment_mass", (segment.name,), (column,))
+
+
+def centres_of_mass(scene: Scene) -> Iterator[Candidate]:
+    """Every segment with mass."""
+    for segment in scene.heavy:
+        loads = [Inertial(segment.name, tuple(_per_metre(segment, k).tolist())) for k in range(3)]
+        columns = tuple(
+            Column(f"{letter}_mm", MM, load=load, low=-200.0, high=200.0)
+            for letter, load in zip(LETTERS, loads, strict=True)
+        )
+        yield Candidate("segment_com", (segment.name,), columns)
+
+
+def carried_loads(scene: Scene) -> Iterator[Candidate]:
+    """Every segment: a mass at its origin, and first moments that say where it is."""
+    unit = np.eye(10)
+    names = (("kg", 1.0, 0.0, 60.0), *((f"{axis}_kgmm", 1e3, -3e4, 3e4) for axis in LETTERS))
+    for segment in scene.heavy:
+        columns = tuple(
+            Column(name, scale, load=Inertial(segment.name, tuple(unit[k].tolist())), low=low, high=high)
+            for k, (name, scale, low, high) in enumerate(names)
+        )
+        yield Candidate("carried_load", (segment.name,), columns, together=within_reach)
+
+
+def within_reach(size: Array) -> bool:
+    """Whether a load (mass, first moments) hangs within reach of its segment."""
+    return bool(np.linalg.norm(size[1:]) <= _REACH_M * abs(size[0]))
+
+
+def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+    mass = float(effect.size[0])
+    place = effect.size[1:] / mass * 1e3 if mass else np.zeros(3)
+    return dict(zip(("x_mm", "y_mm", "z_mm"), place.tolist(), strict=True))
+
+
+def _per_metre(segment: Segment, axis: int) -> Array:
+    """Change of the ten inertial parameters about the segment's origin per metre of its centre of mass."""
+    com, unit = np.array(segment.com), np.eye(3)[axis]
+    tensor = 2.0 * segment.mass * _spread(com, unit)
+    return np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]])
+
+
+def _spread(a: Array, b: Array) -> Array:
+    """The mixed part of a unit mass' tensor at a + b, halved: ``a.b 1 - (a b' + b a') / 2``."""
+    return np.asarray(a @ b * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
+
+
+EFFECTS = (
+    Effect("segment_mass", "the segment is heavier or lighter, of the same shape", segment_masses),
+    Effect("segment_com", "the segment's centre of mass lies elsewhere", centres_of_mass),
+    Effect("carried_load", "the segment carries a load at a point", carried_loads, details=_place_of_load),
+)

@@ -1,0 +1,88 @@
+"""Skin under markers, or part of a segment's mass, that oscillates when the segment accelerates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.statistics import fit_each
+from scaling_service.capabilities.discovery.evidence.wrench import observation_of
+from scaling_service.capabilities.discovery.laws.candidates import (
+    SHAPES,
+    TRIED,
+    Candidate,
+    Column,
+    Estimate,
+    Part,
+    oscillating_at,
+    with_shape_columns,
+)
+from scaling_service.capabilities.discovery.laws.loads import Wobbling
+from scaling_service.capabilities.discovery.laws.profiles import Oscillation
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
+
+
+def wobbling_skin(scene: Scene) -> Iterator[Candidate]:
+    """Every marker and every segment's markers together, at each frequency and damping tried."""
+    for segment in scene.bearing:
+        markers = scene.on(segment.name)
+        groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
+        for group in groups:
+            for pair in TRIED:
+                parts = tuple(
+                    Part(MarkerSpot(m, k), Oscillation(m, *pair, k)) for m in group for k in range(3)
+                )
+                column = Column("share", 1.0, parts, low=0.3, high=3.0, natural=1.0)
+                yield Candidate("skin_wobble", group, (column,), note=oscillating_at(*pair))
+
+
+def wobbling_masses(scene: Scene) -> Iterator[Candidate]:
+    """Every segment with mass, at each frequency and damping tried."""
+    for segment in scene.heavy:
+        for pair in TRIED:
+            column = Column("kg", 1.0, load=Wobbling(segment.name, *pair), low=0.0, high=segment.mass)
+            yield Candidate("wobbling_mass", (segment.name,), (column,), note=oscillating_at(*pair))
+
+
+def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+    """At which frequency and damping it oscillates."""
+    pair = effect.candidate.oscillation
+    assert pair is not None
+    return dict(zip(SHAPES, pair, strict=True))
+
+
+def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
+    """Standard deviations of frequency and damping, its size being estimated with them."""
+    whole = with_shape_columns(effect)
+    observation = observation_of(whole)
+    others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
+    evidence = observation.gather(
+        observation.items(after), others, [whole], after.settings.block_s, together=False
+    )
+    covariance = fit_each(evidence, [whole])[0].spread
+    if len(covariance) < len(whole.columns):
+        return {}
+    sd = np.sqrt(np.diag(covariance))[-len(SHAPES) :].tolist()
+    return {name: value for name, value in zip(SHAPES, sd, strict=True) if value > 0.0}
+
+
+EFFECTS = (
+    Effect(
+        "skin_wobble",
+        "the skin under the marker swings when the segment accelerates",
+        wobbling_skin,
+        details=_details,
+        spreads=_spreads,
+    ),
+    Effect(
+        "wobbling_mass",
+        "part of the segment's own mass swings on a spring",
+        wobbling_masses,
+        details=_details,
+        spreads=_spreads,
+    ),
+)

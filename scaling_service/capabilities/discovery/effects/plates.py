@@ -1,0 +1,100 @@
+"""Force plates that lie, turn, measure or keep time otherwise than the recording says; a leaning vertical."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from scaling_service.capabilities.discovery.effects._columns import DEG, MM
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.laws.loads import (
+    Late,
+    PlateBias,
+    PlateGain,
+    PlateShift,
+    PlateTurn,
+    Tilt,
+)
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import LETTERS
+
+_BIASES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+_MOST_BIAS = (300.0,) * 3 + (30.0,) * 3
+"""Chosen: about the mean centre of pressure, 300 N some 0.1 m beside it."""
+
+_MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
+
+
+def plate_biases(scene: Scene) -> Iterator[Candidate]:
+    """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
+    for plate in scene.plates:
+        columns = tuple(
+            Column(name, 1.0, load=PlateBias(plate, k), low=-most, high=most)
+            for k, (name, most) in enumerate(zip(_BIASES, _MOST_BIAS, strict=True))
+        )
+        for trials in scene.scopes_with_forces:
+            yield Candidate("plate_bias", (plate,), columns[:3], trials=trials)
+            yield Candidate("plate_bias", (plate,), columns, trials=trials, note="with moments")
+
+
+def plate_gains(scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, in all recordings and in each."""
+    for plate in scene.plates:
+        column = Column("factor", 1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
+        for trials in scene.scopes_with_forces:
+            yield Candidate("plate_gain", (plate,), (column,), trials=trials)
+
+
+def plate_positions(scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, in all recordings and in each."""
+    for plate in scene.plates:
+        columns = tuple(
+            Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-most, high=most)
+            for k, most in enumerate(_MOST_SHIFT_MM)
+        )
+        for trials in scene.scopes_with_forces:
+            yield Candidate("plate_position", (plate,), columns, trials=trials)
+
+
+def plate_rotations(scene: Scene) -> Iterator[Candidate]:
+    """Every loaded plate, about the vertical and leaning, in all recordings and in each."""
+    for plate in scene.plates:
+        vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),)
+        leaning = tuple(
+            Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
+            for k, letter in ((0, "x"), (2, "z"))
+        )
+        for trials in scene.scopes_with_forces:
+            yield Candidate("plate_rotation", (plate,), vertical, trials=trials)
+            yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
+
+
+def force_delays(scene: Scene) -> Iterator[Candidate]:
+    """All recordings with forces, and each by itself."""
+    if scene.plates:
+        columns = (Column("delay_s", 1.0, load=Late(), low=-0.3, high=0.3),)
+        for trials in scene.scopes_with_forces:
+            yield Candidate("force_delay", ("forces",), columns, trials=trials)
+
+
+def gravity_tilt(scene: Scene) -> Iterator[Candidate]:
+    """The whole world, about its two level axes."""
+    if scene.plates:
+        columns = tuple(
+            Column(name, DEG, load=Tilt(k), low=-15.0, high=15.0) for k, name in ((0, "x_deg"), (2, "z_deg"))
+        )
+        yield Candidate("gravity_tilt", ("world",), columns)
+
+
+EFFECTS = (
+    Effect("plate_bias", "something constant is added to what the plate measures", plate_biases),
+    Effect("plate_gain", "the plate measures a multiple of the true force", plate_gains),
+    Effect(
+        "plate_position",
+        "the plate lies elsewhere, so that its centre of pressure is shifted",
+        plate_positions,
+    ),
+    Effect("plate_rotation", "the plate is turned about its middle", plate_rotations),
+    Effect("force_delay", "the forces come later (or earlier) than the markers", force_delays),
+    Effect("gravity_tilt", "the laboratory's vertical is not vertical", gravity_tilt),
+)

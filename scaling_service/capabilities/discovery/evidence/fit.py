@@ -1,0 +1,179 @@
+"""What is assumed of the body and the recordings, and the motion and forces that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.laws.apply import (
+    corrected_forces,
+    corrected_trial,
+    gravity_of,
+    with_effects,
+    with_inertial_changes,
+)
+from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, loads_of
+from scaling_service.capabilities.discovery.laws.contacts import wrench_of
+from scaling_service.capabilities.discovery.laws.loads import Wobbling
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
+from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
+from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
+from scaling_service.model.body import GROUND, BodyModel
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A trial, what it is for, and the ground's forces in it."""
+
+    trial: Trial
+    role: Role
+    contacts: ContactAssignment | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchContext:
+    """What a search is about, and what it keeps: the model it started from, recordings, settings, caches."""
+
+    model: BodyModel
+    recordings: Sequence[Recording] = ()
+    settings: DiscoverySettings = field(default_factory=DiscoverySettings)
+    cache: InertialLoadCache = field(default_factory=InertialLoadCache)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What is assumed of the body and the recordings, and how well it follows them."""
+
+    context: SearchContext
+    # what may take any value beside the effects: the calibration's own parameters
+    free: tuple[Estimate, ...] = ()
+    effects: tuple[Estimate, ...] = ()
+    tracked: tuple[TrackedTrial, ...] = ()  # the recordings, tracked with all of these
+    wrenches: tuple[WrenchFit, ...] = ()  # those of them with forces
+
+    @property
+    def model(self) -> BodyModel:
+        """What the search started from."""
+        return self.context.model
+
+    @property
+    def settings(self) -> DiscoverySettings:
+        """How strict the search is."""
+        return self.context.settings
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """What is free and the effects."""
+        return self.free + self.effects
+
+    def model_in(self, trial: str) -> BodyModel:
+        """The model as it is in one trial."""
+        return with_effects(self.model, self.estimates, trial)
+
+    def without(self, keys: Collection[str]) -> Fit:
+        """The same tracking, no longer with effects of some keys; not estimated anew."""
+        return replace(self, effects=tuple(e for e in self.effects if e.candidate.key not in keys))
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What the recordings show of the body."""
+        model = self.model
+        shown = {m for item in self.tracked for m in item.markers}
+        names = tuple(m for m in model.marker_names if m in shown)
+        q = np.concatenate([item.q[:, : len(model.coordinates)] for item in self.tracked])
+        moved = [s for s in model.segments if s.parent == GROUND]
+        roots = {t.coordinate for s in moved for j in s.joints for t in j.law.terms}
+        moving = tuple(
+            c.name
+            for c, spread in zip(model.coordinates, q.std(axis=0), strict=True)
+            if c.kind == "rotation" and c.name not in roots and spread > self.settings.moving_rad
+        )
+        plates = dict.fromkeys(name for item in self.wrenches for name in _loaded(item))
+        trials, wrenches = (tuple(item.name for item in items) for items in (self.tracked, self.wrenches))
+        return Scene(model, names, moving, trials, tuple(plates), wrenches)
+
+
+def fit_recordings(
+    context: SearchContext,
+    free: Sequence[Estimate] = (),
+    effects: Sequence[Estimate] = (),
+    near: Fit | None = None,
+) -> Fit:
+    """Track the recordings with effects of known size added to the model, from where another fit is."""
+    starts = {item.name: item for item in near.tracked} if near else {}
+    both = (*free, *effects)
+
+    def tracked(recording: Recording) -> TrackedTrial:
+        return _track(context.model, recording, both, starts.get(recording.trial.name))
+
+    found = tuple(map_parallel(tracked, context.recordings))
+    return fit_wrenches(Fit(context, tuple(free), tuple(effects), found, near.wrenches if near else ()))
+
+
+def fit_wrenches(fit: Fit) -> Fit:
+    """The same motion with its forces as the effects have them by now, floors as they were."""
+    noise = {item.name: item.covariance for item in fit.wrenches}
+    wrenches = tuple(
+        _fit_wrench(item, fit, recording.contacts, noise.get(item.name))
+        for item, recording in zip(fit.tracked, fit.context.recordings, strict=True)
+        if recording.contacts is not None
+    )
+    return replace(fit, wrenches=wrenches)
+
+
+def _track(
+    model: BodyModel, recording: Recording, effects: Sequence[Estimate], near: TrackedTrial | None
+) -> TrackedTrial:
+    trial = corrected_trial(recording.trial, effects)
+    known = with_effects(model, effects, trial.name)
+    oscillating = oscillating_markers(trial, effects)
+    if near is None or not oscillating:
+        near = TrackedTrial.of(known, trial, recording.role, near)
+
+    def track(changed: Trial, item: TrackedTrial) -> TrackedTrial:
+        return TrackedTrial.of(known, changed, recording.role, item)
+
+    return track_steady(trial, near, effects, track) if oscillating else near
+
+
+def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise: Array | None) -> WrenchFit:
+    """Bring a tracked trial and its forces together, effects of known size taken into account."""
+    here = [s for s in fit.estimates if s.candidate.holds_in(item.name)]
+    made = WrenchFit(
+        item,
+        with_inertial_changes(fit.model_in(item.name), here),
+        replace(contacts, ground=corrected_forces(contacts.ground, item.trial.times, here)),
+        gravity_of(here),
+        contacts.cutoff_hz,
+        tuple(loads_of(here, Wobbling)),
+        known_covariance=noise,
+        cache=fit.context.cache,
+    )
+    for effect in fit.effects:
+        contact = effect.candidate.change
+        if isinstance(contact, Contact) and effect.candidate.holds_in(item.name):
+            before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
+            made = replace(made, touched=before + wrench_of(made, contact))
+    return made
+
+
+def held_out_squares(fit: Fit) -> float:
+    """Whitened sum of squares of markers and forces together in what is held out, else in everything."""
+    items: list[TrackedTrial | WrenchFit] = [*fit.tracked, *fit.wrenches]
+    held_out = [item.square for item in items if item.role == "held_out"]
+    return float(sum(held_out or (item.square for item in items)))
+
+
+def _loaded(item: WrenchFit) -> list[str]:
+    """The plates that bear something in a trial."""
+    ground = item.contacts.ground
+    return [name for k, name in enumerate(ground.plates) if ground.in_contact()[:, k].any()]

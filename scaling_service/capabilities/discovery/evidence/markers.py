@@ -1,0 +1,214 @@
+"""Markers as an observation: residuals and columns of every frame, freed of the pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings
+from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, Layout
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, Seen
+from scaling_service.capabilities.discovery.laws.profiles import Profile, values_of
+from scaling_service.capabilities.discovery.laws.spots import Generators, Spot, span
+from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.capabilities.discovery.observations.performed import performed
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.numerics.multibody.laws import Array
+
+_CHUNK, _FRAMES = 1e6, 48  # numbers of all columns at once: 8 MB, and frames of their spots (chosen)
+_MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
+_AT_ONCE = 128  # frames of a pose's freedom
+_LEAST_LEFT = 1e-3  # of a marker's noise that its pose always leaves (chosen: nothing is divided by zero)
+
+
+class Markers(Observation[TrackedTrial]):
+    """All markers; a place is a marker, by its distance."""
+
+    name: Seen = "markers"
+    per_place = 3
+
+    def items(self, fit: Fit) -> Sequence[TrackedTrial]:
+        """All trials."""
+        return fit.tracked
+
+    def places(self, fit: Fit) -> tuple[str, ...]:
+        """All markers of all trials."""
+        return tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
+
+    def gather(
+        self,
+        items: Sequence[TrackedTrial],
+        nuisances: Sequence[Candidate],
+        candidates: Sequence[Candidate],
+        block_s: float,
+        *,
+        together: bool,
+    ) -> Evidence:
+        """Pass all recordings once; all that the same body needs is made once."""
+        layout = Layout.of(nuisances, candidates, together=together)
+        parts = [part for column in layout.columns for part in column.parts]
+        spots = tuple(dict.fromkeys(part.spot for part in parts))
+        profiles = tuple(dict.fromkeys(part.profile for part in parts))
+        table = _parts_of(layout.columns, spots, profiles)
+        step = _step(items, len(layout.columns))
+        known: list[tuple[TrackedTrial, Generators]] = []
+        for item in items:
+            if not any(_same_body(item, other) for other, _ in known):
+                known.append((item, Generators.of(item, spots)))
+
+        def work(item: TrackedTrial) -> list[Callable[[], tuple[Block, Array]]]:
+            generators = next(g for other, g in known if _same_body(item, other))
+            on = np.array(layout.active_in(item.name), dtype=float)
+            here = [p._replace(gain=p.gain * on[p.column]) for p in table]
+            made = _Made(item, generators, layout, here, values_of(profiles, item), step)
+            return [partial(made.sums, rows) for rows in item.blocks(block_s)]
+
+        sums = map_parallel(lambda part: part(), [part for item in items for part in work(item)])
+        raw = sum((own for _, own in sums), np.zeros(len(layout.columns)))
+        return Evidence(tuple(block for block, _ in sums), raw, layout.nuisances, layout.groups)
+
+    def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:
+        """Tracked anew, and forces with the motion."""
+        return fit_recordings(fit.context, free, effects, fit)
+
+    def residuals(self, fit: Fit) -> list[tuple[TrackedTrial, Array]]:
+        """Measured minus model, m, of all markers of all trials in their order."""
+        names, found = self.places(fit), []
+        for item in fit.tracked:
+            wide = np.full((len(item.q), len(names), 3), np.nan)
+            wide[:, [names.index(m) for m in item.markers]] = item.residuals
+            found.append((item, wide.reshape(len(item.q), -1)))
+        return found
+
+    def frames(self, fit: Fit, item: TrackedTrial, noise: Array | None) -> tuple[Array, Array, Array]:
+        """Squared distances; the pose takes part of a marker's noise with it."""
+        names = self.places(fit)
+        at = [names.index(m) for m in item.markers]
+        slow = np.zeros(len(at)) if noise is None else noise[at]
+        floor = np.where(item.seen, np.maximum(_left(item) * item.floor**2, slow), 0.0)
+        square = np.nan_to_num(np.square(item.residuals).sum(axis=2))
+        wide = np.zeros((3, len(item.q), len(names)))
+        wide[:, :, at] = square, floor, item.seen
+        return wide[0], wide[1], wide[2]
+
+    def series(self, fit: Fit, place: str) -> Iterator[tuple[TrackedTrial, Array, Array]]:
+        """A marker's residuals, (n, 3), m."""
+        for item in fit.tracked:
+            if place in item.markers:
+                yield item, item.residuals[:, item.markers.index(place)], item.q
+
+    def performed(self, fit: Fit, movement: str) -> TrackedTrial | None:
+        """By the markers of the first trial."""
+        return performed(fit.tracked[0], movement)
+
+
+def _same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
+    """Whether two recordings are tracked by the same body with the same markers and coordinates."""
+    alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
+    return alike and one.task.model == other.task.model
+
+
+def _step(tracked: Sequence[TrackedTrial], n_columns: int) -> int:
+    """Every how many frames to look at, so that the products stay within bounds."""
+    products = sum(3 * item.task.measured.shape[0] * len(item.markers) for item in tracked) * n_columns
+    return 1 + int(products / _MOST)
+
+
+class _Parts(NamedTuple):
+    """Which column is made, or added to, with which spot and profile, and how much: arrays of one length."""
+
+    column: NDArray[np.intp]
+    spot: NDArray[np.intp]
+    profile: NDArray[np.intp]
+    gain: Array
+
+
+def _parts_of(columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> list[_Parts]:
+    """The first parts of all columns, then the second of those that have two, and so on."""
+    at = {spot: k for k, spot in enumerate(spots)}
+    of = {profile: k for k, profile in enumerate(profiles)}
+    made = []
+    for rank in range(max((len(column.parts) for column in columns), default=0)):
+        here = [(k, column.parts[rank]) for k, column in enumerate(columns) if len(column.parts) > rank]
+        numbers = [(k, at[part.spot], of[part.profile]) for k, part in here]
+        column, spot, profile = np.array(numbers, dtype=np.intp).T
+        made.append(_Parts(column, spot, profile, np.array([part.gain for _, part in here])))
+    return made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    """Columns of one trial, of generators (spots) and values (n_profiles, n) of profiles."""
+
+    item: TrackedTrial
+    generators: Generators
+    layout: Layout
+    parts: Sequence[_Parts]
+    values: Array
+    step: int
+
+    def columns(self, generated: Array, values: Array) -> Array:
+        """Columns (n_columns, n, rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
+        made = np.zeros((len(self.layout.columns), *generated.shape[1:]))
+        for k, part in enumerate(self.parts):
+            shape = (values[part.profile] * part.gain[:, None])[:, :, None]
+            if k == 0:
+                np.multiply(generated[part.spot], shape, out=made)
+            else:
+                made[part.column] += generated[part.spot] * shape
+        return made
+
+    def sums(self, rows: slice) -> tuple[Block, Array]:
+        """Of one block, and the squares of its columns before the pose was taken out.
+
+        The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
+        """
+        item, layout, count = self.item, self.layout, len(self.layout.columns)
+        scores, raw, own = np.zeros(count), np.zeros(count), layout.own(np.zeros((count, 0)))
+        cross = np.zeros((layout.nuisances, count))
+        square = freedom = 0.0
+        at_once = max(1, int(_CHUNK / (3 * len(item.markers) * max(count, 1))))
+        for start in range(rows.start, rows.stop, self.step * _FRAMES):
+            chunk = slice(start, min(start + self.step * _FRAMES, rows.stop), self.step)
+            gap, pose, spots = self.generators.at(item, chunk)
+            basis = span(pose)
+            taken = basis.transpose(0, 2, 1) @ spots
+            left = np.ascontiguousarray(np.moveaxis(spots - basis @ taken, 2, 0))
+            hidden = np.ascontiguousarray(np.moveaxis(taken, 2, 0))
+            gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+            square += float((gap**2).sum())
+            freedom += 3.0 * float(item.seen[chunk].sum()) - float((basis**2).sum())
+            shaped = self.values[:, chunk]
+            for first in range(0, len(gap), at_once):
+                some = slice(first, first + at_once)
+                made = self.columns(left[:, some], shaped[:, some]).reshape(count, -1)
+                raw += _squares(made) + _squares(self.columns(hidden[:, some], shaped[:, some]))
+                scores += made @ gap[some].ravel()
+                cross += made[: layout.nuisances] @ made.T
+                own += layout.own(made)
+        return Block(item.name, item.role, scores, cross, own, square, freedom), raw
+
+
+def _squares(made: Array) -> Array:
+    flat = made.reshape(len(made), -1)
+    return np.asarray(np.einsum("kr,kr->k", flat, flat))
+
+
+def _left(item: TrackedTrial) -> Array:
+    """How many of a marker's three numbers the pose leaves free, (n, n_markers)."""
+    generators, left = Generators.of(item, ()), np.empty((len(item.q), len(item.markers)))
+    for start in range(0, len(item.q), _AT_ONCE):
+        rows = slice(start, min(start + _AT_ONCE, len(item.q)))
+        basis = span(generators.at(item, rows)[1])
+        taken = np.square(basis).sum(axis=2).reshape(len(basis), -1, 3).sum(axis=2)
+        left[rows] = np.maximum(3.0 - taken, _LEAST_LEFT)
+    return left
+
+
+MARKERS = Markers()

@@ -1,0 +1,141 @@
+"""How much of a residual the movement predicts; what it does not predict is noise, whatever its memory.
+
+Third differences tell the noise of an instrument, not slow noise: skin that creeps, filters' ringing. Here
+residuals are regressed on the coordinates, their squares, rates and accelerations, and on slow functions
+of time, on every other block of time, and predicted on those between. What is predicted there is something
+that a model could have: it counts against the model. The rest is the floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
+from scaling_service.capabilities.discovery.laws.candidates import Seen
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.filters import butterworth
+
+_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
+_KNOT_S = 2.0  # chosen: slower than the blocks that are left out
+_SHARE = (1e-3, 1e-2, 1e-1, 1.0)
+"""Ridges tried, in shares of the squares of a function of unit variance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFloor:
+    """What the movement does not predict of one observation's residuals, and what it does."""
+
+    # trial to the mean square per frame (n_places,) that is not predicted; NaN where a place is not seen
+    noise: Mapping[str, Array]
+    # trial to the squares that prediction takes off, frame by frame (n, n_places)
+    explained: Mapping[str, Array]
+
+
+Floors = Mapping[Seen, NoiseFloor]
+
+
+def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
+    """Of every observation, in a fit in which everything that was found is taken into account."""
+    return {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
+
+
+def measure_noise_floor(fit: Fit, observation: Observation[Any], moving: Sequence[str]) -> NoiseFloor:
+    """Of one observation, as coordinates that move predict it."""
+    residuals = observation.residuals(fit)
+    predicted = _predicted(residuals, moving, fit.settings.block_s) if residuals else []
+    found = {
+        item.name: _by_place(residual, guess, observation.per_place)
+        for (item, residual), guess in zip(residuals, predicted, strict=True)
+    }
+    return NoiseFloor({n: noise for n, (noise, _) in found.items()}, {n: e for n, (_, e) in found.items()})
+
+
+def _by_place(residual: Array, predicted: Array, width: int) -> tuple[Array, Array]:
+    n = len(residual)
+    known = np.isfinite(residual).reshape(n, -1, width).all(axis=2)
+    square = np.nan_to_num(residual**2).reshape(n, -1, width).sum(axis=2)
+    left = np.nan_to_num((residual - predicted) ** 2).reshape(n, -1, width).sum(axis=2)
+    count = np.maximum(known.sum(axis=0), 1)
+    mean = np.minimum(square.sum(axis=0), left.sum(axis=0)) / count
+    return np.where(known.any(axis=0), mean, np.nan), square - left
+
+
+def _predicted(
+    residuals: Sequence[tuple[TrackedTrial, Array]], moving: Sequence[str], block_s: float
+) -> list[Array]:
+    """Residuals of every block as those between predict them, each (n, n_numbers); NaN where not known.
+
+    Parameters
+    ----------
+    residuals : sequence
+        Of each trial (n, n_numbers), the same numbers in all; NaN where not known.
+    moving : sequence of str
+        Coordinates that move.
+    """
+    items, values = zip(*residuals, strict=True)
+    x, folds = _functions(items, moving), np.concatenate([_folds(item, block_s) for item in items])
+    y = np.concatenate(values)
+    known = np.isfinite(y)
+    filled = np.where(known, y, 0.0)
+    guesses = []
+    for share in _SHARE:
+        guess = np.zeros_like(filled)
+        for side in (0, 1):
+            known_side, new = folds != side, folds == side
+            normal = x[known_side].T @ x[known_side] + share * known_side.sum() * np.eye(x.shape[1])
+            guess[new] = x[new] @ np.linalg.solve(normal, x[known_side].T @ filled[known_side])
+        guesses.append(guess)
+    left = [np.where(known, (filled - g) ** 2, 0.0).sum(axis=0) for g in guesses]
+    best = np.argmin(left, axis=0)
+    chosen = np.take_along_axis(np.stack(guesses), best[None, None, :], axis=0)[0]
+    edges = np.cumsum([0, *(len(r) for r in values)])
+    pairs = zip(values, edges[:-1], edges[1:], strict=True)
+    return [np.where(np.isfinite(r), chosen[a:b], np.nan) for r, a, b in pairs]
+
+
+def _folds(item: TrackedTrial, block_s: float) -> Array:
+    fold = np.zeros(len(item.q))
+    for k, rows in enumerate(item.blocks(block_s)):
+        fold[rows] = k % 2
+    return fold
+
+
+def _functions(items: Sequence[TrackedTrial], moving: Sequence[str]) -> Array:
+    """Functions of movement and time, (n, n_functions), each of unit variance or so."""
+    movement = np.concatenate([_of_movement(item, moving) for item in items])
+    spread = movement.std(axis=0)
+    movement = (movement - movement.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    times = [_of_time(item) for item in items]
+    width = sum(t.shape[1] for t in times)
+    slow, row, column = np.zeros((len(movement), width)), 0, 0
+    for part in times:
+        slow[row : row + len(part), column : column + part.shape[1]] = part
+        row, column = row + len(part), column + part.shape[1]
+    return np.concatenate([np.ones((len(movement), 1)), movement, slow], axis=1)
+
+
+def _of_movement(item: TrackedTrial, moving: Sequence[str]) -> Array:
+    names, times = item.task.model.coordinate_names, item.trial.times
+    q = item.q[:, [names.index(c) for c in moving]]
+    rate = 1.0 / float(np.median(np.diff(times)))
+    smooth = butterworth(q, rate_hz=rate, cutoff_hz=min(_CUTOFF_HZ, 0.4 * rate), order=4).values
+    speed = np.gradient(smooth, times, axis=0)
+    pull = np.gradient(speed, times, axis=0)
+    return np.concatenate([smooth, smooth**2, speed, pull], axis=1)
+
+
+def _of_time(item: TrackedTrial) -> Array:
+    """Cubic B-splines over the trial, (n, n_splines)."""
+    times = item.trial.times
+    count = max(1, round(float(times[-1] - times[0]) / _KNOT_S))
+    inner = np.linspace(times[0], times[-1], count + 1)
+    knots = np.concatenate([[inner[0]] * 3, inner, [inner[-1]] * 3])
+    return np.asarray(BSpline.design_matrix(times, knots, 3).toarray())

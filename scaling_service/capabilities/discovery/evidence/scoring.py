@@ -1,0 +1,87 @@
+"""Candidates side by side: fitted, and tried on what did not fit them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.statistics import (
+    Fitted,
+    HeldOut,
+    explain,
+    fit_each,
+    try_held_out,
+)
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
+from scaling_service.capabilities.discovery.evidence.wrench import observation_of
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.numerics.multibody.laws import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoredCandidate:
+    """What could be the next effect."""
+
+    candidate: Candidate
+    fitted: Fitted
+    gains: Array | None  # (n_blocks,), or None: what it takes off each block that fits it
+    held_out: HeldOut
+    equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
+
+    def does_good(self, level: float) -> bool:
+        """Whether it surely lowers what recordings that did not fit it disagree."""
+        return self.held_out.p <= level and self.held_out.gain > 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoredCandidates:
+    """The best, the best first, and among how many they were selected."""
+
+    best: list[ScoredCandidate]
+    count: int
+    # those of the best that are sums of columns among the markers, and those that were searched for there
+    of_markers: tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]] = ((), ())
+    tracked: tuple[TrackedTrial, ...] = ()  # the recordings that these were told from
+
+
+def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> list[ScoredCandidate]:
+    """The likely ones of candidates that all show in the same observation, the best first."""
+    if not choice:
+        return []
+    observation, picked = observation_of(choice[0]), choice
+    if len(choice) > shortlist:
+        rough = observation.gather_beside(fit, choice, together=False)
+        picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
+    return score_gathered(observation.gather_beside(fit, picked, together=True), picked)
+
+
+def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[ScoredCandidate]:
+    """The likely ones of candidates whose evidence was gathered together, the best first."""
+    found = []
+    for k, fitted in _likely(evidence, choice):
+        gains = explain(evidence, k, fitting_blocks(evidence.blocks, choice[k])).gains
+        found.append(ScoredCandidate(choice[k], fitted, gains, try_held_out(evidence, k, choice[k])))
+    return found
+
+
+def _likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, Fitted]]:
+    """Which of them have plausible numbers, the best first."""
+    fitted = fit_each(evidence, choice)
+    likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _plausible(c, f)]
+    return sorted(likely, key=lambda one: -one[1].expected)
+
+
+def _plausible(candidate: Candidate, fitted: Fitted) -> bool:
+    """Whether every number lies in its range, give or take its own deviation, and all do together."""
+    if not len(fitted.size):
+        return False
+    spread = np.sqrt(np.diag(fitted.covariance))
+    nearest = [
+        next((x for x in (size, size - sd, size + sd) if column.plausible(x)), size)
+        for column, size, sd in zip(candidate.columns, fitted.size.tolist(), spread.tolist(), strict=True)
+    ]
+    return candidate.plausible(np.array(nearest))

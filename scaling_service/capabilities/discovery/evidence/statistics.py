@@ -1,0 +1,263 @@
+"""How much each candidate explains, whether that could be chance, and whether it holds on other recordings.
+
+Each candidate is fitted to the blocks beside the nuisances. What it leaves of the scores of every block
+shows how far scores stray by themselves, whatever the size, the shape and the memory of the noise, as long
+as blocks are longer than its memory (cluster-robust variance: Liang & Zeger 1986, Biometrika 73:13; with
+the leverage of few clusters taken off: Bell & McCaffrey 2002, Surv Methodol 28:169). The sum of the scores
+against that variance is Hotelling's statistic, whose reference has as many degrees of freedom as there are
+blocks that really count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, inverse_of
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.numerics.multibody.laws import Array
+
+_FEWEST = 3
+"""Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """One candidate, fitted to some blocks."""
+
+    size: Array  # (k,): of each column, SI
+    covariance: Array  # (k, k): robust; of what the recordings do not show, zero
+    gain: float  # fall of the whitened sum of squares
+    by_chance: float  # the gain that noise of this kind gives on average
+    p: float  # of as large a statistic by chance, for this candidate alone
+    identifiable: float  # share of the columns' square that neither pose nor nuisances hide
+    freedom: float = float("nan")  # degrees of freedom of the p-value's reference
+
+    @classmethod
+    def of_any_course(cls, gain: float, by_chance: float, p: float) -> Fitted:
+        """Of what has no columns, for its course is not known."""
+        return cls(np.zeros(0), np.zeros((0, 0)), gain, by_chance, p, 1.0)
+
+    @property
+    def expected(self) -> float:
+        """The gain to expect on as much other data (Takeuchi 1976, after Konishi & Kitagawa 2008, ch. 3)."""
+        return self.gain - 2.0 * self.by_chance
+
+    @property
+    def spread(self) -> Array:
+        """The covariance, widened so that 1.96 deviations hold 95 %, few as the blocks may be."""
+        if not self.freedom >= 1.0:
+            return self.covariance
+        wider = float(scipy.stats.t.ppf(0.975, self.freedom) / scipy.stats.norm.ppf(0.975))
+        return np.asarray(wider**2 * self.covariance)
+
+
+NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
+
+
+def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitted, ...]:
+    """Fit every candidate by itself to the trials that are to fit.
+
+    One that is in no trial to fit is fitted where it is; what is held out does not decide the nuisances.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        In the evidence's order.
+    """
+    evidence = evidence.apart()
+    fits = [s for s in evidence.blocks if s.role == "fit"]
+    nothing = np.zeros((0, len(evidence.raw))), np.zeros((0, *evidence.blocks[0].own.shape))
+    fitting = _without_nuisances(evidence, fits) if fits else nothing
+    alone: dict[tuple[str, ...], tuple[Array, Array]] = {}
+    for trials in {c.trials for c in candidates}:
+        here = [s for s in evidence.blocks if s.trial in trials]
+        if here and all(s.role == "held_out" for s in here):
+            alone[trials] = np.array([s.scores for s in here]), np.array([s.own for s in here])
+    found = []
+    for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
+        scores, own = alone.get(candidate.trials, fitting)
+        width = rows.stop - rows.start
+        found.append(fit_columns(scores[:, rows], own[:, k, :width, :width], evidence.raw[rows]))
+    return tuple(found)
+
+
+def _without_nuisances(evidence: Evidence, chosen: Sequence[Block]) -> tuple[Array, Array]:
+    """Scores (B, n_columns) and own products (B, n_groups, w, w) where the nuisances follow.
+
+    Columns and residuals are both freed of the nuisances (Frisch & Waugh 1933, Econometrica 1:387): the sum
+    of the scores would be the same without the latter, but they would stray from block to block.
+    """
+    scores, own = np.array([s.scores for s in chosen]), np.array([s.own for s in chosen])
+    count = evidence.nuisances
+    if not count:
+        return scores, own
+    cross = np.array([s.cross for s in chosen])
+    total = cross.sum(axis=0)
+    inverse = inverse_of(total[:, :count], evidence.raw[:count])[0]
+    follow, step = inverse @ total, inverse @ scores[:, :count].sum(axis=0)
+    inner = cross[:, :, :count]
+    scores = scores - scores[:, :count] @ follow - step @ (cross - inner @ follow)
+    own = own.copy()
+    for k, rows in enumerate(evidence.groups):
+        width = rows.stop - rows.start
+        f = follow[:, rows]
+        mixed = f.T @ cross[:, :, rows]
+        own[:, k, :width, :width] += f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
+    return scores, own
+
+
+def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
+    """Fit columns to blocks.
+
+    Parameters
+    ----------
+    scores : ndarray, shape (n_blocks, k)
+    own : ndarray, shape (n_blocks, k, k)
+    raw : ndarray, shape (k,)
+        Squares of the columns before anything was taken out.
+    """
+    curvature = own.sum(axis=0)
+    inverse, identifiable, directions = inverse_of(curvature, raw)
+    rank = directions.shape[1]
+    if rank == 0:
+        return NOTHING
+    white, shares = scores @ directions, np.einsum("ki,bkl,lj->bij", directions, own, directions)
+    total = white.sum(axis=0)
+    left = white - shares @ total
+    leverage = np.einsum("bii->b", shares) / rank
+    left /= np.sqrt(np.maximum(1.0 - leverage, 0.05))[:, None]
+    variance = left.T @ left
+    counting = 1.0 / float((leverage**2).sum())
+    freedom = counting - rank
+    gain = float(total @ total)
+    size = inverse @ scores.sum(axis=0)
+    if freedom < 1.0:
+        return Fitted(size, np.zeros_like(inverse), gain, float("inf"), 1.0, identifiable)
+    value, vector = np.linalg.eigh(variance)
+    value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
+    hotelling = float(((vector.T @ total) ** 2 / value).sum())
+    p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
+    covariance = directions @ variance @ directions.T
+    return Fitted(size, covariance, gain, float(np.trace(variance)), p, identifiable, freedom)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """What a fitted candidate takes off each block that it was fitted to."""
+
+    size: Array  # (k,): of the candidate's columns, SI
+    along: Array  # (n_nuisances,): how the nuisances move with it
+    step: Array  # (n_nuisances,): how they move without it
+    gains: Array  # (n_blocks,): of the whitened sum of squares
+
+
+def explain(evidence: Evidence, index: int, blocks: Sequence[Block]) -> Explained:
+    """Fit one candidate, by its index in evidence that was gathered together, to blocks."""
+    rows, count = evidence.groups[index], evidence.nuisances
+    total, score, inverse = evidence.summed(tuple(blocks))
+    follow, step = inverse @ total[:count, rows], inverse @ score[:count]
+    curvature = total[rows, rows] - total[rows, :count] @ follow
+    size = inverse_of(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
+    along = -follow @ size
+    found = Explained(size, along, step, np.zeros(0))
+    return replace(found, gains=gains_of(evidence, index, found, blocks))
+
+
+def gains_of(evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]) -> Array:
+    """What a candidate takes off blocks beyond what nuisances by themselves do, (n_blocks,)."""
+    count, rows = evidence.nuisances, evidence.groups[index]
+    chosen = np.r_[0:count, rows.start : rows.stop]
+    change = np.concatenate([found.along, found.size])
+
+    def gain(s: Block) -> float:
+        own = s.own[np.ix_(chosen, chosen)]
+        return float(change @ (2.0 * (s.scores[chosen] - own[:, :count] @ found.step) - own @ change))
+
+    return np.array([gain(s) for s in blocks])
+
+
+def p_of_lead(best: Array, other: Array, penalty: float) -> float:
+    """How likely chance alone makes the best as much better as it is (Vuong 1989, Econometrica 57:307).
+
+    Parameters
+    ----------
+    best, other : ndarray, shape (n_blocks,)
+        Gains of the two.
+    penalty : float
+        What the best spends more on chance than the other; not finite where that cannot be told.
+
+    Returns
+    -------
+    float
+        One where blocks are too few to tell.
+    """
+    if len(best) < _FEWEST or not np.isfinite(penalty):
+        return 1.0
+    lead = best - other - penalty / len(best)
+    if not lead.std():
+        return 1.0 if lead.mean() <= 0.0 else 0.0
+    return p_above_zero(lead)
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """A candidate on blocks that did not fit it."""
+
+    gain: float  # share of their whitened sum of squares that it takes off
+    p: float  # of as consistent a gain by chance
+    folds: bool  # whether these were blocks of time of the same trial, for want of another one
+
+
+def try_held_out(evidence: Evidence, index: int, candidate: Candidate) -> HeldOut:
+    """Try a candidate on what did not fit it.
+
+    One that is in trials to fit and in held-out ones is fitted to those and tried on these; any other is
+    fitted to every other block where it is and tried on those between. Trials to fit in which it is not
+    always tell the nuisances from it.
+    """
+    here = [s for s in evidence.blocks if candidate.holds_in(s.trial)]
+    fitting = [s for s in here if s.role == "fit"]
+    held = [s for s in here if s.role == "held_out"]
+    others = [s for s in evidence.blocks if s.role == "fit" and not candidate.holds_in(s.trial)]
+    halves = [(here[0::2], here[1::2]), (here[1::2], here[0::2])]
+    rounds = [(fitting, held)] if fitting and held else halves
+    gains, square = [], 0.0
+    for known, new in rounds:
+        found = explain(evidence, index, [*others, *known])
+        gains.append(gains_of(evidence, index, found, new))
+        square += sum(s.square for s in new)
+    every = np.concatenate(gains)
+    share = float(every.sum() / square) if square else 0.0
+    return HeldOut(share, p_above_zero(every), len(rounds) > 1)
+
+
+def p_above_zero(values: Array) -> float:
+    """How likely chance alone brings the mean so far above zero."""
+    if len(values) < _FEWEST:
+        return 1.0
+    spread = float(values.std(ddof=1))
+    if spread == 0.0:
+        return 1.0
+    return float(scipy.special.stdtr(len(values) - 1, -values.mean() / (spread / np.sqrt(len(values)))))
+
+
+def best_span(gain: Array) -> tuple[float, slice]:
+    """The span of the largest sum, and that sum (Bentley 1984, Commun ACM 27:865)."""
+    total = np.concatenate([[0.0], np.cumsum(gain)])
+    low = np.minimum.accumulate(total)
+    stop = int(np.argmax(total - low))
+    start = int(np.flatnonzero(total[: stop + 1] == low[stop])[-1])
+    return float(total[stop] - total[start]), slice(start, stop)
+
+
+def holm(p: Array) -> Array:
+    """P-values that pay for their number (Holm 1979, Scand J Stat 6:65)."""
+    order, count = np.argsort(p), len(p)
+    stepped = np.maximum.accumulate((count - np.arange(count)) * p[order])
+    result = np.empty(count)
+    result[order] = np.minimum(stepped, 1.0)
+    return result

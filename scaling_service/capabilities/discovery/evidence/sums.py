@@ -1,0 +1,170 @@
+"""Everything that the search needs from the recordings, as sums over blocks of time.
+
+The residuals, divided by their floors, are freed of what the pose of the frame could explain. So are the
+columns of every candidate: what is left of a column is what the observation would show of it, the pose having
+followed as far as it can. Products of the two, summed over *blocks* of time, are all that scores, gains,
+tests and likenesses are made of, so that the recordings are passed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.observations.tracked import Role
+from scaling_service.numerics.multibody.laws import Array
+
+_KEPT = 4  # chosen: the two halves of what is folded, of motion and of forces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Sums over a block of time of one trial."""
+
+    trial: str
+    role: Role
+    scores: Array  # (n_columns,): columns times residuals
+    cross: Array  # (n_nuisances, n_columns): the first columns, which are nuisances, times all columns
+    # (n_columns, n_columns), or (n_groups, widest, widest): columns times columns: all of them, or only
+    # those of one group with each other
+    own: Array
+    square: float  # residuals times residuals
+    freedom: float  # how many numbers the residuals are, the pose's taken off
+
+
+def fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]:
+    """Those that fit a candidate: all to fit, and where it is in none of them, those where it is.
+
+    Where it is not they tell the nuisances from it.
+    """
+    fits = [s for s in blocks if s.role == "fit"]
+    if any(candidate.holds_in(s.trial) for s in fits):
+        return fits
+    return [*fits, *(s for s in blocks if candidate.holds_in(s.trial))]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Blocks of all recordings."""
+
+    blocks: tuple[Block, ...]
+    raw: Array  # (n_columns,): squares of the columns before the pose was taken out, over all blocks
+    nuisances: int  # how many of the columns, the first ones, may take any value
+    groups: tuple[slice, ...]  # the columns of each candidate
+
+    def arranged(self, known: Array, groups: Sequence[Array]) -> Evidence:
+        """Of what was gathered together, some columns as nuisances and others in groups, by their numbers."""
+        order = np.concatenate([known, *groups]).astype(np.intp)
+        edges = np.cumsum([len(known), *(len(group) for group in groups)]).tolist()
+        blocks = tuple(
+            replace(
+                s,
+                scores=s.scores[order],
+                own=s.own[np.ix_(order, order)],
+                cross=s.own[np.ix_(order[: len(known)], order)],
+            )
+            for s in self.blocks
+        )
+        spans = tuple(slice(a, b) for a, b in pairwise(edges))
+        return Evidence(blocks, self.raw[order], len(known), spans)
+
+    def apart(self) -> Evidence:
+        """The same with the products of each group only, also where all were gathered together."""
+        if not self.blocks or self.blocks[0].own.ndim == 3:
+            return self
+        edges = np.array([self.nuisances, *(rows.stop for rows in self.groups)])
+        table = _padded(edges)
+
+        def of_groups(own: Array) -> Array:
+            wide = np.pad(own, (0, 1))
+            return np.asarray(wide[table[:, :, None], table[:, None, :]])
+
+        return replace(self, blocks=tuple(replace(s, own=of_groups(s.own)) for s in self.blocks))
+
+    @cached_property
+    def summed(self) -> Callable[[tuple[Block, ...]], tuple[Array, Array, Array]]:
+        """Products and scores of all columns over blocks, and the inverse of what the nuisances show there.
+
+        Most candidates are fitted to the same blocks, one after the other.
+        """
+        return lru_cache(_KEPT)(partial(_summed, self.raw, self.nuisances))
+
+
+def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:
+    total = np.sum([s.own for s in blocks], axis=0)
+    inverse = inverse_of(total[:count, :count], raw[:count])[0]
+    return total, np.sum([s.scores for s in blocks], axis=0), inverse
+
+
+def _padded(edges: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The columns of each group in rows of equal length, filled up with the column after the last."""
+    widest = int(np.diff(edges).max(initial=0))
+    table = edges[:-1, None] + np.arange(widest)
+    return np.where(table < edges[1:, None], table, edges[-1])
+
+
+def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
+    """Inverse of a curvature where the recordings show something, and how much they show.
+
+    Returns
+    -------
+    inverse : ndarray, shape (k, k)
+    identifiable : float
+        The largest share of any direction's square that is not hidden.
+    directions : ndarray, shape (k, rank)
+        D with D D' = inverse: D' score has unit variance for white noise.
+    """
+    scale = np.divide(1.0, np.sqrt(raw), out=np.zeros_like(raw), where=raw > 0)
+    value, vector = np.linalg.eigh(curvature * np.outer(scale, scale))
+    known = value > IDENTIFIABLE
+    directions = scale[:, None] * vector[:, known] / np.sqrt(value[known])
+    return directions @ directions.T, float(value.max(initial=0.0)), directions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """The columns of nuisances (first) and candidates, and whose products with each other are wanted."""
+
+    columns: tuple[Column, ...]
+    owners: tuple[Candidate, ...]  # of the columns
+    nuisances: int  # how many of the columns, the first ones, may take any value
+    edges: NDArray[np.intp]  # where the groups of the others begin and end
+    together: bool  # whether products of different candidates are wanted
+
+    @classmethod
+    def of(cls, nuisances: Sequence[Candidate], candidates: Sequence[Candidate], *, together: bool) -> Layout:
+        """For nuisances and candidates."""
+        every = [*nuisances, *candidates]
+        owners = tuple(candidate for candidate in every for _ in candidate.columns)
+        columns = tuple(column for candidate in every for column in candidate.columns)
+        count = sum(len(candidate.columns) for candidate in nuisances)
+        edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
+        return cls(columns, owners, count, edges, together)
+
+    @property
+    def groups(self) -> tuple[slice, ...]:
+        """The columns of each candidate."""
+        return tuple(slice(a, b) for a, b in pairwise(self.edges.tolist()))
+
+    def active_in(self, trial: str) -> list[bool]:
+        """Which columns there are in a trial."""
+        return [candidate.holds_in(trial) for candidate in self.owners]
+
+    def own(self, made: Array) -> Array:
+        """Columns (n_columns, rows) times columns, as ``own`` of a block."""
+        if self.together:
+            return np.asarray(made @ made.T)
+        widths = np.diff(self.edges)
+        found = np.zeros((len(widths), *2 * (int(widths.max(initial=0)),)))
+        for width in set(widths.tolist()):
+            groups = np.flatnonzero(widths == width)
+            wide = made[self.edges[groups][:, None] + np.arange(width)]
+            found[groups, :width, :width] = wide @ wide.transpose(0, 2, 1)
+        return found

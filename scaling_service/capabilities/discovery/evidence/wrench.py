@@ -1,0 +1,183 @@
+"""The wrench on the ground as an observation: residuals and columns of loads, freed of noise in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_wrenches
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, Layout
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
+from scaling_service.capabilities.discovery.laws.loads import columns_of
+from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, Load, WrenchFit
+from scaling_service.numerics.multibody.laws import Array
+
+_FEWEST = 5  # frames of a block; chosen: fewer say nothing of a block of half a second
+_RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
+_DRAWS = 4  # of noise; chosen: its products' own spread grows by an eighth
+
+
+class Wrench(Observation[WrenchFit]):
+    """The six components of the wrench; a place is a component."""
+
+    name: Seen = "wrench"
+    per_place = 1
+
+    def items(self, fit: Fit) -> Sequence[WrenchFit]:
+        """Trials with forces."""
+        return fit.wrenches
+
+    def places(self, _fit: Fit) -> tuple[str, ...]:
+        """The components."""
+        return COMPONENTS
+
+    def gather(
+        self,
+        items: Sequence[WrenchFit],
+        nuisances: Sequence[Candidate],
+        candidates: Sequence[Candidate],
+        block_s: float,
+        *,
+        together: bool,
+    ) -> Evidence:
+        """Pass all recordings once.
+
+        Columns are made of the motion that leaves the residuals, so noise of the markers is in both, and its
+        products do not vanish on average: a mass on a spring would seem to oscillate where nothing but
+        cameras' noise is. What they come to is told by noise drawn once more and taken off (the corrected
+        score of errors in variables: Nakamura 1990, Biometrika 77:127).
+        """
+        layout = Layout.of(nuisances, candidates, together=together)
+
+        def whitened(item: WrenchFit, replicate: WrenchFit | None = None) -> _White:
+            here = layout.active_in(item.name)
+            active = [c.load if on else None for c, on in zip(layout.columns, here, strict=True)]
+            return _whitened(replicate or item, active, item.floor, _thin(item))
+
+        def by_chance(drawn: tuple[WrenchFit, _White, WrenchFit]) -> list[Block]:
+            item, own, replicate = drawn
+            other = whitened(item, replicate)
+            strays = _White(other.columns - own.columns, other.gap - own.gap)
+            return list(_blocks(item, strays, layout, block_s))
+
+        made = map_parallel(whitened, items)
+        replicates = map_parallel(lambda item: list(item.noise_replicates(_DRAWS)), items)
+        draws = [
+            (item, own, r) for item, own, some in zip(items, made, replicates, strict=True) for r in some
+        ]
+        chances = iter(map_parallel(by_chance, draws))
+        blocks: list[Block] = []
+        raw = np.zeros(len(layout.columns))
+        for item, own in zip(items, made, strict=True):
+            plain = list(_blocks(item, own, layout, block_s))
+            drawn = [next(chances) for _ in range(_DRAWS)]
+            blocks += [_less(found, chance) for found, *chance in zip(plain, *drawn, strict=True)]
+            for used in _parts(item, block_s):
+                raw += _thin(item) * np.square(own.columns[used]).sum(axis=(0, 1))
+        return Evidence(tuple(blocks), raw, layout.nuisances, layout.groups)
+
+    def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:
+        """The motion does not follow from forces and stays."""
+        return fit_wrenches(replace(fit, free=tuple(free), effects=tuple(effects)))
+
+    def residuals(self, fit: Fit) -> list[tuple[TrackedTrial, Array]]:
+        """Measured minus needed, (n, 6), N and N m."""
+        return [(w.tracked, np.where(w.usable[:, None], w.residuals, np.nan)) for w in fit.wrenches]
+
+    def frames(self, _fit: Fit, item: WrenchFit, noise: Array | None) -> tuple[Array, Array, Array]:
+        """Of the frames that count."""
+        used = item.usable[:, None]
+        floor = np.maximum(item.floor**2, np.zeros(len(COMPONENTS)) if noise is None else noise)
+        square = np.where(used, np.square(item.residuals), 0.0)
+        return square, np.where(used, floor, 0.0), np.broadcast_to(used, square.shape).astype(float)
+
+    def series(self, fit: Fit, place: str) -> Iterator[tuple[TrackedTrial, Array, Array]]:
+        """A component's residuals, (n, 1), N or N m."""
+        at = [COMPONENTS.index(place)]
+        for item in fit.wrenches:
+            values = np.where(item.usable[:, None], item.residuals[:, at], np.nan)
+            yield item.tracked, values, item.rated.q
+
+    def performed(self, fit: Fit, movement: str) -> WrenchFit | None:
+        """On plates under the feet of the first trial that has both."""
+        made = (performed_on_plates(item, movement) for item in fit.wrenches)
+        return next((item for item in made if item is not None), None)
+
+
+class _White(NamedTuple):
+    """Columns (n, 6, n_columns) and gap (n, 6), in floors, in the frames that are looked at."""
+
+    columns: Array
+    gap: Array
+
+
+def _thin(item: WrenchFit) -> int:
+    """Every how many frames to look at."""
+    return max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
+
+
+def _parts(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
+    """Of each block the frames that count, as numbers among those looked at."""
+    thin = _thin(item)
+    for rows in item.blocks(block_s):
+        used = np.flatnonzero(item.usable[rows]) + rows.start
+        if len(used) >= _FEWEST:
+            yield used[used % thin == 0] // thin
+
+
+def _whitened(item: WrenchFit, loads: Sequence[Load | None], floor: Array, thin: int) -> _White:
+    """Columns, zero where there is no load, and gap about the trunk's origin, where ``thin`` divides."""
+    known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
+    raw = np.zeros((len(item.times), 6, len(known) + 1))
+    raw[:, :, :-1] = columns_of(list(known), item)
+    made = item.smoothed(raw)[::thin]
+    made[:, 3:] -= np.cross(item.about[::thin, None], made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
+    made /= floor[:, None]
+    columns = made[:, :, [-1 if load is None else known[load] for load in loads]]
+    return _White(columns, item.residuals[::thin] / floor)
+
+
+def _less(found: Block, chance: Sequence[Block]) -> Block:
+    """Sums without what noise alone makes, on average, of what it is in on both sides."""
+    return replace(
+        found,
+        scores=found.scores - np.mean([c.scores for c in chance], axis=0),
+        cross=found.cross - np.mean([c.cross for c in chance], axis=0),
+        own=found.own - np.mean([c.own for c in chance], axis=0),
+    )
+
+
+def _blocks(item: WrenchFit, white: _White, layout: Layout, block_s: float) -> Iterator[Block]:
+    """Sums of frames that stand for several ones each."""
+    thin = _thin(item)
+    for used in _parts(item, block_s):
+        made, gap = white.columns[used], white.gap[used]
+        flat = np.ascontiguousarray(made.reshape(-1, len(layout.columns)).T)
+        yield Block(
+            item.name,
+            item.role,
+            thin * (flat @ gap.ravel()),
+            thin * (flat[: layout.nuisances] @ flat.T),
+            thin * layout.own(flat),
+            thin * float(np.square(gap).sum()),
+            float(thin * gap.size),
+        )
+
+
+WRENCH = Wrench()
+OBSERVATIONS: tuple[Observation[Any], ...] = (MARKERS, WRENCH)
+"""The motion first: forces have no part in it."""
+
+
+def observation_of(candidate: Candidate) -> Observation[Any]:
+    """In which a candidate shows."""
+    return next(o for o in OBSERVATIONS if o.shows(candidate))

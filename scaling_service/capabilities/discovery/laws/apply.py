@@ -1,0 +1,155 @@
+"""Estimated effects put into a model, or taken out of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from scaling_service.capabilities.discovery.laws.candidates import (
+    Candidate,
+    Column,
+    Estimate,
+    Exchange,
+    FreeMotion,
+    Masked,
+    loads_of,
+)
+from scaling_service.capabilities.discovery.laws.loads import Inertial, Late, Plate, PlateFault, Tilt
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
+from scaling_service.capabilities.discovery.laws.spots import (
+    JointSpot,
+    MarkerSpot,
+    SizeSpot,
+    VolumeSpot,
+    put_joint,
+)
+from scaling_service.capabilities.discovery.observations.wrench import middle_of
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.inertia import inertias_of, with_inertias
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias
+from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+
+_LOADED_COLUMNS = 4
+"""Of a carried load: its mass and its first moments."""
+
+
+def with_effects(model: BodyModel, effects: Iterable[Estimate], trial: str) -> BodyModel:
+    """The model as it is in one trial: effects that hold there put into it.
+
+    Later columns go nearer to the trunk, so that a turn about y goes before one about x
+    (``free_axis``).
+    """
+    for effect in effects:
+        if effect.candidate.holds_in(trial):
+            for column, size in reversed(effect.columns):
+                model = _with_column(model, column, size)
+            if isinstance(effect.candidate.change, FreeMotion):
+                model = _with_freedom(model, effect.candidate.change, freedom_name(effect.candidate))
+    return model
+
+
+def freedom_name(candidate: Candidate) -> str:
+    """The name of the coordinate that a missing degree of freedom becomes."""
+    return f"{candidate.where[0]}_{candidate.note.replace(' ', '_')}"
+
+
+def _with_column(model: BodyModel, column: Column, size: float) -> BodyModel:
+    for part in column.parts:
+        spot, profile = part.spot, part.profile
+        if isinstance(spot, SizeSpot):
+            model = spot.resized(model, part.gain * size)
+        elif isinstance(spot, JointSpot | MarkerSpot) and isinstance(profile, Constant | Following):
+            model = spot.put(model, Law((profile.term(part.gain * size),)))
+    return model
+
+
+def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
+    """A coordinate of its own for a motion that the model locked."""
+    joint = Joint(free.kind, free.axis, Law.of(name))
+    model = put_joint(model, free.segment, free.at, joint)
+    return replace(model, coordinates=(*model.coordinates, Coordinate(name, free.kind)))
+
+
+def corrected_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
+    """The recording freed of the faults that are its own: its scale, exchanged labels."""
+    markers = trial.markers
+    for effect in effects:
+        change = effect.candidate.change
+        if effect.candidate.holds_in(trial.name):
+            for column, size in effect.columns:
+                if any(isinstance(part.spot, VolumeSpot) for part in column.parts):
+                    markers = markers / (1.0 + size)
+            if isinstance(change, Masked):
+                markers = markers.copy()
+                markers[:, trial.index(change.marker)] = np.nan
+            if isinstance(change, Exchange):
+                pair = [trial.index(change.first), trial.index(change.second)]
+                inside = np.flatnonzero((trial.times >= change.start_s) & (trial.times <= change.end_s))
+                markers = markers.copy()
+                markers[inside[:, None], pair] = markers[inside[:, None], pair[::-1]]
+    return trial if markers is trial.markers else replace(trial, markers=markers)
+
+
+def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate]) -> BodyModel:
+    """The model with masses, centres and tensors changed."""
+    numbers = inertias_of(model).parameters()
+    changed = False
+    for effect in effects:
+        for segment, change in _inertial_changes(effect):
+            numbers[model.segment_names.index(segment)] += change
+            changed = True
+    return with_inertias(model, Inertias.of_parameters(numbers)) if changed else model
+
+
+def _inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
+    """By segment; a carried load at a point adds the tensor that its mass and first moments make."""
+    found = [(load.segment, size * np.array(load.change)) for load, size in loads_of([effect], Inertial)]
+    if effect.candidate.kind == "carried_load" and len(found) == _LOADED_COLUMNS and effect.size[0] > 0.0:
+        mass, moment = float(effect.size[0]), effect.size[1:]
+        tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
+        six = [tensor[i, j] for i, j in TENSOR]
+        found.append((found[0][0], np.concatenate([np.zeros(4), six])))
+    return found
+
+
+def gravity_of(effects: Iterable[Estimate]) -> Array:
+    """The acceleration of gravity once the vertical leans, (3,), m/s2."""
+    turn = np.zeros(3)
+    for load, size in loads_of(effects, Tilt):
+        turn[load.axis] += size
+    return GRAVITY + np.cross(turn, GRAVITY)
+
+
+def corrected_forces(ground: GroundForces, times: Array, effects: Iterable[Estimate]) -> GroundForces:
+    """The forces freed of the plates' own faults."""
+    force, moment = ground.force.copy(), ground.moment.copy()
+    late = 0.0
+    for effect in effects:
+        for column, size in effect.columns:
+            load = column.load
+            if isinstance(load, Late):
+                late += size
+            elif isinstance(load, PlateFault) and load.plate in ground.plates:
+                k = ground.plates.index(load.plate)
+                plate = Plate(force[:, k], moment[:, k], middle_of(ground, k), ground.readings[:, k])
+                force[:, k], moment[:, k] = load.corrected(plate, size)
+    if late:
+        force, moment = (_earlier(values, times, late) for values in (force, moment))
+    return ground.changed(force=force, moment=moment)
+
+
+def _earlier(values: Array, times: Array, late: float) -> Array:
+    """Values (n, k, 3) as they were ``late`` seconds later, held at the end of what is known."""
+    known = np.isfinite(values).all(axis=(1, 2))
+    if known.sum() < 4:
+        return values
+    spline = CubicSpline(times[known], values[known])
+    moved: Array = spline(np.clip(times + late, times[known][0], times[known][-1]))
+    moved[~known] = np.nan
+    return moved

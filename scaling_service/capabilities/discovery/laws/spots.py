@@ -1,0 +1,213 @@
+"""Spots of a body where something could move that the model holds still.
+
+Everything that moves is a joint, so every kinematic effect is one or more joints put at such spots, each
+with a law: a constant, a multiple of a coordinate, a multiple of a signal. A spot with the constant law
+zero changes nothing, and the derivative of all markers with respect to it is what an effect there would
+look like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
+from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.parameters import fold, free_scale
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, positions
+
+AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+LETTERS = "xyz"
+_OPEN = 1e9  # no bound
+
+At = Literal["start", "before", "after"]
+
+
+@dataclass(frozen=True, slots=True)
+class JointSpot:
+    """A turn or shift along an axis (0, 1, 2 for x, y, z) in the chain that carries a segment.
+
+    It is at the parent's frame (``start``), or before or after the turns that the joint makes.
+    """
+
+    segment: str
+    at: At
+    kind: Literal["rotation", "translation"]
+    axis: int
+
+    def put(self, model: BodyModel, law: Law) -> BodyModel:
+        """The model with a joint of this law here; a ValueError where the joint does not turn."""
+        return put_joint(model, self.segment, self.at, Joint(self.kind, AXES[self.axis], law))
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerSpot:
+    """A shift of one marker along an axis of its segment."""
+
+    marker: str
+    axis: int
+
+    def put(self, model: BodyModel, law: Law) -> BodyModel:
+        """The model with this law added to the marker's place."""
+        markers = []
+        for marker in model.markers:
+            if marker.name == self.marker:
+                x, y, z = (own + law if k == self.axis else own for k, own in enumerate(marker.laws))
+                marker = replace(marker, laws=(x, y, z))
+            markers.append(marker)
+        return model.with_markers(tuple(markers))
+
+
+@dataclass(frozen=True, slots=True)
+class SizeSpot:
+    """The size of a segment, markers following."""
+
+    segment: str
+
+    def resized(self, model: BodyModel, change: float) -> BodyModel:
+        """The model with a segment that is larger by a share."""
+        return fold(free_scale(model, self.segment, 0.9), {f"scale.{self.segment}": 1.0 + change})
+
+
+@dataclass(frozen=True, slots=True)
+class VolumeSpot:
+    """The size of the whole measured volume about the laboratory's origin."""
+
+    def field(self, places: Array) -> Array:
+        """What it does to places (n_markers, 3, n_frames), m, per unit."""
+        return places
+
+
+@dataclass(frozen=True, slots=True)
+class BentSpot:
+    """The whole measured volume bent about a middle (m, in the room), by the square or cube of the distance.
+
+    A lens pushes what lies at r from its middle c by k s |s|2 with s = r - c. Its parts by powers of r are
+    the columns: r |r|2 (``toward`` is None), for each axis 2 r r_k + e_k |r|2, and r itself.
+    """
+
+    middle: Vector
+    toward: int | None = None
+
+    def field(self, places: Array) -> Array:
+        """What it does to places (n_markers, 3, n_frames), m, per unit."""
+        away: Array = places - np.array(self.middle)[:, None]
+        square = np.square(away).sum(axis=1, keepdims=True)
+        if self.toward is None:
+            return np.asarray(away * square)
+        bent: Array = 2.0 * away * away[:, self.toward : self.toward + 1]
+        bent[:, self.toward] += square[:, 0]
+        return bent
+
+
+Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot
+
+
+def turning(segment: Segment) -> tuple[int, int] | None:
+    """The first of the joints of a segment that turn, and one past the last; None if none does."""
+    found = [k for k, j in enumerate(segment.joints) if j.kind == "rotation" and not j.law.is_constant]
+    return (found[0], found[-1] + 1) if found else None
+
+
+def put_joint(model: BodyModel, segment: str, at: At, joint: Joint) -> BodyModel:
+    """The model with a joint in the chain that carries a segment; a ValueError where that does not turn."""
+
+    def longer(item: Segment) -> Segment:
+        place = _index(item, at)
+        return replace(item, joints=(*item.joints[:place], joint, *item.joints[place:]))
+
+    return replace(model, segments=tuple(longer(s) if s.name == segment else s for s in model.segments))
+
+
+def _index(segment: Segment, at: At) -> int:
+    if at == "start":
+        return 0
+    span = turning(segment)
+    if span is None:
+        raise ValueError(f"the joint of '{segment.name}' does not turn")
+    return span[0] if at == "before" else span[1]
+
+
+def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel, tuple[str, ...]]:
+    """The model with one parameter at every spot, at the value that changes nothing, and their names.
+
+    Spots of the volume are not the body's and get an empty name.
+    """
+    names = []
+    for k, spot in enumerate(spots):
+        if isinstance(spot, VolumeSpot | BentSpot):
+            names.append("")
+        elif isinstance(spot, SizeSpot):
+            model = free_scale(model, spot.segment, 0.9)
+            names.append(f"scale.{spot.segment}")
+        else:
+            names.append(f"spot.{k}")
+            model = spot.put(model, Law((Term(1.0, parameter=names[-1]),)))
+            added = Parameter(names[-1], 0.0, "1", -_OPEN, _OPEN, "effect", names[-1])
+            model = replace(model, parameters=(*model.parameters, added))
+    return model, tuple(names)
+
+
+_NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Generators:
+    """The derivative of all markers with respect to every spot."""
+
+    tree: Tree
+    p: Array
+    variables: NDArray[np.intp]
+    volumes: tuple[tuple[int, VolumeSpot | BentSpot], ...]
+
+    @classmethod
+    def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
+        """For a recording as it is followed."""
+        opened, names = with_parameters(item.task.model, spots)
+        tree = compile_model(opened, item.markers)
+        number = {p.name: k for k, p in enumerate(opened.parameters)}
+        free = np.flatnonzero(item.task.free)
+        chosen = [tree.n_coordinates + number[name] for name in names if name]
+        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot | BentSpot))
+        return cls(
+            tree,
+            parameter_values(opened),
+            np.concatenate([free, np.array(chosen, dtype=np.intp)]),
+            volumes,
+        )
+
+    def at(self, item: TrackedTrial, rows: slice) -> tuple[Array, Array, Array]:
+        """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""
+        poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
+        placed = positions(self.tree, poses)
+        rates = jacobian(self.tree, poses, placed, self.variables)
+        for k, spot in self.volumes:
+            rates = np.insert(rates, int(item.task.free.sum()) + k, spot.field(placed), axis=0)
+        n = placed.shape[-1]
+        measured = item.task.measured[rows]
+        scale = np.repeat(1.0 / item.floor, 3)
+        shown = np.isfinite(measured).reshape(n, -1)
+        gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
+        white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0).transpose(0, 2, 1))
+        white *= (shown * scale)[:, :, None]
+        count = int(item.task.free.sum())
+        return gap, white[:, :, :count], white[:, :, count:]
+
+
+def span(pose: Array) -> Array:
+    """A basis of the columns of every frame, (n, r, q), orthonormal but for directions without meaning.
+
+    Those come out short, as far as rounding leaves anything of them.
+    """
+    size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
+    even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
+    bend = even.transpose(0, 2, 1) @ even
+    bend += _NULL * np.eye(pose.shape[2])
+    basis = np.linalg.solve(np.linalg.cholesky(bend), even.transpose(0, 2, 1))
+    return np.asarray(basis.transpose(0, 2, 1))

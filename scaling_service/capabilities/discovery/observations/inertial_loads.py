@@ -1,0 +1,81 @@
+"""What a motion needs of the ground for every inertial number, whatever the masses are."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from threading import Lock
+
+import numpy as np
+
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.inertia import mechanism_of
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.wrench.regressor import regressor_blocks
+
+_BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
+
+
+@dataclass(frozen=True, eq=False)
+class InertialLoads:
+    """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here."""
+
+    model: BodyModel
+    times: Array
+    q: Array
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float  # of the light filter of coordinates
+
+    @cached_property
+    def rated(self) -> RatedMotion:
+        """The motion with its rates, filtered."""
+        return rated_motion(self.model, self.times, self.q, cutoff_hz=self.cutoff_hz)
+
+    @cached_property
+    def root(self) -> Array:
+        """The trunk's origin, (n, 3), m."""
+        poses = forward(self.mechanism.tree, self.rated.rates.q, parameter_values(self.model))
+        return np.ascontiguousarray(poses.origins[0].T)
+
+    def per_number(self) -> Array:
+        """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
+        p = parameter_values(self.model)
+        found = regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
+        made = np.concatenate([block.ground for block in found])
+        made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
+        return made
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The model, compiled: once for a motion and all draws of its noise."""
+        return _compiled(self.model)
+
+
+_compiled = lru_cache(8)(mechanism_of)  # chosen: bodies of as many recordings, if each has its own
+
+
+class InertialLoadCache:
+    """Keeps :meth:`InertialLoads.per_number` of what was asked for lately, as far as it fits in memory.
+
+    The search asks for the same ones again and again; it owns one of these.
+    """
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[InertialLoads, Array] = OrderedDict()
+        self._one_at_a_time = Lock()
+
+    def per_number(self, loads: InertialLoads) -> Array:
+        """Made if it is not known."""
+        found = self._known.get(loads)
+        made = loads.per_number() if found is None else found
+        with self._one_at_a_time:
+            self._known[loads] = made
+            self._known.move_to_end(loads)
+            while sum(array.nbytes for array in self._known.values()) > _BUDGET:
+                self._known.popitem(last=False)
+        return made

@@ -1,0 +1,197 @@
+"""A recording as the search sees it: tracked by the model, with the noise floor of its markers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
+from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.model.body import BodyModel
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import Poses, forward, jacobian, positions
+
+Role = Literal["fit", "held_out"]
+ROLES: tuple[Role, ...] = ("fit", "held_out")
+_FEWEST_BLOCKS = 4  # of a trial; chosen: a spread is told from three, and one may be empty
+LEAST_M = 2e-4
+"""m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
+of a millimetre). Recordings that show less were smoothed before."""
+
+_GROWTH = np.sqrt(20.0)
+"""White noise of unit variance has third differences of variance 1 + 9 + 9 + 1."""
+
+_NORMAL = 1.4826
+"""Standard deviation over median absolute deviation of a normal distribution."""
+
+_ENOUGH = 30
+"""Third differences from which a spread is told (chosen: its own error is then 15 %)."""
+
+DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
+_RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedTrial:
+    """One trial, and the motion with which the model tracks it best."""
+
+    trial: Trial  # not smoothed and not filled: what was measured
+    role: Role
+    task: Task  # the model as tracked, with the markers used
+    q: Array  # (n_frames, n_coordinates), rad or m
+    floor: Array  # (n_markers,), m: standard deviation of the noise of one coordinate of each marker
+
+    @classmethod
+    def of(cls, model: BodyModel, trial: Trial, role: Role, near: TrackedTrial | None = None) -> TrackedTrial:
+        """Track a trial with a model, from where a model like this one did; TrialUnusable without markers."""
+        plain = Task.of(model, trial, bounded=False)
+        floor = marker_noise(plain.measured)
+        task = Task.of(model, trial, bounded=False, weights=_weights(plain, floor))
+        return cls(trial, role, task, solve_task(task, trial.times, _carried_over(task, near)).q, floor)
+
+    @property
+    def name(self) -> str:
+        """The trial's."""
+        return self.trial.name
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Those tracked."""
+        return self.task.markers
+
+    @property
+    def times(self) -> Array:
+        """Of the frames, s."""
+        return self.trial.times
+
+    @property
+    def step(self) -> float:
+        """Time from frame to frame, s."""
+        return float(np.median(np.diff(self.times)))
+
+    def blocks(self, length_s: float) -> Iterator[slice]:
+        """Blocks of time of about this length, at least four."""
+        clock = self.trial.times
+        count = max(_FEWEST_BLOCKS, int((clock[-1] - clock[0]) / length_s))
+        edges = np.linspace(0, len(clock), count + 1).round().astype(int)
+        return (slice(a, b) for a, b in pairwise(edges.tolist()) if b > a)
+
+    @property
+    def places(self) -> Array:
+        """Of the model's markers, (n_frames, n_markers, 3), m, ground."""
+        tree = self.task.tree
+        return np.moveaxis(positions(tree, self.poses), -1, 0)
+
+    @property
+    def poses(self) -> Poses:
+        """Of all segments in all frames."""
+        return forward(self.task.tree, np.ascontiguousarray(self.q.T), self.task.p)
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Measured minus model, (n_frames, n_markers, 3), m; NaN where not seen."""
+        return np.asarray(self.task.measured - self.places)
+
+    @cached_property
+    def noise_replicates(self) -> tuple[TrackedTrial, ...]:
+        """The same recording with as much noise of the markers once more, anew in each of a few draws."""
+        return tuple(replace(self, q=self.q + stray) for stray in _strays(self))
+
+    def inertial_loads(self, gravity: Array, cutoff_hz: float) -> InertialLoads:
+        """What the motion needs of the ground under a gravity (3,), m/s2."""
+        key = (gravity.tobytes(), cutoff_hz)
+        if key not in self._inertial_loads:
+            self._inertial_loads[key] = InertialLoads(
+                self.task.model, self.trial.times, self.q, gravity, cutoff_hz
+            )
+        return self._inertial_loads[key]
+
+    @cached_property
+    def _inertial_loads(self) -> dict[tuple[bytes, float], InertialLoads]:
+        return {}
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of all residuals."""
+        return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
+
+    @property
+    def freedom(self) -> float:
+        """How many numbers the residuals are, the pose's taken off."""
+        return 3.0 * float(self.seen.sum()) - len(self.q) * float(self.task.free.sum())
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Where a marker was seen, (n_frames, n_markers)."""
+        return np.asarray(np.isfinite(self.task.measured).all(axis=2))
+
+
+def marker_noise(measured: Array) -> Array:
+    """Standard deviation (m) of one coordinate's noise for each marker, (n_markers,).
+
+    A body moves smoothly from frame to frame, a camera's noise does not: third differences of a marker's path
+    keep the noise and next to nothing of the movement. A marker seen too briefly gets the others' median.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (n_frames, n_markers, 3), m
+        Not smoothed; NaN where not seen.
+    """
+    steps = np.diff(measured, n=3, axis=0)
+    spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
+    typical = float(np.nanmedian(spread)) if np.isfinite(spread).any() else LEAST_M
+    return np.maximum(np.where(np.isfinite(spread), spread, typical), LEAST_M)
+
+
+def _spread(steps: Array) -> float:
+    known = steps[np.isfinite(steps).all(axis=1)]
+    if len(known) < _ENOUGH:
+        return float("nan")
+    return float(_NORMAL * np.median(np.abs(known)) / _GROWTH)
+
+
+def _weights(task: Task, floor: Array) -> dict[str, float]:
+    """One over the variance of each marker, the median marker's being one."""
+    typical = float(np.median(floor))
+    return {name: (typical / sd) ** 2 for name, sd in zip(task.markers, floor, strict=True)}
+
+
+def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
+    """The motion of the same trial as it was followed before, by names of coordinates; new ones at zero."""
+    if near is None:
+        return None
+    before = near.task.model.coordinate_names
+    q = np.zeros((len(near.q), len(task.model.coordinates)))
+    for k, name in enumerate(task.model.coordinate_names):
+        if name in before:
+            q[:, k] = near.q[:, before.index(name)]
+    return q
+
+
+def _strays(item: TrackedTrial) -> Array:
+    """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
+
+    White noise of each marker's own floor, to which the pose of the frame gives way as far as it does when
+    it is solved for: to first order, without the limits of joints.
+    """
+    tree, free = item.task.tree, np.flatnonzero(item.task.free)
+    poses = item.poses
+    rates = jacobian(tree, poses, positions(tree, poses), free)
+    white = np.moveaxis(rates.reshape(len(free), -1, len(item.q)), -1, 0) / np.repeat(item.floor, 3)
+    white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
+    bend = white @ white.transpose(0, 2, 1)
+    size = np.einsum("nqq->nq", bend).max(axis=1)
+    stream = np.random.default_rng(0)
+    noise = stream.normal(size=(DRAWS, *white.shape[::2]))
+    pull = white @ np.moveaxis(noise, 0, -1)
+    followed = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
+    found = np.zeros((DRAWS, *item.q.shape))
+    found[:, :, free] = np.moveaxis(followed, -1, 0)
+    return found

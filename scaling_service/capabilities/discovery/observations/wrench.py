@@ -1,0 +1,281 @@
+"""A recording with forces as the search sees it: what the plates measured minus what the motion needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from scaling_service.capabilities.discovery.observations.inertial_loads import (
+    InertialLoadCache,
+    InertialLoads,
+)
+from scaling_service.capabilities.discovery.observations.oscillator import pulled
+from scaling_service.capabilities.discovery.observations.tracked import DRAWS, Role, TrackedTrial
+from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import parameter_values
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.inertia import inertias_of, mechanism_of
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
+from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.signals.filters import butterworth
+
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+FEET = ("calcn", "toes", "foot", "talus")
+"""What names of segments of a foot begin with."""
+
+_PLATE_N, _PLATE_NM = 0.5, 0.2
+"""Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
+0.2 mm of 1000 N are 0.2 N m."""
+
+BAND_HZ = 15.0
+"""Of the light filter of coordinates and forces (chosen: holds gait to its 15th harmonic; above it double
+differentiation makes more noise than the comparison's filter takes off)."""
+
+
+class Load(Protocol):
+    """What changes the ground wrench in proportion to a number."""
+
+    def column(self, fit: WrenchFit) -> Array:
+        """Its derivative, (n, 6), moment about the ground origin."""
+
+
+def band_hz(rate_hz: float) -> float:
+    """The light filter's half-power frequency at a frame rate."""
+    return min(BAND_HZ, 0.4 * rate_hz)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactAssignment:
+    """The ground's forces in one trial, and in which frames they are all that touches the body."""
+
+    ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`band_hz`
+    usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
+    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    # columns of loads in which the motion has no part, as they were asked for
+    columns: dict[Load, Array] = field(init=False, default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchFit:
+    """One trial with forces, its motion and what is left between the two."""
+
+    tracked: TrackedTrial
+    model: BodyModel  # with mass, as it is in this trial
+    contacts: ContactAssignment
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    oscillating: tuple[tuple[Load, float], ...] = ()  # masses (kg) on springs
+    # (n, 6): what touches the body beside the plates, moment about the ground origin
+    touched: Array | None = None
+    known_covariance: Array | None = None  # (6, 6): that of the noise, where it is known from before
+    cache: InertialLoadCache = field(default_factory=InertialLoadCache)
+
+    @property
+    def name(self) -> str:
+        """The trial's."""
+        return self.tracked.name
+
+    @property
+    def role(self) -> Role:
+        """The trial's."""
+        return self.tracked.role
+
+    @property
+    def times(self) -> Array:
+        """Of the frames, s."""
+        return self.tracked.times
+
+    def blocks(self, length_s: float) -> Iterator[slice]:
+        """Blocks of time of about this length."""
+        return self.tracked.blocks(length_s)
+
+    @property
+    def inertial_loads(self) -> InertialLoads:
+        """What the motion needs, filtered as lightly as the forces."""
+        return self.tracked.inertial_loads(self.gravity, band_hz(self.tracked.trial.rate_hz))
+
+    @property
+    def rated(self) -> RatedMotion:
+        """The motion with its rates, filtered as lightly as the forces."""
+        return self.inertial_loads.rated
+
+    def smoothed(self, ground_wrench: Array) -> Array:
+        """A wrench (n, 6) about the ground origin below the frequency of comparison.
+
+        Motion and forces pass the filter as wrenches: filtered coordinates need another wrench than the
+        filtered one, by some 10 N in brisk walking at 5 Hz.
+        """
+        rate = self.tracked.trial.rate_hz
+        cutoff = min(self.cutoff_hz, 0.4 * rate)
+        return butterworth(ground_wrench, rate_hz=rate, cutoff_hz=cutoff, order=4).values
+
+    @cached_property
+    def measured(self) -> Array:
+        """All plates together, (n, 6), moment about the ground origin; zero where not known."""
+        ground = self.contacts.ground
+        both = np.concatenate([ground.force, ground.moment], axis=2)
+        return np.asarray(np.nan_to_num(both).sum(axis=1))
+
+    @cached_property
+    def usable(self) -> NDArray[np.bool_]:
+        """Frames that count: usable, known, away from the ends where filters lean on nothing."""
+        known = self.contacts.usable & np.isfinite(self.rated.qddot).all(axis=1)
+        known &= self.contacts.ground.known.all(axis=1)
+        edge = 0.5 / self.cutoff_hz
+        inside = (self.times >= self.times[0] + edge) & (self.times <= self.times[-1] - edge)
+        reach = int(np.ceil(edge * self.tracked.trial.rate_hz))
+        spoilt = ndimage.binary_dilation(~known, iterations=reach) if reach and not known.all() else ~known
+        return np.asarray(inside & ~spoilt)
+
+    @property
+    def about(self) -> Array:
+        """The point that moments are taken about: the trunk's origin, (n, 3), m."""
+        return self.inertial_loads.root
+
+    @cached_property
+    def needed(self) -> Array:
+        """What the motion needs with the model's masses, (n, 6), moment about the ground origin."""
+        return np.asarray(self._per_number() @ inertias_of(self.model).parameters().ravel())
+
+    def _per_number(self) -> Array:
+        return self.cache.per_number(self.inertial_loads)
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Measured minus needed, smoothed, (n, 6), moment about :attr:`about`."""
+        left = self.measured - self.needed
+        for load, size in self.oscillating:
+            left = left - size * load.column(self)
+        smooth = self.smoothed(np.nan_to_num(left))
+        return self.moved(smooth if self.touched is None else smooth + self.touched)
+
+    def moved(self, ground_wrench: Array) -> Array:
+        """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""
+        moment = ground_wrench[:, 3:] - np.cross(self.about, ground_wrench[:, :3])
+        return np.concatenate([ground_wrench[:, :3], moment], axis=1)
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of all components in the frames that count."""
+        return self.square_in(self.usable)
+
+    def square_in(self, rows: NDArray[Any]) -> float:
+        """Whitened sum of squares of all components in some frames."""
+        return float(np.square(self.residuals[rows] / self.floor).sum())
+
+    @property
+    def freedom(self) -> float:
+        """How many numbers those are."""
+        return 6.0 * float(self.usable.sum())
+
+    @cached_property
+    def floor(self) -> Array:
+        """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of what marker noise and plates leave, (6, 6), N and N m, the moment about :attr:`about`."""
+        if self.known_covariance is not None:
+            return self.known_covariance
+        own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
+        changes = [
+            self.moved(self.smoothed(np.nan_to_num(other.needed - self.needed)))[self.usable]
+            for other in self.noise_replicates(DRAWS)
+        ]
+        square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
+        return np.asarray(np.diag(own**2) + square)
+
+    def noise_replicates(self, draws: int) -> Iterator[WrenchFit]:
+        """The same recording with as much noise of the markers once more, anew in every draw."""
+        for other in self.tracked.noise_replicates[:draws]:
+            yield replace(self, tracked=other)
+
+    def needed_more(self, segments: Sequence[str], changes: Array) -> Array:
+        """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""
+        own = np.zeros((len(self.model.segments), N_PARAMETERS, len(segments)))
+        own[self._numbers(segments), :, np.arange(len(segments))] = changes
+        return np.asarray(self._per_number() @ own.reshape(-1, len(segments)))
+
+    def _numbers(self, segments: Sequence[str]) -> list[int]:
+        return [self.model.segment_names.index(segment) for segment in segments]
+
+    @cached_property
+    def step(self) -> float:
+        """Time from frame to frame, s."""
+        return self.tracked.step
+
+    @cached_property
+    def _places(self) -> tuple[Array, Array, Array]:
+        """Centres of mass (n, s, 3), origins (n, s, 3) and axes (n, s, 3, 3) of all segments."""
+        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
+        poses = forward(mechanism.tree, self.rated.rates.q, p)
+        centres = np.moveaxis(positions(mechanism.tree, poses), -1, 0)
+        return centres, np.moveaxis(poses.origins, -1, 0), np.moveaxis(poses.axes, -1, 0)
+
+    def centres(self, segments: Sequence[str]) -> Array:
+        """Segments' centres of mass, (n, n_segments, 3), m."""
+        return np.asarray(self._places[0][:, self._numbers(segments)])
+
+    def pulls(self, segments: Sequence[str]) -> Array:
+        """Minus the acceleration of segments' centres of mass, (n, n_segments, 3), m/s2."""
+        return np.asarray(self._pulls[:, self._numbers(segments)])
+
+    @cached_property
+    def _pulls(self) -> Array:
+        return pulled(self._places[0], self.step)
+
+    def segment_frame(self, segment: str) -> tuple[Array, Array]:
+        """A segment's origin (n, 3) and axes (n, 3, 3), the axes as rows."""
+        k = self.model.segment_names.index(segment)
+        return self._places[1][:, k], self._places[2][:, k]
+
+    @property
+    def mass(self) -> float:
+        """Of the whole body, kg."""
+        return float(sum(s.mass for s in self.model.segments))
+
+    @cached_property
+    def centre_of_mass(self) -> Array:
+        """Of the whole body, (n, 3), m."""
+        masses = np.array([s.mass for s in self.model.segments])
+        return np.asarray(np.einsum("s,nsa->na", masses / masses.sum(), self._places[0]))
+
+    def plate(self, name: str) -> Array:
+        """One plate's wrench, (n, 6), moment about the ground origin; zero for a plate that there is not."""
+        return self._of_plate(name, lambda g, k: np.concatenate([g.force[:, k], g.moment[:, k]], axis=1), 6)
+
+    def readings(self, name: str) -> Array:
+        """How much of each frame a plate's readings make, (n,), 0 to 1."""
+        return self._of_plate(name, lambda g, k: g.readings[:, k])
+
+    def pressed(self, name: str) -> Array:
+        """The centre of pressure of a plate, (n, 3), m; zero where nothing presses."""
+        return self._of_plate(name, lambda g, k: g.centre_of_pressure()[:, k], 3)
+
+    def _of_plate(self, name: str, what: Callable[[GroundForces, int], Array], *width: int) -> Array:
+        ground = self.contacts.ground
+        if name not in ground.plates:
+            return np.zeros((len(self.times), *width))
+        return np.asarray(np.nan_to_num(what(ground, ground.plates.index(name))))
+
+    def centre(self, name: str) -> Array:
+        """The middle of a plate, (3,), m; zero for a plate that there is not."""
+        ground = self.contacts.ground
+        return middle_of(ground, ground.plates.index(name)) if name in ground.plates else np.zeros(3)
+
+
+def middle_of(ground: GroundForces, k: int) -> Array:
+    """The mean centre of pressure of a plate, else the point of its surface that is known, (3,), m."""
+    centres = ground.centre_of_pressure()[:, k]
+    known = np.isfinite(centres).all(axis=1)
+    return np.asarray(centres[known].mean(axis=0) if known.any() else ground.surfaces[k])

@@ -1,0 +1,182 @@
+"""What is named next: the best effect of the motion with its companions, and the best of the forces.
+
+One effect after the other would be slow where much is missing, and would leave no room for small ones. So
+others of the motion are named along with the best if they pass beside it and explain most of what they do
+without it: then they are no shadows of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects.catalogue import candidates, search_effects
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.scoring import (
+    ScoredCandidate,
+    ScoredCandidates,
+    score_candidates,
+    score_gathered,
+)
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
+from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
+
+
+def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandidates:
+    """Try everything in the catalogue at every place.
+
+    Parameters
+    ----------
+    before : ScoredCandidates, optional
+        From the last round; what the same motion shows among the markers is not told anew.
+    """
+    taken = {s.candidate.key for s in fit.estimates}
+    every = [c for c in candidates(fit.scene) if c.key not in taken]
+
+    def scored(observation: Observation[Any]) -> tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]]:
+        choice = [c for c in every if observation.shows(c)]
+        found = search_effects(fit, observation.name)
+        return score_candidates(fit, choice, fit.settings.shortlist), list(found)
+
+    if before is not None and before.tracked is fit.tracked:
+        of_markers, of_wrench = before.of_markers, scored(WRENCH)
+    else:
+        of_markers, of_wrench = map_parallel(scored, OBSERVATIONS)
+    found = [*of_markers[1], *of_wrench[1]]
+    new = [o for o in found if o.candidate.key not in taken]
+    best = sorted((*of_markers[0], *of_wrench[0], *new), key=lambda o: -o.fitted.expected)
+    return ScoredCandidates(best, len(every) + len(found), of_markers, fit.tracked)
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What to name next, and keys of candidates that no plausible oscillation fits."""
+
+    named: list[NamedEffect]
+    refused: set[str]
+
+
+def select(
+    fit: Fit, scored: ScoredCandidates, named: Sequence[NamedEffect], refused: Collection[str]
+) -> Selection:
+    """The best of the motion and of the forces that pass, as far as there is room, with their companions.
+
+    Parameters
+    ----------
+    named : sequence of NamedEffect
+        So far.
+    refused : collection of str
+        Keys of candidates that were tried in vain.
+    """
+    found: list[NamedEffect] = []
+    implausible: set[str] = set()
+    trials = [item.name for item in fit.tracked]
+    fitting = [item.name for item in fit.tracked if item.role == "fit"]
+    for observation in OBSERVATIONS:
+        room = fit.settings.most - sum(observation.shows(n.candidate) for n in named)
+        passing = [o for o in scored.best if observation.shows(o.candidate) and _passes(o, scored, fit)]
+        passing = [
+            o for o in keep_widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
+        ]
+        for best in passing if room > 0 else []:
+            first = name_tuned(best, fit, scored)
+            if first is not None:
+                others = [
+                    o for o in passing if MARKERS.shows(o.candidate) and o.candidate.key not in implausible
+                ]
+                found += [first, *_companions(first, others, scored, fit)[: room - 1]]
+                break
+            implausible.add(best.candidate.key)
+    return Selection(found, implausible)
+
+
+def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
+    level = fit.settings.level
+    likely = one.fitted.p * among.count <= level and one.fitted.expected > 0.0
+    return likely and one.does_good(level)
+
+
+def _companions(
+    first: NamedEffect, passing: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit
+) -> list[NamedEffect]:
+    """Effects that explain beside the first, and beside each other, most of what each does alone."""
+    settings = fit.settings
+    worth = settings.companion_worth * first.fitted.expected
+    plain = [o for o in passing if o.candidate.columns and o.candidate.oscillation is None]
+    left = {o.candidate.key: o for o in plain if o.fitted.expected > worth}
+    left.pop(first.key, None)
+    choice = [first.candidate, *(o.candidate for o in left.values())]
+    found = [first]
+    if not left or not first.candidate.columns:
+        return []
+    evidence = MARKERS.gather_beside(fit, choice, together=True)
+    columns = {c.key: np.r_[rows] for c, rows in zip(choice, evidence.groups, strict=True)}
+    free = np.arange(evidence.nuisances)
+    while left and len(found) <= settings.companions:
+        known = np.concatenate([free, *(columns[n.key] for n in found)])
+        rest = [o.candidate for o in left.values()]
+        again = score_gathered(evidence.arranged(known, [columns[c.key] for c in rest]), rest)
+        still = [
+            left[o.candidate.key]
+            for o in again
+            if o.fitted.expected > settings.companion_beside * left[o.candidate.key].fitted.expected
+            and _passes(o, among, fit)
+        ]
+        left = {o.candidate.key: o for o in still[1:]}
+        found += [name_effect(o, fit, among) for o in still[:1]]
+    return found[1:]
+
+
+def keep_widest(
+    passing: Sequence[ScoredCandidate],
+    trials: Sequence[str],
+    fitting: Collection[str],
+    settings: DiscoverySettings,
+) -> list[ScoredCandidate]:
+    """Without what passes in more trials too, or in all others, where gains cannot tell which it is.
+
+    Gains in held-out trials and in those to fit do not compare. And where two scopes hold the same trials to
+    fit, gains are the same: the held-out trials have judged the wider one, and it passed. Where what it
+    changes is free in all trials, it explains as much in all others, reversed: then the model is taken to be
+    right in the first trial, for what changes, changes later.
+
+    Parameters
+    ----------
+    trials : sequence of str
+        All trials, in their order.
+    fitting : collection of str
+        Those of them that are to fit.
+    """
+    every, known = frozenset(trials), frozenset(fitting)
+    scopes: dict[str, dict[frozenset[str], float]] = {}
+    for scored in passing:
+        scopes.setdefault(_thing(scored), {})[_scope(scored, every)] = scored.fitted.expected
+
+    def covered(scored: ScoredCandidate) -> bool:
+        own, all_scopes = _scope(scored, every), scopes[_thing(scored)]
+        wider = [other & known for other in all_scopes if own < other]
+        return any(fits and own & known in (frozenset(), fits) for fits in wider)
+
+    def reversed_later(scored: ScoredCandidate) -> bool:
+        own = _scope(scored, every)
+        others = scopes[_thing(scored)].get(every - own, 0.0)
+        return trials[0] in own and others > settings.reversed_share * scored.fitted.expected
+
+    return [scored for scored in passing if not covered(scored) and not reversed_later(scored)]
+
+
+def _scope(scored: ScoredCandidate, every: frozenset[str]) -> frozenset[str]:
+    return frozenset(scored.candidate.trials) or every
+
+
+def _thing(scored: ScoredCandidate) -> str:
+    """What it is, wherever it is."""
+    return replace(scored.candidate, trials=()).name

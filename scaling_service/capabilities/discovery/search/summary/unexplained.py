@@ -1,0 +1,188 @@
+"""What is left above the floor and matches no effect: where, and the simplest law that describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.noise_floors import Floors, NoiseFloor
+from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.statistics import holm
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
+from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, observable_of
+from scaling_service.capabilities.discovery.search.summary.disagreements import by_trial, places_of
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.filters import butterworth
+
+_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
+_LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
+_FEWEST = 16  # frames; chosen: fewer describe nothing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Function:
+    name: str
+    values: Array
+
+
+def describe_unexplained(
+    fit: Fit, floors: Floors, disturbance: Disturbance | None = None
+) -> tuple[Unexplained, ...]:
+    """Places of which the movement or the time still predicts much, the largest first.
+
+    An unmodelled disturbance comes before all, and stands for every place of its observation.
+    """
+    left = _predicted(fit, floors)
+    if disturbance is None:
+        return left
+    others = [u for u in left if (u.observable != "marker") != (disturbance.seen_in == "wrench")]
+    return _described(fit, disturbance), *others
+
+
+def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
+    """A disturbance with what its places show, over what the instrument would."""
+    observation = next(o for o in OBSERVATIONS if o.name == disturbance.seen_in)
+    tally = observation.tally(fit, None)
+    assert tally is not None
+    shown = [k for k, place in enumerate(tally.places) if place in disturbance.where]
+    rows = shown or list(range(len(tally.places)))
+    frames = max(float(tally.frames[:, rows].sum()), 1.0)
+    rms, floor = ((float(x[:, rows].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
+    observable: Observable = "marker" if observation is MARKERS else "force"
+    return Unexplained(disturbance.where, observable, disturbance.law, rms, floor)
+
+
+def _predicted(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
+    rows = places_of(fit, floors)
+    strength = [_strength(fit, floors[o.name], k) for o, _, k in rows]
+    p = holm(_chances(strength))
+    found = []
+    for (observation, tally, k), chance in zip(rows, p.tolist(), strict=True):
+        if chance <= fit.settings.unexplained_level and tally.frames[:, k].any():
+            _, rms, floor = max(by_trial(tally, k), key=lambda one: one[1] / max(one[2], 1e-300))
+            if rms > fit.settings.unexplained_ratio * floor:
+                place = tally.places[k]
+                law = _law(fit, observation, place)
+                found.append(Unexplained((place,), observable_of(place), law, rms, floor))
+    return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
+
+
+def _strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:
+    """Of every trial, block by block: what prediction takes off a place, over what it leaves."""
+    found = []
+    for item in fit.tracked:
+        if item.name in floor.explained and np.isfinite(floor.noise[item.name][k]):
+            parts = [floor.explained[item.name][rows, k] for rows in item.blocks(fit.settings.block_s)]
+            sums = np.array([part.mean() for part in parts if part.any()])
+            if len(sums):
+                found.append(sums / max(float(floor.noise[item.name][k]), 1e-300))
+    return found
+
+
+def _chances(strength: list[list[Array]]) -> Array:
+    """How likely chance lets places be predicted so well in any of their trials.
+
+    Most places are predicted no better than chance does, so the median spread of all blocks is chance's.
+    Its tails are taken to be heavy (Student's t of three degrees of freedom).
+    """
+    every = np.concatenate([part for trials in strength for part in trials] or [np.zeros(1)])
+    spread = 1.4826 * float(np.median(np.abs(every - min(float(np.median(every)), 0.0)))) + 1e-12
+    found = []
+    for trials in strength:
+        z = [float(part.sum() / (spread * np.sqrt(len(part)))) for part in trials]
+        found.append(min(1.0, len(z) * float(scipy.stats.t.sf(max(z), 3))) if z else 1.0)
+    return np.array(found)
+
+
+def _law(fit: Fit, observation: Observation[Any], place: str) -> str:
+    """A sparse sum of simple functions along the residual's main direction, in words."""
+    gathered = _gathered(fit, observation, place)
+    if gathered is None:
+        return "too short to say"
+    residual, functions = gathered
+    direction = np.linalg.svd(residual, full_matrices=False)[2][0]
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    y = residual @ direction
+    halves = np.asarray(np.arange(len(y)) * 8 // len(y) % 2 == 0)
+    taken: list[int] = []
+    best = 0.0
+    for _ in range(fit.settings.law_terms):
+        scores = [_explained(y, functions, [*taken, k], halves) for k in range(len(functions))]
+        k = int(np.argmax(scores))
+        if scores[k] < best + fit.settings.law_gain:
+            break
+        taken.append(k)
+        best = scores[k]
+    towards = ", ".join(f"{v:.2f}" for v in direction) if len(direction) == 3 else ""
+    along = f" along ({towards}) in ground axes" if towards else ""
+    if not taken:
+        return f"no simple law{along}"
+    size = np.linalg.lstsq(np.stack([functions[k].values for k in taken], axis=1), y, rcond=None)[0]
+    factor, unit = _UNITS[observable_of(place)]
+    terms = " + ".join(
+        f"{s * factor:.3g} {unit}" + (f" x {functions[k].name}" if functions[k].name != "1" else "")
+        for s, k in zip(size, taken, strict=True)
+    )
+    return f"{terms}{along} ({100.0 * best:.0f} % of it)".replace("+ -", "- ")
+
+
+_UNITS: Mapping[Observable, tuple[float, str]] = {
+    "marker": (1e3, "mm"),
+    "force": (1.0, "N"),
+    "moment": (1.0, "N m"),
+}
+
+
+def _explained(y: Array, functions: list[_Function], chosen: list[int], halves: NDArray[np.bool_]) -> float:
+    """Share of the squares that a sum explains where it was not fitted."""
+    x = np.stack([functions[k].values for k in chosen], axis=1)
+    left = 0.0
+    for known in (halves, ~halves):
+        size = np.linalg.lstsq(x[known], y[known], rcond=None)[0]
+        left += float(((y[~known] - x[~known] @ size) ** 2).sum())
+    return 1.0 - left / max(float((y**2).sum()), 1e-300)
+
+
+def _gathered(fit: Fit, observation: Observation[Any], place: str) -> tuple[Array, list[_Function]] | None:
+    """Residuals (n, 1 or 3) of a place, and functions of the movement and time at the same frames."""
+    residual, q, speed, pull, clock, load = [], [], [], [], [], []
+    forces = {item.name: item for item in fit.wrenches}
+    for item, values, _ in observation.series(fit, place):
+        times, other = item.times, forces.get(item.name)
+        rate = 1.0 / item.step
+        smooth = butterworth(item.q, rate_hz=rate, cutoff_hz=min(_CUTOFF_HZ, 0.4 * rate), order=4).values
+        first = np.gradient(smooth, times, axis=0)
+        known = np.isfinite(values).all(axis=1)
+        residual.append(values[known])
+        q.append(smooth[known])
+        speed.append(first[known])
+        pull.append(np.gradient(first, times, axis=0)[known])
+        clock.append(times[known] - times[0])
+        load.append(other.measured[known, 1] if other is not None else np.zeros(int(known.sum())))
+    if not residual or sum(map(len, residual)) < _FEWEST:
+        return None
+    time, vertical = np.concatenate(clock), np.concatenate(load)
+    functions = [_Function("1", np.ones(len(time))), _Function("time (s)", time)]
+    functions += [_Function(f"(time after {t:.2f} s)", (time > t).astype(float)) for t in _steps(time)]
+    if vertical.any():
+        functions.append(_Function("the vertical force (N)", vertical))
+        functions.append(_Function("contact", (vertical > _LOADED_N).astype(float)))
+    courses = (("{}", q, 1), ("{}^2", q, 2), ("rate of {}", speed, 1), ("acceleration of {}", pull, 1))
+    for word, parts, power in courses:
+        values = np.concatenate(parts)
+        names = enumerate(fit.model.coordinate_names)
+        functions += [_Function(word.format(n), values[:, k] ** power) for k, n in names]
+    return np.concatenate(residual), [f for f in functions if f.values.any()]
+
+
+def _steps(time: Array) -> Array:
+    """Times at which something may have changed for good."""
+    return np.linspace(time.min(), time.max(), 11)[1:-1]

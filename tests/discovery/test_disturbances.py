@@ -1,0 +1,86 @@
+"""What no entry of the catalogue has is told by its law and place, and nothing is named in its stead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.discovery.disturbances import disturbance
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
+from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot
+from scaling_service.capabilities.discovery.search.discover import discover
+from scaling_service.capabilities.discovery.search.findings import Findings
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from tests.discovery.hidden import hide, person, recorded
+
+
+def changed(change: Callable[[Trial], Array]) -> Findings:
+    """What is found in the person's recordings with other marker positions."""
+    recordings = [
+        replace(r, trial=replace(r.trial, markers=change(r.trial)))
+        for r in recorded(person(), person().model)
+    ]
+    return discover(person().model, recordings).findings
+
+
+def test_a_lens_anywhere_is_a_sum_of_the_columns_about_a_middle() -> None:
+    """k s |s|2 with s = r - m - c, expanded in c by hand; what is left is linear in r, not only r itself."""
+    rng = np.random.default_rng(0)
+    places, middle, c, k = rng.normal(size=(7, 3, 5)), rng.normal(size=3), rng.normal(size=3), 0.3
+    x, y, z = middle.tolist()
+    away = places - (middle + c)[:, None]
+    lens = k * away * np.square(away).sum(axis=1, keepdims=True)
+    columns = [BentSpot((x, y, z), axis).field(places) for axis in (None, 0, 1, 2)]
+    curved = k * columns[0] - k * np.tensordot(c, columns[1:], axes=1)
+    linear = np.concatenate([places, np.ones((7, 1, 5))], axis=1).transpose(0, 2, 1).reshape(-1, 4)
+    left = (lens - curved).transpose(0, 2, 1).reshape(-1, 3)
+    assert np.abs(left - linear @ np.linalg.lstsq(linear, left, rcond=None)[0]).max() < 1e-12
+    assert VolumeSpot().field(places) is places
+
+
+def test_a_marker_that_trembles_is_told_with_its_frequency() -> None:
+    def shaken(trial: Trial) -> Array:
+        markers = trial.markers.copy()
+        wave = 4e-3 * np.sin(2.0 * np.pi * 11.0 * trial.times)
+        markers[:, trial.index("RFH")] += wave[:, None] * np.array([0.6, 0.0, 0.8])
+        return markers
+
+    found = changed(shaken)
+    assert not found.named
+    assert found.verdict == "unexplained"
+    assert found.unexplained[0].where == ("RFH",)
+    assert "RFH trembles at 11 Hz" in found.unexplained[0].law
+    assert any("repair what it describes" in note for note in found.notes)
+
+
+def test_a_marker_that_came_off_is_told_alone() -> None:
+    def restuck(trial: Trial) -> Array:
+        markers = trial.markers.copy()
+        late = trial.times > trial.times.mean()
+        markers[late, trial.index("RFH")] += np.array([0.0, 0.025, 0.0])
+        return markers
+
+    found = changed(restuck)
+    assert not found.named
+    assert [u.where for u in found.unexplained] == [("RFH",)]
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.2, False), (0.3, True)])
+def test_only_what_explains_much_of_the_disagreement_ends_the_search(
+    share: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where much is wrong, a law of a few more numbers than the right effect explains more than it."""
+    _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
+    now = fit_recordings(SearchContext(person().model, recorded(person(), truth)))
+    # White noise of 1 mm adds a square of one for every number that the residuals are.
+    above = sum(i.square - i.freedom for i in now.tracked if i.role == "fit")
+    law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
+    monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
+    found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
+    assert found is (law if told else None)

@@ -1,0 +1,38 @@
+"""What is superfluous is dropped, and no more than that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.search.elimination import eliminate_backward, settle
+from tests.discovery.hidden import passed, person, recorded, sized
+
+
+def test_of_one_thing_that_was_named_twice_one_is_kept() -> None:
+    """Beside each other neither does anything."""
+    offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
+    artefact = sized("soft_tissue_artefact", "RLFE", driver="knee_angle_r", numbers=(0.1, 0.1, 0.0))
+    model = person().model
+    recordings = recorded(person(), with_effects(model, [offset, artefact], ""))
+    half = replace(offset, size=0.5 * offset.size)
+    again = replace(half, candidate=replace(half.candidate, note="again"))
+    now = fit_recordings(SearchContext(model, recordings), (), [half, again, artefact])
+    found = [passed(half), passed(again), passed(artefact)]
+    kept, after = eliminate_backward(found, now)
+    kept, after = settle(kept, after)
+    assert len(kept) == len(after.effects) == 2
+    sizes = {n.effect.candidate.kind: n.effect.size for n in kept}
+    np.testing.assert_allclose(sizes["marker_offset"], offset.size, atol=3e-4)
+
+
+def test_what_chance_explains_as_well_is_dropped() -> None:
+    offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
+    nothing = sized("marker_offset", "LFH", numbers=(0.0, 0.0, 0.0))
+    model, recordings = person().model, recorded(person(), with_effects(person().model, [offset], ""))
+    now = fit_recordings(SearchContext(model, recordings), (), [offset, nothing])
+    kept, _ = eliminate_backward([passed(nothing), passed(offset)], now)
+    assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]

@@ -1,0 +1,75 @@
+"""Scores and gains of candidates do not depend on what the nuisances could explain by themselves."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.discovery.evidence.statistics import explain, fit_each, try_held_out
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.numerics.multibody.laws import Array
+
+ROWS, STRETCHES, NUISANCES = 40, 20, 2
+CHOICE = [Candidate("anything", ("here",), (Column("a", 1.0), Column("b", 1.0)))]
+
+
+def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
+    """Stretches of columns (n, k), of which the first are nuisances, and residuals (n,)."""
+    group = slice(NUISANCES, x.shape[1])
+    edges = np.arange(0, len(y) + 1, ROWS).tolist()
+    stretches = []
+    for k, (a, b) in enumerate(pairwise(edges)):
+        columns, left = x[a:b], y[a:b]
+        own = columns.T @ columns
+        stretches.append(
+            Block(
+                "held" if k % 3 == 2 else "known",
+                "held_out" if k % 3 == 2 else "fit",
+                columns.T @ left,
+                own[:NUISANCES],
+                own if together else own[None, group, group],
+                float(left @ left),
+                float(ROWS),
+            )
+        )
+    return Evidence(tuple(stretches), np.square(x).sum(axis=0), NUISANCES, (group,))
+
+
+def drawn() -> tuple[Array, Array, Array]:
+    """Columns that are alike, what the candidate and noise leave, and what the nuisances would explain."""
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(ROWS * STRETCHES, NUISANCES + 2))
+    x[:, NUISANCES:] += 0.8 * x[:, :NUISANCES]
+    x *= 1.0 + rng.random(STRETCHES).repeat(ROWS)[:, None]  # stretches differ
+    y = x[:, NUISANCES:] @ [0.2, -0.1] + rng.normal(size=len(x))
+    return x, y, x[:, :NUISANCES] @ [5.0, -7.0]
+
+
+def test_how_sure_a_candidate_is_does_not_depend_on_nuisances() -> None:
+    x, y, more = drawn()
+    (plain,) = fit_each(evidence(x, y, together=False), CHOICE)
+    (moved,) = fit_each(evidence(x, y + more, together=False), CHOICE)
+    assert plain.p < 0.05
+    assert moved.p == pytest.approx(plain.p, rel=1e-6)
+    np.testing.assert_allclose(moved.size, plain.size, rtol=1e-9)
+    np.testing.assert_allclose(moved.covariance, plain.covariance, rtol=1e-6)
+
+
+def test_the_size_is_that_of_ordinary_least_squares() -> None:
+    x, y, more = drawn()
+    known = (np.arange(len(y)) // ROWS) % 3 != 2
+    best = np.linalg.lstsq(x[known], (y + more)[known], rcond=None)[0]
+    (moved,) = fit_each(evidence(x, y + more, together=False), CHOICE)
+    np.testing.assert_allclose(moved.size, best[NUISANCES:], rtol=1e-9)
+
+
+def test_gains_are_those_beyond_the_nuisances() -> None:
+    x, y, more = drawn()
+    plain, moved = (evidence(x, left, together=True) for left in (y, y + more))
+    known = [[s for s in e.blocks if s.role == "fit"] for e in (plain, moved)]
+    gains = [explain(e, 0, some).gains for e, some in zip((plain, moved), known, strict=True)]
+    np.testing.assert_allclose(gains[1], gains[0], rtol=1e-6, atol=1e-9)
+    assert try_held_out(moved, 0, CHOICE[0]).p == pytest.approx(try_held_out(plain, 0, CHOICE[0]).p, rel=1e-6)

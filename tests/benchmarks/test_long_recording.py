@@ -25,7 +25,7 @@ MOST_CPU_S, MOST_MIB = 12.0, 1024.0
 
 _MEASURED = """
 import json, resource, sys
-from scaling_service.cli.app import main
+from scaling_service.cli import main
 assert main(sys.argv[1:]) == 0
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(json.dumps({"cpu_s": used.ru_utime + used.ru_stime, "mib": used.ru_maxrss / 1024}))

@@ -16,7 +16,8 @@ from scaling_service.capabilities.discovery.documents import discovery_document
 from scaling_service.capabilities.discovery.run import DiscoverResults
 from scaling_service.capabilities.discovery.screen import show
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.cli.app import EXIT_INPUT, main
+from scaling_service.cli import main
+from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.documents.results import RepairNote
 from scaling_service.files.trc import write_trc
 from scaling_service.model.trial import Trial

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.cli.app import EXIT_INPUT, main
+from scaling_service.cli import main
+from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
 

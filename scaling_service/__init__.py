@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.motion.saving import save_motions
     from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
     from scaling_service.capabilities.scaling.saving import save
+    from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
     from scaling_service.capabilities.subject.loading import read_model
     from scaling_service.capabilities.subject.reading import load_subject
-    from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
     from scaling_service.core.errors import InputError
     from scaling_service.files.recording import read_recording
     from scaling_service.model.subject import Subject
@@ -66,7 +66,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CalibrationSettings": "capabilities.subject.settings",
+    "CalibrationSettings": "capabilities.shared.settings",
     "DiscoverSettings": "capabilities.discovery.settings",
     "DynamicsSettings": "capabilities.dynamics.settings",
     "InputError": "core.errors",
@@ -74,7 +74,7 @@ _HOMES = {
     "ProcessingSettings": "recording.settings",
     "Results": "capabilities.scaling.run",
     "Scaling": "capabilities.scaling.run",
-    "Settings": "capabilities.subject.settings",
+    "Settings": "capabilities.shared.settings",
     "Subject": "model.subject",
     "Tracked": "capabilities.motion.run",
     "batch": "capabilities.cohort.run",

@@ -16,7 +16,7 @@ import typer
 
 from scaling_service import capabilities
 from scaling_service.capabilities.cohort.screen import Interrupted
-from scaling_service.cli import service
+from scaling_service.cli import demo, service
 from scaling_service.core.errors import InputError
 from scaling_service.studies import command as studies
 
@@ -42,12 +42,11 @@ _FIRST = (
 
 
 def _modules() -> Iterator[ModuleType]:
-    """Whatever has commands: a capability's module ``command``, the studies, the service."""
+    """Whatever has commands: a capability's module ``command``, the demo, the studies, the service."""
     for folder in iter_modules(capabilities.__path__, f"{capabilities.__name__}."):
         if any(module.name == "command" for module in iter_modules(import_module(folder.name).__path__)):
             yield import_module(f"{folder.name}.command")
-    yield studies
-    yield service
+    yield from (demo, studies, service)
 
 
 def _program_of_all() -> typer.Typer:

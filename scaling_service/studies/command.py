@@ -9,7 +9,7 @@ import typer
 
 from scaling_service.capabilities.shared.arguments import Out
 from scaling_service.capabilities.shared.flags import Only, with_flags
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 
 IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
 """As the paper has it."""

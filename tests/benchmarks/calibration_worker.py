@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from scaling_service.capabilities.scaling.methods.table import calibrate
-from scaling_service.capabilities.subject.settings import PAPER
+from scaling_service.capabilities.shared.settings import PAPER
 from scaling_service.virtual.subject import demo_session
 from tests.peers.worker import serve
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.methods.marker_based import linear
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import load
-from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.subject import Subject
 

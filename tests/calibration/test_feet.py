@@ -13,7 +13,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.builtin import builtin
 from scaling_service.model.results import Calibration

@@ -6,7 +6,7 @@ import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.table import calibrate
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.results import Calibration
 from scaling_service.virtual.subject import demo_session
 from tests.calibration.people import person

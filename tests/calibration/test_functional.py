@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.builtin import builtin

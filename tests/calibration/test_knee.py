@@ -14,7 +14,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim import read_osim
 from scaling_service.files.sto import read_sto

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.hip_centre import hip_centres
 from scaling_service.model.builtin import builtin

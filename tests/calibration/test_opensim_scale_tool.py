@@ -19,8 +19,8 @@ import pytest
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
 from scaling_service.capabilities.scaling.methods.placement import frames_around
+from scaling_service.capabilities.shared.settings import PAPER
 from scaling_service.capabilities.subject.loading import load
-from scaling_service.capabilities.subject.settings import PAPER
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim import read_osim, read_scale_setup
 from scaling_service.files.trc import read_trc

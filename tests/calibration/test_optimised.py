@@ -11,7 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.fitting import calibration_frames
 from scaling_service.capabilities.scaling.methods.optimised import selected_coordinates
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.results import Calibration
 from tests.calibration.people import KNEES, Person, imaged, person

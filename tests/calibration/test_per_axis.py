@@ -15,9 +15,9 @@ from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.scaling.sizes.measurements import fitted_factor, per_axis
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.reading import load_subject
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.frames import pelvis_frame
 from scaling_service.model.anatomy.hip_centre import hip_centres

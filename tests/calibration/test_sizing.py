@@ -12,8 +12,8 @@ import pytest
 from scaling_service.capabilities.scaling.methods.marker_based import linear
 from scaling_service.capabilities.scaling.sizes.points import person_points
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import load
-from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.model.anatomy.centres import read_pelvis
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.anatomy.markers import canonical

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.cli import main
 from tests.jobs.laboratory import laboratory
 

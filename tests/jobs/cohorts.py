@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.subject.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.recording.settings import ProcessingSettings
 from tests.calibration.people import person
 from tests.jobs.laboratory import laboratory

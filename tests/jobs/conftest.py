@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.capabilities.scaling.run import Results, compare
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.recording.settings import ProcessingSettings
 from tests.jobs.laboratory import laboratory
 

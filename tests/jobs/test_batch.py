@@ -20,7 +20,7 @@ from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.cohort.subject import read_record
 from scaling_service.capabilities.cohort.work import work
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
 from tests.jobs.cohorts import FAST, someone, table
 

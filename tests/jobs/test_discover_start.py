@@ -14,8 +14,8 @@ from scaling_service.capabilities.discovery.free import free_of
 from scaling_service.capabilities.discovery.limits import check_lengths, limits
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.builtin import builtin
 from scaling_service.model.scaling import scaled

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc
 from tests.jobs.conftest import UNSMOOTHED

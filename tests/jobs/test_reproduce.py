@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.cli import main
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import person_seeds, save_study

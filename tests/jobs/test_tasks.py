@@ -11,8 +11,8 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare, scale
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin, generic_person

@@ -10,7 +10,7 @@ import typer
 from scaling_service.capabilities.shared.arguments import Out, Workers
 from scaling_service.capabilities.shared.flags import Only, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""

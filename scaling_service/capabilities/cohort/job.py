@@ -13,7 +13,7 @@ from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
 from scaling_service.capabilities.shared.job import Documents, JobRequest, Kind, Needed, Parts, named_files
 from scaling_service.capabilities.shared.names import method_names
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier

@@ -15,7 +15,7 @@ from scaling_service.capabilities.cohort.summary import SubjectSummary
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import check_methods
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.model.builtin import BUILTIN_NAMES

@@ -19,8 +19,8 @@ from scaling_service.capabilities.cohort.statistics import CohortSettings, Cohor
 from scaling_service.capabilities.cohort.subject import SubjectMember
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import check_methods
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.documents.writing import check_folder, code_version

@@ -16,8 +16,8 @@ from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, 
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import input_hashes, load_subject
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document

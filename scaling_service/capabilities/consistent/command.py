@@ -18,7 +18,7 @@ from scaling_service.capabilities.shared.screen import (
     running,
     say,
 )
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.consistent.document import ConsistentDocument

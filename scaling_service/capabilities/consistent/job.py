@@ -10,7 +10,7 @@ from pydantic import Field
 from scaling_service.capabilities.consistent.document import ConsistentDocument
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.shared.job import Kind, OfForces
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 

@@ -12,9 +12,9 @@ from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, movement_forces, with_inertia
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.reading import blamed_on
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical

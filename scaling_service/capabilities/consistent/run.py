@@ -20,8 +20,8 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
 )
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.model.anatomy.inertia_planar import SQUAT

@@ -9,7 +9,7 @@ from scaling_service.capabilities.discovery.settings import AS_MEASURED, Discove
 from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
 from scaling_service.capabilities.shared.flags import Only, with_flags
 from scaling_service.capabilities.shared.screen import running
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 
 
 @with_flags

@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.body import BodyModel, Parameter
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen

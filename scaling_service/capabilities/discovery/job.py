@@ -10,7 +10,7 @@ from pydantic import Field
 from scaling_service.capabilities.discovery.document import DiscoveryDocument
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress, part_of
 from scaling_service.documents.names import DOCUMENT
 

@@ -14,9 +14,9 @@ from scaling_service.capabilities.discovery.search.discover import discover as s
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.model.subject import Subject
 

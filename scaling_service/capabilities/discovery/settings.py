@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.recording.settings import ProcessingSettings
 
 AS_MEASURED = Settings(processing=ProcessingSettings(smoothing="none", longest_spline_s=0.0, solidify=False))

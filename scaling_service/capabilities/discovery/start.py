@@ -16,9 +16,9 @@ from scaling_service.capabilities.discovery.settings import AS_MEASURED, Discove
 from scaling_service.capabilities.dynamics.start import Massive, with_inertia
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.model.body import BodyModel

@@ -33,8 +33,8 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     propagate,
 )
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion

@@ -19,9 +19,9 @@ from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
 from scaling_service.files.osim import write_osim

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from scaling_service.capabilities.shared.names import Inertia, Start
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.options import Flag, Options
 from scaling_service.recording.settings import ProcessingSettings
 

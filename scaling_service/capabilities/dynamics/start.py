@@ -22,9 +22,9 @@ from scaling_service.capabilities.dynamics.settings import (
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load, read_recordings
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import few

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.service import MarkerLabels

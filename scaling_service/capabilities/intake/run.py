@@ -36,10 +36,10 @@ from scaling_service.capabilities.intake.recordings import RecordingFile, axes_e
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import subject_from_document
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document

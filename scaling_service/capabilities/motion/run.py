@@ -15,9 +15,9 @@ from scaling_service.capabilities.motion.kinematic_error import KinematicError, 
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.poses import SegmentPoses, segment_poses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.subject import MODEL_SUFFIXES

@@ -11,8 +11,8 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
     length_errors,
 )
 from scaling_service.capabilities.scaling.run import Results, Scaling, run
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import segment_lengths

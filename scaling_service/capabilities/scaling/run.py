@@ -11,11 +11,11 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.scaling.comparison.geometry import Geometry, doubts, geometry
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.mass import with_mass
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Session, Subject

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, Field
 
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import plain_name

@@ -10,9 +10,9 @@ from types import MappingProxyType
 
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh

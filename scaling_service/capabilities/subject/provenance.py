@@ -7,9 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.documents.results import RepairNote
 from scaling_service.documents.subject import SIZE_UNIT
 from scaling_service.documents.writing import code_version

@@ -17,8 +17,8 @@ from scaling_service.capabilities.cohort.outcomes import Done
 from scaling_service.capabilities.cohort.summary import Truth, summarise
 from scaling_service.capabilities.scaling.methods.placement import moved, with_centre
 from scaling_service.capabilities.scaling.run import run
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import generic_person

@@ -12,7 +12,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, run_members
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.summary import SubjectSummary
-from scaling_service.capabilities.subject.settings import Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.documents.writing import code_version

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.centres import Points

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.placement import moved, place_on, with_axis, with_centre
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame

@@ -25,7 +25,7 @@ from scaling_service.capabilities.scaling.sizes.points import (
     with_virtual_landmarks,
 )
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.centres import Centre

@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 from scaling_service.capabilities.scaling.methods.fitting import STRATEGIES, Fit, Progress, calibration_frames
 from scaling_service.capabilities.scaling.sizes.measurements import AXES, fitted_factor
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Joint

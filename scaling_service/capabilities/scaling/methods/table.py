@@ -15,7 +15,7 @@ from scaling_service.capabilities.scaling.methods.fitting import Progress
 from scaling_service.capabilities.scaling.methods.image_based import EB
 from scaling_service.capabilities.scaling.methods.marker_based import MB
 from scaling_service.capabilities.scaling.methods.optimised import EB_AM, MB_AM, MB_LAM
-from scaling_service.capabilities.subject.settings import PAPER, CalibrationSettings
+from scaling_service.capabilities.shared.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session

@@ -25,7 +25,7 @@ from scaling_service.capabilities.scaling.sizes.points import (
     read_landmarks,
     standing_leg_lengths,
 )
-from scaling_service.capabilities.subject.settings import CalibrationSettings
+from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions

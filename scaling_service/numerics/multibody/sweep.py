@@ -36,6 +36,7 @@ from scaling_service.numerics.least_squares.elimination import (
     Limits,
     PivotDamping,
     Pull,
+    Step,
     elimination_of,
     step,
     twists,
@@ -134,12 +135,12 @@ class _Problem:
         value, weight = self.prior
         return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
 
-    def limits(self, q: Array) -> Limits | None:
+    def limits(self, q: Array, held: Array) -> Limits | None:
         """How far the columns may move, if not anywhere."""
         if np.isinf(self.lower).all() and np.isinf(self.upper).all():
             return None
         now = q[self.plan.variables]
-        return Limits(self.lower - now, self.upper - now)
+        return Limits(self.lower - now, self.upper - now, held)
 
     def pull(self, q: Array) -> Pull | None:
         """The coordinates' own tasks by column."""
@@ -257,6 +258,7 @@ class _State:
     damping: Array
     near: Array  # 1.0 where second derivatives are used
     promised: Array  # decrease that the step before promised
+    held: Array  # (c, n) as in `Limits`
 
     def take(self, rows: NDArray[np.intp]) -> _State:
         return _State(
@@ -266,6 +268,7 @@ class _State:
             self.damping[rows],
             self.near[rows],
             self.promised[rows],
+            self.held[:, rows],
         )
 
 
@@ -277,8 +280,8 @@ def _solve_block(
     q[columns] = _between(q[columns], part.lower, part.upper)
     cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     close = np.full(n, float(settings.close))
-    unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
-    state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
+    never, damping, held = np.full(n, np.inf), np.full(n, settings.damping), np.zeros((len(columns), n))
+    state = _State(np.arange(n), q, never, damping, close, np.zeros(n), held)
     trial = q.copy()
     for number in range(1, settings.max_steps + 1):
         poses, misfit, now = part.misfit(trial)
@@ -289,7 +292,9 @@ def _solve_block(
         state.best, state.cost = trial, now
         state.damping = np.where(worse, np.maximum(state.damping * 10.0, 1e-4), state.damping * 0.2)
         state.near *= ~worse
-        delta, promised = _step(part, poses, misfit, state)
+        found = _step(part, poses, misfit, state)
+        delta, promised = found.moved, found.promised
+        small: NDArray[np.bool_] = np.less(promised, _NEAR * now)
         longest = np.abs(delta).max(axis=0, initial=0.0)
         delta *= settings.longest / np.maximum(longest, settings.longest)
         trial = trial.copy()
@@ -297,7 +302,10 @@ def _solve_block(
         before = np.minimum(np.where(worse, 0.0, state.promised), now)
         done = promised**2 <= settings.left * now * np.maximum(before - promised, promised)
         done |= (longest <= settings.step_tolerance) | (state.damping > _LOST)
-        state.near, state.promised = ((promised < _NEAR * now) & ~worse).astype(float), promised
+        done &= ~((state.held != 0.0) & (found.held != state.held)).any(
+            axis=0
+        )  # what was let go has not moved
+        state.near, state.promised, state.held = (small & ~worse).astype(float), promised, found.held * small
         if done.any() or number == settings.max_steps:
             # A last step is too small to be worth a check; a frame that just failed keeps its best pose.
             taken = done & ~worse
@@ -317,8 +325,8 @@ def _between(value: Array, lower: Array, upper: Array) -> Array:
     return bounded
 
 
-def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
-    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
+def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> Step:
+    """One damped step of some frames."""
     return step(
         part.plan,
         curvature_and_wrench(part.clusters, misfit, state.near),
@@ -326,5 +334,5 @@ def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[
         PivotDamping(state.damping, part.floor),
         second=state.near,
         pull=part.pull(state.best),
-        limits=part.limits(state.best),
+        limits=part.limits(state.best, state.held),
     )

@@ -72,14 +72,14 @@ class CalibrationSettings(Options):
         description="Weigh each segment's distances and what persons of this stature and mass are like by "
         "their errors, or take the mean of its distances alone, as the paper does.",
     )
+    hip_regression: Annotated[str, Flag(metavar="NAME", panel=_BEYOND)] = Field(
+        default="harrington2007",
+        description=f"Which regression: harrington2007, {', '.join(HIP_REGRESSION_NAMES)}.",
+    )
     hip_centre: Annotated[Literal["regression", "functional"], Flag(panel=_BEYOND)] = Field(
         default="regression",
         description="From the pelvis markers by regression, or where pelvis and thigh turn against each "
         "other in the calibration trials (three markers on each; SCoRE).",
-    )
-    hip_regression: Annotated[str, Flag(metavar="NAME", panel=_BEYOND)] = Field(
-        default="harrington2007",
-        description=f"Which regression: harrington2007, {', '.join(HIP_REGRESSION_NAMES)}.",
     )
     knee_axis: Annotated[Literal["epicondyles", "functional"], Flag(panel=_BEYOND)] = Field(
         default="epicondyles",

@@ -74,7 +74,7 @@ def test_intervals_of_joint_centres_cover_the_truth(clinic) -> None:
 
 def test_the_estimate_is_nearer_than_distances_alone(clinic) -> None:
     generic = segment_lengths(patient(0).session.model)
-    alone = replace(SETTINGS, sizes="measured")
+    alone = SETTINGS.model_copy(update={"sizes": "measured"})
     plain, weighted = [], []
     for seed in range(40):
         sizing, true, _ = clinic[seed]

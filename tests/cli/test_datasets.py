@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.datasets import command as datasets
+from scaling_service.capabilities.datasets import catalogue as catalogues
 from scaling_service.capabilities.datasets.catalogue import Dataset, read_catalogue
 from scaling_service.capabilities.scaling import saving
 from scaling_service.cli import main
@@ -41,7 +41,7 @@ def mirror(
     files: Files, catalogue: dict[str, Dataset], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Mirror]:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(datasets, "read_catalogue", lambda: catalogue)
+    monkeypatch.setattr(catalogues, "read_catalogue", lambda: catalogue)
     monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
     bones = {f"owner/name.of-it/{catalogue['bones_only'].commit}/F.stl": b"no mesh"}
     with serve(laid_out(catalogue["walker"], files) | bones) as server:

@@ -12,4 +12,5 @@ import pyvista  # noqa: E402, F401 (imported late by those who need it)
 from scaling_service import capabilities  # noqa: E402
 
 for _module in walk_packages(capabilities.__path__, f"{capabilities.__name__}."):
-    import_module(_module.name)
+    if not _module.name.endswith((".command", ".screen", ".flags", ".arguments")):  # what jobs do not need
+        import_module(_module.name)

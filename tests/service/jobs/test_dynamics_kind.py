@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -34,8 +33,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
 
 
 def choices(field: str) -> set[str]:
-    literal, _ = get_args(DynamicsRequest.model_fields[field].annotation)
-    return set(get_args(literal))
+    return set(DynamicsRequest.model_json_schema()["properties"][field]["anyOf"][0]["enum"])
 
 
 def test_all_that_the_command_line_takes_can_be_asked_for() -> None:

@@ -45,7 +45,6 @@ from scaling_service.numerics.multibody.tree import Tree, forward, positions
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
 )
-_INSIDE = 0.3  # chosen: share of a coordinate's range that a first guess keeps from its ends
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _ROUGH = SweepSettings(left=5e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
@@ -174,7 +173,7 @@ def solve_task(
     n = len(times)
     if start is not None:
         return _solve(task, slice(None), start, progress)
-    neutral = _bent(task)
+    neutral = default_coordinates(task.model, 1)[0]
     stride = _stride(times)
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = first_guess(task.tree, task.measured[rows], neutral, task.p, task.free)
@@ -188,22 +187,6 @@ def solve_task(
     natural = freed(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
     return _solve(task, slice(None), close, progress, _FINE)
-
-
-def _bent(task: Task) -> Array:
-    """The default pose (n_coordinates,), coordinates near an end of their range brought away from it.
-
-    A straight limb does not tell a turn about itself from one of the next, and takes more steps. What is
-    locked or moves no marker stays.
-    """
-    pose: Array = default_coordinates(task.model, 1)[0]
-    lower, upper = coordinate_ranges(task.model)
-    open_to = task.free & np.isfinite(upper - lower)
-    moving = [own for own, rows in zip(task.tree.variables, task.tree.carried, strict=True) if len(rows)]
-    bent = sorted({v for own in moving for v in own if v < len(pose) and open_to[v]})
-    inside = _INSIDE * (upper - lower)[bent]
-    pose[bent] = np.minimum(np.maximum(pose[bent], lower[bent] + inside), upper[bent] - inside)
-    return pose
 
 
 def _stride(times: Array) -> int:

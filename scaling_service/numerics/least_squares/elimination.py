@@ -214,32 +214,10 @@ class Pull:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n).
-
-    ``held`` is negative for those that move to their lower limit whatever they want, and positive for the
-    upper: those that only what carries them pushes beyond, as the step before showed.
-    """
+    """How far the coordinates may move, by column: down (not positive) and up (not negative), (c, n)."""
 
     low: Array
     high: Array
-    held: Array
-
-    def beyond(self, wanted: Array) -> Array:
-        """Minus one where columns want to move below their limits, one where above, else zero."""
-        return np.subtract(wanted > self.high, wanted < self.low, dtype=float)
-
-    def ends(self) -> tuple[Array, Array]:
-        """The least and the most that the columns may move, equal where they are held."""
-        return np.where(self.held > 0.0, self.high, self.low), np.where(self.held < 0.0, self.low, self.high)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """One step by column (c, n), the decrease of the cost it promises (n,), and what to hold next (c, n)."""
-
-    moved: Array
-    promised: Array
-    held: Array
 
 
 def step(
@@ -251,8 +229,8 @@ def step(
     second: Array,
     pull: Pull | None = None,
     limits: Limits | None = None,
-) -> Step:
-    """One damped step of all columns.
+) -> tuple[Array, Array]:
+    """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
     Parameters
     ----------
@@ -268,13 +246,12 @@ def step(
     Notes
     -----
     A coordinate that would pass its bound is moved just to it, and what carries it is then
-    eliminated knowing so. That it passes its bound only as it is carried along shows too late for that;
-    it is then moved to its bound for what it carries, and should be held there in the next step.
+    eliminated knowing so.
     """
     bend = _bend(plan, mass, twist, second) if second.any() else None
     grown, (count, _, n) = 1.0 + damping.share, twist.shape
-    push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
-    ends = None if limits is None else limits.ends()
+    push, scaled = np.empty((count, 7, n)), np.empty((count, 6, n))
+    free, pivots = np.empty((count, n)), np.empty((count, n))
     for depth in plan.depths:
         for rows, columns in depth.rounds:
             block, turn, own, share = mass[rows], twist[columns], push[columns], scaled[columns]
@@ -289,35 +266,25 @@ def step(
                 own[:, 6] += pull.drive[columns]
             whole = pivot * grown
             whole += damping.floor
-            np.divide(own, whole[:, None], out=share)
-            if ends is not None:
-                share = _stopped(share, ends[0][columns], ends[1][columns])
-            block -= impulse[:, :, None] * share[:, None]
+            np.divide(impulse, whole[:, None], out=share)
+            np.divide(own[:, 6], whole, out=free[columns])
+            if limits is not None:
+                _stop(limits, columns, block, impulse, share, free[columns])
+            block -= share[:, :, None] * own[:, None]
         for row, parent in depth.carried:
             mass[parent] += mass[row]
-    free = scaled[:, 6] if ends is None else np.minimum(np.maximum(scaled[:, 6], ends[0]), ends[1])
     promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
-    moved, wanted = _descend(plan, twist, scaled, ends)
-    if limits is None:
-        return Step(moved, promised, np.zeros_like(moved))
-    return Step(moved, promised, limits.beyond(wanted) * (limits.beyond(scaled[:, 6]) == 0.0))
+    return _descend(plan, twist, scaled, free), promised
 
 
-def _stopped(share: Array, low: Array, high: Array) -> Array:
-    """Shares (g, 7, n) of columns, the last one the step: those beyond their ends move just to these.
-
-    Nothing else moves such a column, and both ends become the one that it reaches.
-    """
-    free = share[:, 6]
-    within = np.minimum(np.maximum(free, low), high)
+def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:
+    """Coordinates that would pass their bounds are moved to them, and what carries them feels that."""
+    within = np.minimum(np.maximum(free, limits.low[columns]), limits.high[columns])
     stopped = within != free
-    if not stopped.any():
-        return share
-    np.copyto(low, within, where=stopped)
-    np.copyto(high, within, where=stopped)
-    share = np.where(stopped[:, None], 0.0, share)
-    share[:, 6] = within
-    return share
+    if stopped.any():
+        block[:, :, 6] -= impulse * np.where(stopped, within, 0.0)[:, None]
+        share *= ~stopped[:, None]
+        free[:] = within
 
 
 def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
@@ -329,21 +296,14 @@ def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
     return wrench_rate(twist, load[plan.column_row])
 
 
-def _descend(
-    plan: Elimination, twist: Array, scaled: Array, ends: tuple[Array, Array] | None
-) -> tuple[Array, Array]:
-    """From the root to the leaves: each column's step as its link is carried along; also without ends."""
-    motion = np.zeros((len(plan.row_of_link), 6, twist.shape[-1]))
-    wanted = scaled[:, 6].copy()
-    moved = wanted if ends is None else np.empty_like(wanted)
+def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:
+    """From the root to the leaves: each column's step, given how its link is carried along (in ``free``)."""
+    motion = np.zeros((len(plan.row_of_link), 6, free.shape[1]))
     for depth in reversed(plan.depths):
         for row, parent in depth.carried:
             motion[row] = motion[parent]
         for rows, columns in reversed(depth.rounds):
-            carried, own = motion[rows], wanted[columns]
-            own -= np.einsum("gjn,gjn->gn", scaled[columns, :6], carried)
-            if ends is not None:
-                own = np.maximum(own, ends[0][columns], out=moved[columns])
-                np.minimum(own, ends[1][columns], out=own)
+            carried, own = motion[rows], free[columns]
+            own -= np.einsum("gjn,gjn->gn", scaled[columns], carried)
             carried += twist[columns] * own[:, None]
-    return moved, wanted
+    return free

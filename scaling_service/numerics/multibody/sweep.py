@@ -36,7 +36,6 @@ from scaling_service.numerics.least_squares.elimination import (
     Limits,
     PivotDamping,
     Pull,
-    Step,
     elimination_of,
     step,
     twists,
@@ -135,12 +134,12 @@ class _Problem:
         value, weight = self.prior
         return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
 
-    def limits(self, q: Array, held: Array) -> Limits | None:
+    def limits(self, q: Array) -> Limits | None:
         """How far the columns may move, if not anywhere."""
         if np.isinf(self.lower).all() and np.isinf(self.upper).all():
             return None
         now = q[self.plan.variables]
-        return Limits(self.lower - now, self.upper - now, held)
+        return Limits(self.lower - now, self.upper - now)
 
     def pull(self, q: Array) -> Pull | None:
         """The coordinates' own tasks by column."""
@@ -258,7 +257,6 @@ class _State:
     damping: Array
     near: Array  # 1.0 where second derivatives are used
     promised: Array  # decrease that the step before promised
-    held: Array  # (c, n) as in `Limits`
 
     def take(self, rows: NDArray[np.intp]) -> _State:
         return _State(
@@ -268,7 +266,6 @@ class _State:
             self.damping[rows],
             self.near[rows],
             self.promised[rows],
-            self.held[:, rows],
         )
 
 
@@ -280,8 +277,8 @@ def _solve_block(
     q[columns] = _between(q[columns], part.lower, part.upper)
     cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     close = np.full(n, float(settings.close))
-    never, damping, held = np.full(n, np.inf), np.full(n, settings.damping), np.zeros((len(columns), n))
-    state = _State(np.arange(n), q, never, damping, close, np.zeros(n), held)
+    unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
+    state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
     trial = q.copy()
     for number in range(1, settings.max_steps + 1):
         poses, misfit, now = part.misfit(trial)
@@ -292,9 +289,7 @@ def _solve_block(
         state.best, state.cost = trial, now
         state.damping = np.where(worse, np.maximum(state.damping * 10.0, 1e-4), state.damping * 0.2)
         state.near *= ~worse
-        found = _step(part, poses, misfit, state)
-        delta, promised = found.moved, found.promised
-        small: NDArray[np.bool_] = np.less(promised, _NEAR * now)
+        delta, promised = _step(part, poses, misfit, state)
         longest = np.abs(delta).max(axis=0, initial=0.0)
         delta *= settings.longest / np.maximum(longest, settings.longest)
         trial = trial.copy()
@@ -302,10 +297,7 @@ def _solve_block(
         before = np.minimum(np.where(worse, 0.0, state.promised), now)
         done = promised**2 <= settings.left * now * np.maximum(before - promised, promised)
         done |= (longest <= settings.step_tolerance) | (state.damping > _LOST)
-        done &= ~((state.held != 0.0) & (found.held != state.held)).any(
-            axis=0
-        )  # what was let go has not moved
-        state.near, state.promised, state.held = (small & ~worse).astype(float), promised, found.held * small
+        state.near, state.promised = ((promised < _NEAR * now) & ~worse).astype(float), promised
         if done.any() or number == settings.max_steps:
             # A last step is too small to be worth a check; a frame that just failed keeps its best pose.
             taken = done & ~worse
@@ -325,8 +317,8 @@ def _between(value: Array, lower: Array, upper: Array) -> Array:
     return bounded
 
 
-def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> Step:
-    """One damped step of some frames."""
+def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
+    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
     return step(
         part.plan,
         curvature_and_wrench(part.clusters, misfit, state.near),
@@ -334,5 +326,5 @@ def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> Step:
         PivotDamping(state.damping, part.floor),
         second=state.near,
         pull=part.pull(state.best),
-        limits=part.limits(state.best, state.held),
+        limits=part.limits(state.best),
     )

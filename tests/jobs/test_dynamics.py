@@ -138,7 +138,7 @@ def identified(file: Path, **more: bool) -> DynamicsResults:
 
 def test_a_heavy_trunk_is_found_where_the_verdict_allows_it(stranger: tuple[Path, np.ndarray]) -> None:
     file, mass = stranger
-    found = identified(file, mass_known=False)
+    found = identified(file, free_mass=True)
     assert found.trials["sway"].uncertainty.calibration_supported[1]
     assert found.inertial is not None
     assert {fit.trial: fit.held_out for fit in found.inertial.fits} == {"sway": False, "swing": True}

@@ -9,9 +9,11 @@ from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import (
     BONE_NAMES,
     HIP_REGRESSION_NAMES,
+    TABLE_NAMES,
     check_methods,
     method_names,
 )
+from scaling_service.model import inertia
 from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS
 
 
@@ -19,6 +21,7 @@ def test_names_are_those_of_what_there_is() -> None:
     assert method_names() == tuple(METHODS)
     assert tuple(HIP_REGRESSIONS) == HIP_REGRESSION_NAMES
     assert BONES == BONE_NAMES
+    assert inertia.TABLE_NAMES == TABLE_NAMES
 
 
 @pytest.mark.parametrize("methods", [["MB", "MB"], [], ["MBB"]])

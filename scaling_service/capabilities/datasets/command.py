@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE, Dataset
-from scaling_service.capabilities.datasets.run import Obtained, get_dataset, next_commands, terms
+from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
 from scaling_service.capabilities.shared.arguments import folder
 from scaling_service.capabilities.shared.screen import progress_bar
 
 if TYPE_CHECKING:
+    from scaling_service.capabilities.datasets.catalogue import Dataset
     from scaling_service.capabilities.datasets.run import Obtained
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
@@ -74,6 +74,7 @@ def list_datasets() -> None:
     [bold]Next[/bold]: scaling-service datasets get jia_mri
     """
     from scaling_service.capabilities.datasets.catalogue import read_catalogue
+    from scaling_service.capabilities.datasets.run import terms
 
     console = _console()
     table = Table(box=None, pad_edge=False, header_style="bold")
@@ -105,6 +106,7 @@ def get(
     """
     from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
     from scaling_service.capabilities.datasets.downloads import default_cache
+    from scaling_service.capabilities.datasets.run import get_dataset
 
     dataset = find_dataset(name, read_catalogue())
     folder = Path(name) if out is None else out
@@ -122,6 +124,8 @@ def get(
 
 def _show(obtained: Obtained, dataset: Dataset) -> None:
     """What was written and what was there, the terms, and what to run now."""
+    from scaling_service.capabilities.datasets.run import next_commands, terms
+
     console = _console()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:

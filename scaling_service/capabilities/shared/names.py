@@ -9,7 +9,6 @@ from typing import Annotated
 from pydantic import AfterValidator, WithJsonSchema
 
 from scaling_service.core.options import Flag
-from scaling_service.model.inertia import TABLE_NAMES
 
 AS_IT_IS = "none"
 """In place of a method: the given model is used as it is."""
@@ -26,6 +25,9 @@ HIP_REGRESSION_NAMES = (
     "plug_in_gait",
 )
 """Of ``model.anatomy.hip_centre``."""
+
+TABLE_NAMES = ("dumas2007", "dumas_wojtusch2018", "deleva1996", "winter2009")
+"""Of ``model.inertia``."""
 
 BONE_NAMES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
 """Of ``bones.whole``."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+import rich.table
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -15,6 +16,7 @@ from scaling_service.core.progress import Progress as Report
 
 if TYPE_CHECKING:
     from scaling_service.documents.results import Provenance
+    from scaling_service.report.blocks import Cell, Table
 
 _WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)
 
@@ -47,6 +49,21 @@ def console_of_results() -> Console:
     """The terminal as it is; elsewhere wide enough for the tables."""
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """A report's table on the terminal: words to the left, numbers to the right."""
+    shown = rich.table.Table(box=None, pad_edge=False, header_style="bold")
+    for k, column in enumerate(table.columns):
+        justify: Literal["left", "right"] = "left" if table.words or k == 0 else "right"
+        shown.add_column(_text_of(column), justify=justify)
+    for row in table.rows:
+        shown.add_row(*(escape(_text_of(cell)) for cell in (row.header, *row.cells)))
+    console.print(shown)
+
+
+def _text_of(cell: str | Cell) -> str:
+    return cell if isinstance(cell, str) else cell.text
 
 
 def list_files(console: Console, out: Path, lines: Iterable[str]) -> None:

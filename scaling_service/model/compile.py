@@ -76,10 +76,7 @@ def compile_model(
     Segments that carry none of the markers are left out, for nothing seen depends on them. A model
     gives the same tree again, so that what it works out once serves every recording.
 
-    Raises
-    ------
-    KeyError
-        A marker that the model does not have.
+    Raises KeyError: a marker that the model does not have.
     """
     return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
 

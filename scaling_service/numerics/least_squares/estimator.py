@@ -87,14 +87,10 @@ def solve(
 ) -> Solution:
     """Estimate motion and parameters together (Levenberg-Marquardt on the arrowhead system).
 
-    Parameters
-    ----------
-    q0 : ndarray, shape (n_frames, n_coordinates), rad or m
-    p0 : ndarray, shape (n_parameters,)
-        Centre of the priors, and the parameters' first guess unless ``start`` is given.
-    progress : callable, optional
-        Called with the step's number and the cost.
-    start : ndarray, shape (n_parameters,), optional
+    ``q0``: (n_frames, n_coordinates), rad or m.
+    ``p0`` (n_parameters,): centre of the priors, and the parameters' first guess unless ``start`` is given.
+    ``progress``: called with the step's number and the cost.
+    ``start``: (n_parameters,).
     """
     return _descend(problem, q0, p0, p0 if start is None else start, settings, progress)
 
@@ -104,11 +100,8 @@ def solve_parameters(
 ) -> Solution:
     """Estimate the parameters alone, the motion held (the second half of the alternating loop).
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates)
-    p0, start : ndarray, shape (n_parameters,)
-        Centre of the priors, and first guess.
+    ``q``: (n_frames, n_coordinates).
+    ``p0``, ``start`` (n_parameters,): centre of the priors, and first guess.
     """
     return _descend(replace(problem, coordinates=np.zeros(0, dtype=np.intp)), q, p0, start, settings, None)
 
@@ -116,12 +109,9 @@ def solve_parameters(
 def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
     """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
 
-    Parameters
-    ----------
-    problem : Problem
-        Without parameters to estimate.
-    q0 : ndarray, shape (n_frames, n_coordinates)
-    p : ndarray, shape (n_parameters,)
+    ``problem``: without parameters to estimate.
+    ``q0``: (n_frames, n_coordinates).
+    ``p``: (n_parameters,).
     """
     q, p = problem.clipped(q0.copy(), p.copy())
     cost = frame_costs(problem, q, p)
@@ -195,12 +185,8 @@ def uncertainty(
 
     A parameter at its bound is treated as known. Priors count as far as their weights say.
 
-    Parameters
-    ----------
-    p0 : ndarray, shape (n_parameters,)
-        Centre of the priors.
-    variance : float, optional, m2
-        Of one marker coordinate in one independent frame; from the residuals if not given.
+    ``p0`` (n_parameters,): centre of the priors.
+    ``variance`` m2: of one marker coordinate in one independent frame; from the residuals if not given.
     """
     border = linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
     value = solution.p[problem.parameters]

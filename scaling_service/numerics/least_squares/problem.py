@@ -17,38 +17,21 @@ _BLOCK = 256  # frames linearised together
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Markers to be explained by coordinates per frame and parameters shared by all frames.
-
-    Parameters
-    ----------
-    tree : Tree
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-        NaN where a marker was not seen.
-    weights : ndarray, shape (n_markers,)
-    coordinates : ndarray of int, shape (n_free_coordinates,)
-        The coordinates to estimate.
-    parameters : ndarray of int, shape (n_free,)
-        The parameters to estimate.
-    scale, lower, upper : ndarray, shape (n_free,)
-        Size of a typical change (for normalisation) and bounds.
-    prior_weight : ndarray, shape (n_free,)
-        Weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none.
-    coordinate_bounds : pair of ndarray, shape (n_coordinates,)
-    signals : ndarray, shape (n_frames, n_signals), optional
-    loss : Loss
-    """
+    """Markers to be explained by coordinates per frame and parameters shared by all frames."""
 
     tree: Tree
-    measured: Array
-    weights: Array
-    coordinates: NDArray[np.intp]
-    parameters: NDArray[np.intp]
+    measured: Array  # (n_frames, n_markers, 3), m: NaN where a marker was not seen
+    weights: Array  # (n_markers,)
+    coordinates: NDArray[np.intp]  # (n_free_coordinates,): the coordinates to estimate
+    parameters: NDArray[np.intp]  # (n_free,): the parameters to estimate
+    # scale, lower, upper: (n_free,): size of a typical change (for normalisation) and bounds
     scale: Array
     lower: Array
     upper: Array
+    # (n_free,): weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none
     prior_weight: Array
-    coordinate_bounds: tuple[Array, Array]
-    signals: Array | None = None
+    coordinate_bounds: tuple[Array, Array]  # each (n_coordinates,)
+    signals: Array | None = None  # (n_frames, n_signals)
     loss: Loss = SQUARED
 
     @property

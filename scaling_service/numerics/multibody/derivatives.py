@@ -28,11 +28,6 @@ _END_ORDERS = (3, 4)
 class SplineRates:
     """Natural quintic splines through samples at given times, set up once for many signals.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-        Strictly increasing, at least ``MIN_SAMPLES``.
-
     Examples
     --------
     >>> import numpy as np
@@ -44,7 +39,7 @@ class SplineRates:
     Near both ends the accelerations bend towards a vanishing third derivative.
     """
 
-    times: Array
+    times: Array  # (n,), s: strictly increasing, at least ``MIN_SAMPLES``
 
     def __post_init__(self) -> None:
         if len(self.times) < MIN_SAMPLES or not (np.diff(self.times) > 0).all():
@@ -85,13 +80,8 @@ class SplineRates:
     def rates(self, values: ArrayLike) -> tuple[Array, Array]:
         """First and second derivatives at the sample times.
 
-        Parameters
-        ----------
-        values : (n, m), finite
-
-        Returns
-        -------
-        first, second : ndarray, shape (n, m), per s and per s2
+        ``values``: (n, m), finite.
+        Returns ``first``, ``second``: (n, m), per s and per s2.
         """
         samples = np.asarray(values, dtype=float)
         padded = np.concatenate([samples, np.zeros((2 * len(_END_ORDERS), samples.shape[1]))])
@@ -103,18 +93,11 @@ class SplineRates:
 def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """First and second derivatives of signals that may have gaps.
 
-    Parameters
-    ----------
-    times : (n,), s
-        Strictly increasing.
-    values : (n, m)
-        NaN where not known.
-
-    Returns
-    -------
-    first, second : ndarray, shape (n, m), per s and per s2
-        Each run of known samples has a spline of its own, so a gap spoils nothing beyond itself. NaN where
-        the signal is NaN and in runs shorter than ``MIN_SAMPLES``.
+    ``times`` (n,), s: strictly increasing.
+    ``values`` (n, m): NaN where not known.
+    Returns ``first``, ``second`` (n, m), per s and per s2: each run of known samples has a spline of its own,
+        so a gap spoils nothing beyond itself. NaN where the signal is NaN and in runs shorter than
+        ``MIN_SAMPLES``.
     """
     t, x = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     first, second = np.full(x.shape, np.nan), np.full(x.shape, np.nan)

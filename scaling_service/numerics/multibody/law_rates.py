@@ -15,20 +15,14 @@ from scaling_service.numerics.multibody.laws import NONE, Array, Factor, ShapeGr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Coordinates along a motion with their exact rates, frames last.
+    """Coordinates along a motion with their exact rates, frames last."""
 
-    Parameters
-    ----------
-    q, qdot, qddot : ndarray, shape (n_coordinates, n), rad or m, per s, per s2
-        Frames of several samples may stand one after the other.
-    signals : ndarray, shape (3, n_signals, n), optional
-        Known signals, their first and their second rates.
-    """
-
+    # q, qdot, qddot: (n_coordinates, n), rad or m, per s, per s2: frames of several samples may stand one
+    # after the other
     q: Array
     qdot: Array
     qddot: Array
-    signals: Array | None = None
+    signals: Array | None = None  # (3, n_signals, n): known signals, their first and their second rates
 
     def __post_init__(self) -> None:
         if not self.q.shape == self.qdot.shape == self.qddot.shape:
@@ -54,16 +48,8 @@ class Motion:
 def curvatures(groups: Sequence[ShapeGroup], n_factors: int, q: Array) -> list[Array | None]:
     """Second derivatives of all shapes with respect to their coordinates; zero where they go on linearly.
 
-    Parameters
-    ----------
-    groups : sequence of ShapeGroup
-    n_factors : int
-    q : ndarray, shape (n_coordinates, n)
-
-    Returns
-    -------
-    list of ndarray, shape (n,), or None
-        One per factor; None where the factor is no shape.
+    ``q``: (n_coordinates, n).
+    One per factor; None where the factor is no shape.
     """
     found: list[Array | None] = [None] * n_factors
     for group in groups:
@@ -102,15 +88,8 @@ class FactorRates:
     ) -> FactorRates:
         """Rates of all factors.
 
-        Parameters
-        ----------
-        slopes, curves : sequences
-            First and second derivatives of the shapes, None where a factor is none.
-
-        Raises
-        ------
-        ValueError
-            If a signal moves the tree and its rates are not given.
+        ``slopes``, ``curves``: first and second derivatives of the shapes, None where a factor is none.
+        Raises ValueError: if a signal moves the tree and its rates are not given.
         """
         first, second = [], []
         for factor, slope, curve in zip(factors, slopes, curves, strict=True):

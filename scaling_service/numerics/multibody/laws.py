@@ -19,17 +19,10 @@ NONE = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piecewise:
-    """A piecewise polynomial, continued linearly outside its breaks.
+    """A piecewise polynomial, continued linearly outside its breaks."""
 
-    Parameters
-    ----------
-    breaks : ndarray, shape (n_pieces + 1,)
-    coefficients : ndarray, shape (degree + 1, n_pieces)
-        Highest power first, in the variable ``x - breaks[piece]``.
-    """
-
-    breaks: Array
-    coefficients: Array
+    breaks: Array  # (n_pieces + 1,)
+    coefficients: Array  # (degree + 1, n_pieces): highest power first, in the variable ``x - breaks[piece]``
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Value and slope at ``x`` (any shape)."""
@@ -40,11 +33,9 @@ class Piecewise:
 def evaluate_together(breaks: Array, coefficients: Array, x: Array) -> tuple[Array, Array]:
     """Values and slopes of piecewise polynomials that share their breaks.
 
-    Parameters
-    ----------
-    breaks : ndarray, shape (n_pieces + 1,)
-    coefficients : ndarray, shape (degree + 1, n_shapes, n_pieces)
-    x : ndarray, shape (n_shapes, n)
+    ``breaks``: (n_pieces + 1,).
+    ``coefficients``: (degree + 1, n_shapes, n_pieces).
+    ``x``: (n_shapes, n).
     """
     inside = np.minimum(np.maximum(x, breaks[0]), breaks[-1])  # np.clip is slow on small arrays
     piece = np.searchsorted(breaks[1:-1], inside, side="right")
@@ -131,13 +122,10 @@ class Values:
     ) -> Values:
         """Evaluate all factors.
 
-        Parameters
-        ----------
-        q : ndarray, shape (n_coordinates, n_frames)
-        p : ndarray, shape (n_parameters,)
-        signals : ndarray, shape (n_signals, n_frames), optional
-        groups : tuple of ShapeGroup, optional
-            As :func:`shape_groups` gives them, where they are at hand.
+        ``q``: (n_coordinates, n_frames).
+        ``p``: (n_parameters,).
+        ``signals``: (n_signals, n_frames).
+        ``groups``: as :func:`shape_groups` gives them, where they are at hand.
         """
         values: list[Array] = []
         for factor in factors:

@@ -20,18 +20,10 @@ from scaling_service.numerics.multibody.tree import Tree, local_positions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkerTargets:
-    """What markers should do, frames first.
+    """What markers should do, frames first."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (3, n, n_markers, 3), m, m/s, m/s2
-        Positions, velocities, accelerations.
-    weights : ndarray, shape (3, n, n_markers)
-        Of the squares; zero where nothing is known.
-    """
-
-    values: Array
-    weights: Array
+    values: Array  # (3, n, n_markers, 3), m, m/s, m/s2: positions, velocities, accelerations
+    weights: Array  # (3, n, n_markers): of the squares; zero where nothing is known
 
     def rows(self, rows: slice) -> MarkerTargets:
         """Only these frames."""
@@ -41,12 +33,8 @@ class MarkerTargets:
 def marker_motion(tree: Tree, p: Array, state: Moving) -> Array:
     """Positions, velocities and accelerations of a tree's markers, (3, n, n_markers, 3).
 
-    Parameters
-    ----------
-    tree : Tree
-        With the links of the mechanism that moved.
-    p : ndarray, shape (n_parameters,)
-    state : Moving
+    ``tree``: with the links of the mechanism that moved.
+    ``p``: (n_parameters,).
     """
     link, local = tree.marker_link, local_positions(tree, p)
     at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
@@ -66,24 +54,14 @@ def marker_normal(
 ) -> tuple[Array, Array]:
     """Half the gradient and the Gauss-Newton matrix of the weighted squares, by frame.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    tree : Tree
-        With the markers.
-    screws : Screws
-        Of the mechanism's free coordinates.
-    rows : ndarray, shape (n, n_markers, 9, 18)
-        As :func:`rows_of_twists` gives them.
-    gap : ndarray, shape (3, n, n_markers, 3)
-    weights : ndarray, shape (3, n, n_markers)
-    m : int
-        The number of free coordinates.
-
-    Returns
-    -------
-    gradient : ndarray, shape (n, 3, m)
-    curvature : ndarray, shape (n, 3, 3, m, m)
+    ``tree``: with the markers.
+    ``screws``: of the mechanism's free coordinates.
+    ``rows`` (n, n_markers, 9, 18): as :func:`rows_of_twists` gives them.
+    ``gap``: (3, n, n_markers, 3).
+    ``weights``: (3, n, n_markers).
+    ``m``: the number of free coordinates.
+    Returns ``gradient``: (n, 3, m).
+    ``curvature``: (n, 3, 3, m, m).
     """
     moments, pulls = _on_links(tree, rows, gap, weights, mechanism.n_links)
     below = mechanism.carriers[screws.entries]

@@ -16,22 +16,14 @@ from scaling_service.numerics.multibody.tree import Tree, cross
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkerShifts:
-    """Shared numbers ``x``, each of which moves one marker by ``x * sd * signal(t)`` along one local axis.
+    """Shared numbers ``x``, each of which moves one marker by ``x * sd * signal(t)`` along one local axis."""
 
-    Parameters
-    ----------
-    marker, axis, signal : ndarray of int, shape (k,)
-    sd : ndarray, shape (k,), m
-        The shift for x = 1 where the signal is one.
-    signals : ndarray, shape (3, n, n_signals)
-        With their first and second rates.
-    """
-
+    # marker, axis, signal: (k,)
     marker: NDArray[np.intp]
     axis: NDArray[np.intp]
     signal: NDArray[np.intp]
-    sd: Array
-    signals: Array
+    sd: Array  # (k,), m: the shift for x = 1 where the signal is one
+    signals: Array  # (3, n, n_signals): with their first and second rates
 
     @property
     def count(self) -> int:
@@ -66,20 +58,11 @@ class MarkerShifts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShiftNormal:
-    """Normal equations of the shared numbers.
+    """Normal equations of the shared numbers."""
 
-    Parameters
-    ----------
-    gradient : ndarray, shape (k,)
-        Half of it.
-    corner : ndarray, shape (k, k)
-    cross : ndarray, shape (n, 3, m, k)
-        Coupling with q, qdot and qddot of every frame.
-    """
-
-    gradient: Array
-    corner: Array
-    cross: Array
+    gradient: Array  # (k,): half of it
+    corner: Array  # (k, k)
+    cross: Array  # (n, 3, m, k): coupling with q, qdot and qddot of every frame
 
 
 def shift_normal(
@@ -95,15 +78,11 @@ def shift_normal(
 ) -> ShiftNormal:
     """What markers say of the shared numbers, and how these go with the motion.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n, n_markers, 9, 18)
-        As ``rows_of_twists`` gives them for the shifted markers.
-    columns : ndarray, shape (k, n, 9)
-    gap : ndarray, shape (3, n, n_markers, 3)
-    weights : ndarray, shape (3, n, n_markers)
-    m : int
-        The number of free coordinates.
+    ``rows`` (n, n_markers, 9, 18): as ``rows_of_twists`` gives them for the shifted markers.
+    ``columns``: (k, n, 9).
+    ``gap``: (3, n, n_markers, 3).
+    ``weights``: (3, n, n_markers).
+    ``m``: the number of free coordinates.
     """
     n, marker = columns.shape[1], shifts.marker
     gaps = np.ascontiguousarray(gap.transpose(2, 1, 0, 3)).reshape(-1, n, 9)

@@ -21,22 +21,11 @@ from scaling_service.numerics.multibody.tree import cross
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screws:
-    """Screws of some of a mechanism's entries along a motion.
+    """Screws of some of a mechanism's entries along a motion."""
 
-    Parameters
-    ----------
-    entries : ndarray of int, shape (k,)
-        Rows of ``mechanism.entries``.
-    columns : ndarray of int, shape (k,)
-        Which of the free coordinates each follows.
-    rates : ndarray, shape (3, k, 6, n)
-        The screw per unit of the coordinate, and its first and second rates.
-    state : Moving
-    """
-
-    entries: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    rates: Array
+    entries: NDArray[np.intp]  # (k,): rows of ``mechanism.entries``
+    columns: NDArray[np.intp]  # (k,): which of the free coordinates each follows
+    rates: Array  # (3, k, 6, n): the screw per unit of the coordinate, and its first and second rates
     state: Moving
 
     def variations(self) -> Array:
@@ -74,13 +63,8 @@ def force_cross(twist: Array, wrench: Array) -> Array:
 def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.intp]) -> Screws:
     """Screws of the entries that free coordinates drive.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    free : ndarray of int, shape (m,)
-        Coordinates.
+    ``p``: (n_parameters,).
+    ``free`` int (m,): coordinates.
     """
     state = moving(mechanism, motion, p)
     slopes, curves = _slope_rates(mechanism, motion, p, state)

@@ -18,37 +18,23 @@ from scaling_service.numerics.multibody.tree import Poses, cross, forward
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """A mechanism along a motion.
-
-    Parameters
-    ----------
-    poses : Poses
-    screws : ndarray, shape (n_entries, 6, n)
-        The twist of every entry for a unit rate of its scalar part.
-    twists : ndarray, shape (n_links, 6, n), m/s and rad/s
-    accelerations : ndarray, shape (n_links, 6, n), m/s2 and rad/s2
-        Rates of the twists. The linear part is no point's acceleration by itself; see
-        :func:`point_acceleration`.
-    slopes : ndarray, shape (n_entries, n)
-        Derivatives of the entries' scalar parts with respect to their coordinates; zero for a signal.
-    """
+    """A mechanism along a motion."""
 
     poses: Poses
-    screws: Array
-    twists: Array
+    screws: Array  # (n_entries, 6, n): the twist of every entry for a unit rate of its scalar part
+    twists: Array  # (n_links, 6, n), m/s and rad/s
+    # (n_links, 6, n), m/s2 and rad/s2: rates of the twists. The linear part is no point's acceleration by
+    # itself; see :func:`point_acceleration`.
     accelerations: Array
+    # (n_entries, n): derivatives of the entries' scalar parts with respect to their coordinates; zero for a
+    # signal
     slopes: Array
 
 
 def moving(mechanism: Mechanism, motion: Motion, p: Array) -> Moving:
     """Twists of all links and their rates.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-        Shared parameters of the tree's laws.
+    ``p`` (n_parameters,): shared parameters of the tree's laws.
     """
     tree, n = mechanism.tree, motion.n
     poses = forward(tree, motion.q, p, None if motion.signals is None else motion.signals[0])

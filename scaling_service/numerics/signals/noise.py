@@ -17,10 +17,8 @@ _NULL = 1e-8  # curvature below this share of the largest means that nothing det
 def residual_variance(problem: Problem, q: Array, p: Array) -> float:
     """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates)
-    p : ndarray, shape (n_parameters,)
+    ``q``: (n_frames, n_coordinates).
+    ``p``: (n_parameters,).
     """
     shown = seen(problem.measured)
     gaps = residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
@@ -38,12 +36,8 @@ def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], v
     differ as the curvature says; how much more they differ is the design effect of the blocks
     (the clustered form of Huber's sandwich; Liang & Zeger 1986).
 
-    Parameters
-    ----------
-    blocks : ndarray of int, shape (n_frames,)
-        Which block each frame belongs to.
-    variance : float, m2
-        Of one frame, as :func:`residual_variance` gives it.
+    ``blocks`` int (n_frames,): which block each frame belongs to.
+    ``variance`` m2: of one frame, as :func:`residual_variance` gives it.
     """
     names, sizes = np.unique(blocks, return_counts=True)
     if len(names) < 2 or not len(problem.parameters):

@@ -30,13 +30,6 @@ a sample says, far above rounding)."""
 class SplineBasis:
     """Quintic B-splines on even knots, seen at some times.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-        Strictly increasing.
-    spacing_s : float
-        Between knots, about: the recording is divided evenly.
-
     Examples
     --------
     >>> import numpy as np
@@ -47,8 +40,8 @@ class SplineBasis:
     True
     """
 
-    times: Array
-    spacing_s: float
+    times: Array  # (n,), s: strictly increasing
+    spacing_s: float  # Between knots, about: the recording is divided evenly
 
     def __post_init__(self) -> None:
         if len(self.times) < ORDER or not (np.diff(self.times) > 0).all() or not self.spacing_s > 0:
@@ -99,13 +92,8 @@ class SplineBasis:
     def evaluate(self, coefficients: Array) -> tuple[Array, Array, Array]:
         """Values, first and second derivatives at the times.
 
-        Parameters
-        ----------
-        coefficients : ndarray, shape (n_coefficients, m)
-
-        Returns
-        -------
-        three ndarrays, shape (n, m)
+        ``coefficients``: (n_coefficients, m).
+        Returns three ndarrays, shape (n, m).
         """
         taken = coefficients[self.first[:, None] + np.arange(ORDER)]
         value, first, second = np.moveaxis(self.weights @ taken, 1, 0)
@@ -114,10 +102,7 @@ class SplineBasis:
     def fit(self, values: ArrayLike) -> Array:
         """Coefficients nearest to samples at the times, shape (n_coefficients, m).
 
-        Parameters
-        ----------
-        values : (n, m)
-            NaN where not known; elsewhere nothing is asked.
+        ``values`` (n, m): NaN where not known; elsewhere nothing is asked.
         """
         samples = np.asarray(values, dtype=float)
         known = np.isfinite(samples)

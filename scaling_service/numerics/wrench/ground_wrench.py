@@ -84,22 +84,12 @@ def root_wrench(
 ) -> tuple[Array, Array]:
     """The net wrench that moves the whole body, without the forces in the joints.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time.
-
-    Returns
-    -------
-    wrench : ndarray, shape (6, n)
-        Force (N) and moment about the *ground origin* (N m). Subtract the loads and use
-        :func:`moment_about` for the residual.
-    root : ndarray, shape (3, n), m
-        The origin of the first link.
+    ``p``: (n_parameters,).
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time.
+    Returns ``wrench`` (6, n): force (N) and moment about the *ground origin* (N m). Subtract the loads and
+        use :func:`moment_about` for the residual.
+    ``root`` (3, n), m: the origin of the first link.
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in blocks(motion.n, size):
@@ -120,16 +110,10 @@ def inverse_dynamics(
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    loads : Loads, optional
-        None: nothing touches the body.
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time; the result does not depend on it.
+    ``p``: (n_parameters,).
+    ``loads``: None: nothing touches the body.
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time; the result does not depend on it.
     """
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))

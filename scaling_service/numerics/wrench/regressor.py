@@ -36,20 +36,11 @@ def regressor_blocks(
 ) -> Iterator[RegressorBlock]:
     """Regressors of the ground wrench.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its inertias are not used.
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time: bounds the memory.
-
-    Yields
-    ------
-    RegressorBlock
-        In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
+    ``mechanism``: its inertias are not used.
+    ``p``: (n_parameters,).
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time: bounds the memory.
+    In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
     """
     for rows in blocks(motion.n, size):
         state = moving(mechanism, motion.block(rows), p)

@@ -31,14 +31,9 @@ class WrenchRates:
 def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY) -> WrenchRates:
     """Derivatives of the net wrench.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    screws : Screws
-        Of its free coordinates.
-    m : int
-        The number of free coordinates.
-    gravity : ndarray, shape (3,), m/s2
+    ``screws``: of its free coordinates.
+    ``m``: the number of free coordinates.
+    ``gravity``: (3,), m/s2.
     """
     state, n = screws.state, screws.rates.shape[-1]
     inertia = spatial_inertias(mechanism, state)

@@ -12,7 +12,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.multibody.derivatives import MIN_SAMPLES
+from scaling_service.numerics.signals.splines import MIN_SAMPLES
 
 LARGEST_M = 0.08
 """Median distance between measured and model markers above which the two do not belong together, m. Chosen:

@@ -15,8 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
-from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Piecewise, TermArrays
-from scaling_service.numerics.multibody.moves import Fixed, Link, Move, Shift, Turn
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Array,
+    Factor,
+    Fixed,
+    Link,
+    Move,
+    Piecewise,
+    Shift,
+    TermArrays,
+    Turn,
+)
 from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from scaling_service.documents.results import Provenance, _Result
 
+FILE_NAME = "discovery.json"
+
 Unit = Literal["1", "mm", "N", "N m"]
 
 
@@ -79,7 +81,7 @@ class LevelDocument(_Result):
     after: float | None
     floor: float | None
     ceiling: float | None = Field(description="A black-box correction with as many numbers.")
-    low: float | None = Field(description="95 % interval of `after`, over stretches of time.")
+    low: float | None = Field(description="95 % interval of `after`, over blocks of time.")
     high: float | None
 
 
@@ -136,6 +138,7 @@ class DiscoveryDocument(Provenance):
     """``discovery.json``."""
 
     verdict: Literal["found", "nothing", "unexplained"]
+    headline: str = Field(default="", description="The verdict in one sentence.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]

@@ -28,9 +28,8 @@ from scaling_service.model.compile import (
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.losses import SQUARED, Loss
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     DEFAULT,

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.multibody.laws import NONE, Array
-from scaling_service.numerics.multibody.moves import Fixed, Turn
+from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import Tree, forward, positions

@@ -1,4 +1,4 @@
-"""Least-squares shapes through points: sphere, cylinder, line, plane. Weighted, in any unit of length."""
+"""Least-squares shapes through points: sphere and cylinder. Weighted, in any unit of length."""
 
 from __future__ import annotations
 
@@ -41,24 +41,6 @@ class CylinderFit:
     radius: float
     rms: float
     converged: bool
-
-
-@dataclass(frozen=True, slots=True)
-class LineFit:
-    """A line: a ``point`` on it (the centroid), the unit ``direction`` and ``rms`` distance."""
-
-    point: Array
-    direction: Array
-    rms: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneFit:
-    """A plane: a ``point`` in it (the centroid), the unit ``normal`` and ``rms`` distance."""
-
-    point: Array
-    normal: Array
-    rms: float
 
 
 def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | None = None) -> SphereFit:
@@ -185,26 +167,6 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     )
 
 
-def fit_line(points: Array, weights: Array | None = None) -> LineFit:
-    """Line of least squared distances: through the centroid, along the largest principal axis.
-
-    Raises ValueError: fewer than 2 points with a weight.
-    """
-    points, w = _checked(points, weights, least=2)
-    centroid, values, vectors = _principal(points, w)
-    return LineFit(centroid, vectors[:, 2], float(np.sqrt(max(values[0] + values[1], 0.0))))
-
-
-def fit_plane(points: Array, weights: Array | None = None) -> PlaneFit:
-    """Plane of least squared distances: through the centroid, across the smallest principal axis.
-
-    Raises ValueError: fewer than 3 points with a weight.
-    """
-    points, w = _checked(points, weights, least=3)
-    centroid, values, vectors = _principal(points, w)
-    return PlaneFit(centroid, vectors[:, 0], float(np.sqrt(max(values[0], 0.0))))
-
-
 def across(direction: Array) -> tuple[Array, Array]:
     """Two unit vectors that make a right-handed orthogonal frame with a unit vector (3,)."""
     helper = np.zeros(3)
@@ -255,14 +217,6 @@ def _algebraic_centre(points: Array, w: Array) -> Array:
     solution = np.linalg.lstsq(system, (local**2).sum(axis=1) * root, rcond=None)[0]
     centre: Array = origin + solution[:3]
     return centre
-
-
-def _principal(points: Array, w: Array) -> tuple[Array, Array, Array]:
-    """Centroid, and principal variances (ascending) with their directions in columns."""
-    centroid = w @ points
-    local = points - centroid
-    values, vectors = np.linalg.eigh(local.T @ (w[:, None] * local))
-    return centroid, values, vectors
 
 
 def _checked(points: Array, weights: Array | None, least: int) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Joint values from coordinates, shared parameters and known signals, with their derivatives.
+"""Joint values from coordinates, shared parameters and known signals, and the moves that they drive.
 
 A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate,
 a piecewise polynomial of one coordinate, or a signal; every distinct factor is evaluated once for
@@ -9,6 +9,7 @@ every operation runs over contiguous memory.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import perm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,18 @@ class ShapeGroup:
     breaks: Array
     coefficients: Array
 
+    def derivatives(self, q: Array, order: int) -> Array:
+        """Derivatives of an order above one with the coordinates q (n_coordinates, n), (n_shapes, n)."""
+        x = q[self.coordinates]
+        inside = np.clip(x, self.breaks[0], self.breaks[-1])
+        piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
+        local = inside - self.breaks[piece]
+        taken = self.coefficients[:, np.arange(len(x))[:, None], piece]
+        degree, value = len(taken) - 1, np.zeros_like(local)
+        for power in range(degree, order - 1, -1):  # Horner, over powers
+            value = value * local + perm(power, order) * taken[degree - power]
+        return np.where(inside == x, value, 0.0)  # zero where a shape goes on linearly
+
 
 def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     """Sort the factors that are shapes into groups."""
@@ -89,6 +102,17 @@ def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
             )
         )
     return tuple(groups)
+
+
+def shape_derivatives(
+    groups: tuple[ShapeGroup, ...], n_factors: int, q: Array, order: int
+) -> list[Array | None]:
+    """Derivatives of an order above one, (n,) for every factor that is a shape, None for the others."""
+    found: list[Array | None] = [None] * n_factors
+    for group in groups:
+        for k, value in zip(group.factors, group.derivatives(q, order), strict=True):
+            found[k] = value
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,3 +193,38 @@ class Values:
     def by_parameter(self, term: TermArrays) -> Array | float:
         """Derivative of a term's scalar part with respect to its parameter, per unit gain."""
         return self.factors[term.factor] if term.factor != NONE else 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shift:
+    """A translation by ``constant + sum of terms``, expressed in the frame reached so far (m)."""
+
+    constant: Array
+    terms: tuple[TermArrays, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """A rotation about axis 0, 1 or 2 of the frame reached so far (rad)."""
+
+    axis: int
+    constant: float
+    terms: tuple[TermArrays, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fixed:
+    """A constant rotation, (3, 3), mapping the new frame to the one reached so far."""
+
+    rotation: Array
+
+
+Move = Shift | Turn | Fixed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """The moves that lead from a parent link to this one; parent ``NONE`` is ground."""
+
+    parent: int
+    moves: tuple[Move, ...]

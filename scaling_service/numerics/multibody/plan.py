@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, Factor, TermArrays, Values
-from scaling_service.numerics.multibody.moves import Link, Shift, Turn
+from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Link, Shift, TermArrays, Turn, Values
 
 Index = NDArray[np.intp]
 _TO_AXIS = (

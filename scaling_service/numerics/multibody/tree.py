@@ -18,12 +18,13 @@ from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
     Factor,
+    Fixed,
+    Link,
     ShapeGroup,
     TermArrays,
     Values,
     shape_groups,
 )
-from scaling_service.numerics.multibody.moves import Fixed, Link
 from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
 
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))

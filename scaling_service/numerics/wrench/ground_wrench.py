@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.spatial import Moving, moving, point_acceleration
+from scaling_service.numerics.multibody.motion import LinkMotion, Motion, move_links, point_acceleration
 from scaling_service.numerics.multibody.tree import cross
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])
@@ -57,7 +56,7 @@ def moment_about(wrench: Array, point: Array) -> Array:
     return result
 
 
-def link_wrenches(mechanism: Mechanism, state: Moving, gravity: Array = GRAVITY) -> Array:
+def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAVITY) -> Array:
     """The wrench beside gravity that moves each link as it moves.
 
     Force and moment about the ground origin, ground axes, (n_links, 6, n).
@@ -93,7 +92,7 @@ def root_wrench(
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in blocks(motion.n, size):
-        state = moving(mechanism, motion.block(rows), p)
+        state = move_links(mechanism, motion.block(rows), p)
         link_wrenches(mechanism, state, gravity).sum(axis=0, out=wrench[:, rows])
         root[:, rows] = state.poses.origins[0]
     return wrench, root
@@ -118,7 +117,7 @@ def inverse_dynamics(
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in blocks(motion.n, size):
-        state = moving(mechanism, motion.block(rows), p)
+        state = move_links(mechanism, motion.block(rows), p)
         wrenches = link_wrenches(mechanism, state, gravity)
         if loads is not None:
             np.subtract.at(wrenches, loads.links, loads.wrenches[..., rows])
@@ -128,7 +127,7 @@ def inverse_dynamics(
     return Dynamics(forces, residual, root)
 
 
-def joint_forces(mechanism: Mechanism, state: Moving, wrenches: Array) -> Array:
+def joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Array) -> Array:
     """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)

@@ -10,14 +10,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.numerics.multibody.law_rates import FactorRates, Motion, curvatures
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.laws import NONE, Array, shape_derivatives
 from scaling_service.numerics.multibody.mechanism import Mechanism
 from scaling_service.numerics.multibody.tree import Poses, cross, forward
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moving:
+class Motion:
+    """Coordinates along a motion with their exact rates, frames last."""
+
+    # q, qdot, qddot: (n_coordinates, n), rad or m, per s, per s2: frames of several samples may stand one
+    # after the other
+    q: Array
+    qdot: Array
+    qddot: Array
+    signals: Array | None = None  # (3, n_signals, n): known signals, their first and their second rates
+
+    def __post_init__(self) -> None:
+        if not self.q.shape == self.qdot.shape == self.qddot.shape:
+            raise ValueError(f"q {self.q.shape}, qdot {self.qdot.shape} and qddot {self.qddot.shape} differ")
+
+    @classmethod
+    def of_frames(cls, q: Array, qdot: Array, qddot: Array) -> Motion:
+        """From arrays with frames first, shape (..., n_coordinates); leading axes are joined."""
+        flat = [np.ascontiguousarray(x.reshape(-1, x.shape[-1]).T, dtype=float) for x in (q, qdot, qddot)]
+        return cls(*flat)
+
+    @property
+    def n(self) -> int:
+        """The number of frames."""
+        return int(self.q.shape[1])
+
+    def block(self, rows: slice) -> Motion:
+        """Only these frames."""
+        signals = None if self.signals is None else self.signals[..., rows]
+        return Motion(self.q[:, rows], self.qdot[:, rows], self.qddot[:, rows], signals)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkMotion:
     """A mechanism along a motion."""
 
     poses: Poses
@@ -31,7 +62,7 @@ class Moving:
     slopes: Array
 
 
-def moving(mechanism: Mechanism, motion: Motion, p: Array) -> Moving:
+def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     """Twists of all links and their rates.
 
     ``p`` (n_parameters,): shared parameters of the tree's laws.
@@ -39,19 +70,45 @@ def moving(mechanism: Mechanism, motion: Motion, p: Array) -> Moving:
     tree, n = mechanism.tree, motion.n
     poses = forward(tree, motion.q, p, None if motion.signals is None else motion.signals[0])
     screws = _screws(mechanism, poses)
-    curves = curvatures(tree.shape_groups, len(tree.factors), motion.q)
-    rates = FactorRates.of(tree.factors, motion, poses.values.slopes, curves)
-    first, second = rates.of_terms([e.term for e in mechanism.entries], p)
+    first, second = _entry_rates(mechanism, motion, poses.values.slopes, p)
     speeds = screws * first[:, None]
     changes = screws * second[:, None]
     _add_turning_of_screws(mechanism, speeds, changes)
     spread = mechanism.carriers.T
-    return Moving(
+    return LinkMotion(
         poses,
         screws,
         (spread @ speeds.reshape(len(speeds), -1)).reshape(-1, 6, n),
         (spread @ changes.reshape(len(changes), -1)).reshape(-1, 6, n),
         _slopes(mechanism, poses, n),
+    )
+
+
+def _entry_rates(
+    mechanism: Mechanism, motion: Motion, slopes: list[Array | None], p: Array
+) -> tuple[Array, Array]:
+    """First and second rates in time of the entries' scalar parts, each (n_entries, n).
+
+    For a shape s of a coordinate q: ``d/dt s = s' qdot`` and ``d2/dt2 s = s'' qdot^2 + s' qddot``.
+    """
+    tree = mechanism.tree
+    curves = shape_derivatives(tree.shape_groups, len(tree.factors), motion.q, 2)
+    first, second = [], []
+    for factor, slope, curve in zip(tree.factors, slopes, curves, strict=True):
+        if factor.signal != NONE:
+            if motion.signals is None:
+                raise ValueError("the tree uses signals and their rates were not given")
+            rate, pace = motion.signals[1:, factor.signal]
+        else:
+            rate, pace = motion.qdot[factor.coordinate], motion.qddot[factor.coordinate]
+        if slope is not None and curve is not None:
+            rate, pace = slope * rate, curve * rate**2 + slope * pace
+        first.append(rate)
+        second.append(pace)
+    terms = [entry.term for entry in mechanism.entries]
+    scale = np.array([1.0 if t.parameter == NONE else p[t.parameter] for t in terms])[:, None]
+    return scale * np.array([first[t.factor] for t in terms]), scale * np.array(
+        [second[t.factor] for t in terms]
     )
 
 

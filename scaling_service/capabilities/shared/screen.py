@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-import rich.table
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table as RichTable
 
 from scaling_service.core.progress import Progress as Report
 
@@ -52,17 +52,35 @@ def console_of_results() -> Console:
 
 
 def print_table(console: Console, table: Table) -> None:
-    """A report's table on the terminal: words to the left, numbers to the right."""
-    shown = rich.table.Table(box=None, pad_edge=False, header_style="bold")
+    """A table of a report, with its caption above and its note below."""
+    shown = RichTable(box=None, pad_edge=False, header_style="bold", title_justify="left")
+    shown.title = escape(table.caption) if table.caption else None
     for k, column in enumerate(table.columns):
-        justify: Literal["left", "right"] = "left" if table.words or k == 0 else "right"
-        shown.add_column(_text_of(column), justify=justify)
+        right = k > 0 and not table.words
+        shown.add_column(escape(_text(column)), justify="right" if right else "left", overflow="fold")
     for row in table.rows:
-        shown.add_row(*(escape(_text_of(cell)) for cell in (row.header, *row.cells)))
+        title = escape(_text(row.header))
+        cells = (escape(_text(cell)) for cell in row.cells)
+        shown.add_row(title if row.cells else f"[bold]{title}[/bold]", *cells)
     console.print(shown)
+    if table.note:
+        console.print(escape(table.note), highlight=False, style="dim", soft_wrap=True)
 
 
-def _text_of(cell: str | Cell) -> str:
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Tables of a report that have the same columns as one, each under its caption; notes are left out."""
+    from scaling_service.report.blocks import Row, Table
+
+    found = list(tables)
+    rows = [
+        Row(f"  {_text(row.header)}", row.cells) if row.cells else row
+        for table in found
+        for row in (Row(table.caption), *table.rows)
+    ]
+    print_table(console, Table("", max((t.columns for t in found), key=len), rows))
+
+
+def _text(cell: str | Cell) -> str:
     return cell if isinstance(cell, str) else cell.text
 
 

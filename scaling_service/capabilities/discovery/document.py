@@ -57,6 +57,7 @@ class EvidenceDocument(_Result):
     p_held_out: float | None
     p_family_wise: float | None = Field(description="Over the whole catalogue at all its places.")
     by_blocks: bool = Field(description="Whether blocks of time stood in for a recording held out.")
+    summary: str = Field(default="", description="The same in sentences.")
 
 
 class EffectDocument(PlacedEffect):

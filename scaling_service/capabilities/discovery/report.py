@@ -152,7 +152,7 @@ def _what(document: DiscoveryDocument) -> Iterator[Block]:
         yield Text(f"No effect was named: {document.reason}.")
     for number, effect in enumerate(document.effects, start=1):
         yield Heading(f"{number}. {placed(effect)}")
-        yield Text(f"{text.meaning(effect.kind).capitalize()}. {text.describe_evidence(effect.evidence)}")
+        yield Text(f"{text.meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
         yield _tabulate_numbers(effect)
         yield from _alike(effect)
     if document.effects or document.tried:

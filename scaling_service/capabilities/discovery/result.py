@@ -175,6 +175,7 @@ def _effect(named: NamedEffect) -> EffectDocument:
             p_held_out=finite(named.held_out.p),
             p_family_wise=finite(named.p_family),
             by_blocks=named.held_out.folds,
+            summary=text.describe_evidence(named),
         ),
     )
 

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from scaling_service.capabilities.discovery.document import (
     DiscoveryDocument,
     EffectDocument,
-    EvidenceDocument,
     GapDocument,
     LevelDocument,
     PlacedEffect,
     QuantityDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.core.text import few
 from scaling_service.report.blocks import Row, Table
 from scaling_service.report.methods import words
@@ -105,14 +105,14 @@ def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_ou
     return f"{things} found; the gap on {unseen} {fall}"
 
 
-def describe_evidence(evidence: EvidenceDocument) -> str:
+def describe_evidence(named: NamedEffect) -> str:
     """What speaks for an effect."""
-    unseen = "blocks of time that did not fit it" if evidence.by_blocks else "recordings that did not fit it"
-    gain = "an unknown share" if evidence.gain_held_out is None else f"{evidence.gain_held_out:.0%}"
+    held_out = named.held_out
+    unseen = "blocks of time that did not fit it" if held_out.folds else "recordings that did not fit it"
+    gain = f"{held_out.gain:.0%}" if math.isfinite(held_out.gain) else "an unknown share"
     return (
-        f"It takes {gain} off the squared disagreement of {unseen} (by chance: "
-        f"{chance(evidence.p_held_out)}). The chance of naming anything in the whole catalogue where nothing "
-        f"is: {chance(evidence.p_family_wise)}."
+        f"It takes {gain} off the squared disagreement of {unseen} (by chance: {chance(held_out.p)}). The "
+        f"chance of naming anything in the whole catalogue where nothing is: {chance(named.p_family)}."
     )
 
 
@@ -209,7 +209,7 @@ def chance(p: float | None) -> str:
     >>> chance(0.3), chance(3e-9)
     ('0.30', '< 0.001')
     """
-    if p is None:
+    if p is None or math.isnan(p):
         return "–"
     return "< 0.001" if p < 1e-3 else f"{p:.2f}" if p >= 0.01 else f"{p:.3f}"
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.estimate import ConsistentResult
+from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
 from scaling_service.capabilities.consistent.estimate import consistent as identify
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
@@ -56,6 +57,12 @@ class ConsistentResults:
     wall_s: float = 0.0
     subject_file: Path | None = None
 
+    @property
+    def tracked(self) -> Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
+        """Every recording, and how it is explained in each of the three ways."""
+        for k, recording in enumerate(self.recordings):
+            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}
+
 
 def consistent(
     subject: Subject | str | Path,
@@ -66,19 +73,10 @@ def consistent(
 ) -> ConsistentResults:
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-        Calibration trials with forces are fitted, evaluation trials with forces are held out.
-    chosen : ForceSettings
-        Its start, inertia and cutoff.
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used.
+    ``subject`` Subject or path of a subject file: calibration trials with forces are fitted, evaluation
+        trials with forces are held out.
+    ``chosen``: its start, inertia and cutoff.
+    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
     report = progress or (lambda _what, _share: None)
@@ -94,8 +92,6 @@ def consistent(
             progress=lambda what: report(what, _FINDING),
         )
     report("done", 1.0)
-    found = result.inertial.warnings if result.inertial is not None else ()
-    told = (*ready.prepared.warnings, *ready.notes, *found)
     return ConsistentResults(
         ready.prepared,
         chosen,
@@ -103,7 +99,7 @@ def consistent(
         (*ready.fitted, *ready.held_out),
         len(ready.fitted),
         result,
-        tuple(dict.fromkeys(told)),
+        tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
         time.perf_counter() - clock,
         file,
     )

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from scaling_service.documents.results import Provenance, _Result
 
+FILE_NAME = "discovery.json"
+
 Unit = Literal["1", "mm", "N", "N m"]
 
 
@@ -55,6 +57,7 @@ class EvidenceDocument(_Result):
     p_held_out: float | None
     p_family_wise: float | None = Field(description="Over the whole catalogue at all its places.")
     by_blocks: bool = Field(description="Whether blocks of time stood in for a recording held out.")
+    summary: str = Field(default="", description="The same in sentences.")
 
 
 class EffectDocument(PlacedEffect):
@@ -79,7 +82,7 @@ class LevelDocument(_Result):
     after: float | None
     floor: float | None
     ceiling: float | None = Field(description="A black-box correction with as many numbers.")
-    low: float | None = Field(description="95 % interval of `after`, over stretches of time.")
+    low: float | None = Field(description="95 % interval of `after`, over blocks of time.")
     high: float | None
 
 
@@ -136,6 +139,7 @@ class DiscoveryDocument(Provenance):
     """``discovery.json``."""
 
     verdict: Literal["found", "nothing", "unexplained"]
+    headline: str = Field(default="", description="The verdict in one sentence.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]

@@ -70,6 +70,19 @@ def print_table(console: Console, table: Table) -> None:
         console.print(escape(table.note), highlight=False, style="dim", soft_wrap=True)
 
 
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Tables of a report that have the same columns as one, each under its caption; notes are left out."""
+    from scaling_service.report.blocks import Row, Table
+
+    found = list(tables)
+    rows = [
+        Row(f"  {_text(row.header)}", row.cells) if row.cells else row
+        for table in found
+        for row in (Row(table.caption), *table.rows)
+    ]
+    print_table(console, Table("", max((t.columns for t in found), key=len), rows))
+
+
 def _text(cell: str | Cell) -> str:
     return cell if isinstance(cell, str) else cell.text
 

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSp
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
-from scaling_service.files.osim.plans import plan_joints
+from scaling_service.files.osim.joints import plan_joints
 from scaling_service.model.body import BodyModel, Law, Vector
 from scaling_service.model.parameters import after
 

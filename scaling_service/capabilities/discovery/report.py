@@ -103,8 +103,8 @@ def _where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterator[Blo
     places = document.disagreements
     yield Text(
         "The model follows every recording as closely as it can. What is left over is compared with the "
-        "noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark are "
-        "explained."
+        "noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark "
+        "are explained."
     )
     for observable, title, unit in _OBSERVABLES:
         chosen = [p for p in places if p.observable == observable]
@@ -255,8 +255,8 @@ def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
         verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
         yield Text(
             f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
-            f"{figures(held_out.absorbed)} times the noise floor would be left on what did not fit it, against "
-            f"{figures(level.after)}: {verdict}."
+            f"{figures(held_out.absorbed)} times the noise floor would be left on what did not fit it, "
+            f"against {figures(level.after)}: {verdict}."
         )
     yield _tabulate_levels(gaps)
 

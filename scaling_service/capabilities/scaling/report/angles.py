@@ -25,8 +25,16 @@ from scaling_service.report.blocks import (
     Table,
     Text,
 )
-from scaling_service.report.figures import Figure, band, chart, cycle_figure, faded, lines, ranges, stretches
-from scaling_service.report.methods import FAINT, Style, method_columns, method_legend, number, words
+from scaling_service.report.figures import Figure, band, chart, cycle_figure, faded, lines, ranges
+from scaling_service.report.methods import (
+    FAINT,
+    Style,
+    method_columns,
+    method_legend,
+    number,
+    percent_spans,
+    words,
+)
 from scaling_service.report.page import Section
 
 
@@ -100,7 +108,7 @@ def _over_cycle(curve: CycleCurves) -> Figure:
         f"{ranges(curve.mean)}"
     )
     sd = curve.sd if curve.n_cycles > 1 else {}
-    return cycle_figure(title, described, curve.mean, sd, curve.anova)
+    return cycle_figure(title, described, curve.mean, sd, [] if curve.anova is None else curve.anova.spans)
 
 
 def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
@@ -110,10 +118,10 @@ def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
         assert test is not None
         p = f"{test.p:.3f}" if test.can_decide else f"cannot decide (smallest possible {test.smallest_p:.2g})"
         pairs = [
-            f"{method}: {stretches(pair) if pair.can_decide else 'too few cycles'}"
+            f"{method}: {percent_spans(pair.spans) if pair.can_decide else 'too few cycles'}"
             for method, pair in curve.pairs.items()
         ]
-        cells = [str(curve.n_cycles), p, stretches(test), "; ".join(pairs) or "not tested"]
+        cells = [str(curve.n_cycles), p, percent_spans(test.spans), "; ".join(pairs) or "not tested"]
         rows.append(Row(words(curve.name), cells))
     return Table(
         "Do the methods differ along the curve?",

@@ -15,6 +15,8 @@ from rich.table import Table as RichTable
 from scaling_service.core.progress import Progress as Report
 
 if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
     from scaling_service.documents.results import Provenance
     from scaling_service.report.blocks import Cell, Table
 
@@ -52,16 +54,17 @@ def console_of_results() -> Console:
 
 
 def print_table(console: Console, table: Table) -> None:
-    """A table of a report, with its caption above and its note below."""
-    shown = RichTable(box=None, pad_edge=False, header_style="bold", title_justify="left")
-    shown.title = escape(table.caption) if table.caption else None
+    """A table of a report, its caption above and its note below."""
+    if table.caption:
+        console.print(f"[bold]{escape(table.caption)}[/bold]", highlight=False, soft_wrap=True)
+    shown = RichTable(box=None, pad_edge=False, header_style="bold")
     for k, column in enumerate(table.columns):
-        right = k > 0 and not table.words
-        shown.add_column(escape(_text(column)), justify="right" if right else "left", overflow="fold")
+        justify: JustifyMethod = "right" if k > 0 and not table.words else "left"
+        shown.add_column(escape(_text(column)), justify=justify, overflow="fold")
     for row in table.rows:
         title = escape(_text(row.header))
-        cells = (escape(_text(cell)) for cell in row.cells)
-        shown.add_row(title if row.cells else f"[bold]{title}[/bold]", *cells)
+        cells = [escape(_text(cell)) for cell in row.cells]
+        shown.add_row(title if cells else f"[bold]{title}[/bold]", *cells)
     console.print(shown)
     if table.note:
         console.print(escape(table.note), highlight=False, style="dim", soft_wrap=True)

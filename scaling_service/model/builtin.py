@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -58,7 +58,7 @@ def generic_person(name: str) -> GenericPerson:
     return _load(name)[1]
 
 
-@cache
+@lru_cache(maxsize=16)
 def _load(name: str) -> tuple[BodyModel, GenericPerson]:
     if name not in BUILTIN_NAMES:
         raise InputError(

@@ -24,7 +24,7 @@ from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, silent
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
@@ -79,7 +79,7 @@ def consistent(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or (lambda _what, _share: None)
+    report = progress or silent
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
     with blamed_on(file), blamed_on(None, recordings(known)):

@@ -35,7 +35,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
 )
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, silent
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
@@ -88,7 +88,7 @@ def dynamics(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or (lambda _what, _share: None)
+    report = progress or silent
     file = None if isinstance(subject, Subject) else Path(subject)
     prepared = prepare(
         subject, chosen, settings, progress=lambda what, share: report(what, _PREPARING * share)

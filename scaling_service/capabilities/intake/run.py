@@ -41,6 +41,7 @@ from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import subject_from_document
 from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core.progress import silent
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -136,7 +137,7 @@ def prove(
         result.
     """
     check_axes(settings.up, settings.forward)
-    report = progress or (lambda _what, _share: None)
+    report = progress or silent
     names = sorted(p.name for p in folder.iterdir() if p.is_file() and p.name not in skip)
     found: list[InputFile] = []
     for k, name in enumerate(names):

@@ -44,7 +44,7 @@ def test_effects_sizes_and_the_gap_are_shown(
     assert "RLFE" in row
     assert "mm/deg" in row
     assert "→" in row
-    assert "held out: all together, times the floor" in out
+    assert "held out: all together, times the noise floor" in out
     assert "Verdict  2 missing effects were found" in out
 
 

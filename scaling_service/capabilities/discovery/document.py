@@ -33,9 +33,11 @@ class DisagreementDocument(Part):
     observable: Literal["marker", "force", "moment"]
     unit: Unit
     rms: float
-    floor: float | None = Field(description="What noise alone would leave.")
-    share: float | None = Field(description="Of all that stands above the floors.")
-    p: float | None = Field(description="Of standing so far above its floor by chance, over all places.")
+    floor: float | None = Field(description="Noise floor: what noise alone would leave.")
+    share: float | None = Field(description="Of all that stands above the noise floors.")
+    p: float | None = Field(
+        description="Of standing so far above its noise floor by chance, over all places."
+    )
     trials: dict[str, float] = Field(description="Recording to its RMS.")
     when: str
     along: str
@@ -82,7 +84,7 @@ class LevelDocument(Part):
     before: float | None
     after: float | None
     floor: float | None
-    ceiling: float | None = Field(description="A black-box correction with as many numbers.")
+    ceiling: float | None = Field(description="Black-box bound: a correction with as many numbers.")
     low: float | None = Field(description="95 % interval of `after`, over blocks of time.")
     high: float | None
 
@@ -96,7 +98,7 @@ class PlaceLevelDocument(LevelDocument):
 class GapDocument(Part):
     """The gap of the recordings of one role; null where nothing of the sort was measured."""
 
-    whitened: LevelDocument | None = Field(description="All residuals, each divided by its own floor.")
+    whitened: LevelDocument | None = Field(description="All residuals, each divided by its own noise floor.")
     markers_mm: LevelDocument | None
     force_N: LevelDocument | None
     moment_Nm: LevelDocument | None
@@ -120,7 +122,7 @@ class TriedDocument(PlacedEffect):
 
 
 class UnexplainedDocument(Part):
-    """What is left above the floor and matches no effect."""
+    """What is left above the noise floor and matches no effect."""
 
     where: list[str]
     observable: Literal["marker", "force", "moment"]

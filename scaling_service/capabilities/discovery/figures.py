@@ -46,7 +46,7 @@ _HAIR = (
 _LONGEST_NAME = 60
 _MM = 1e3
 
-_HEAT_UNITS = (("mm", "distance from the model", "mm"), ("floors", "wrench over its floor", "times"))
+_HEAT_UNITS = (("mm", "distance from the model", "mm"), ("floors", "wrench over its noise floor", "times"))
 
 Which = Literal["before", "after"]
 
@@ -167,7 +167,7 @@ def draw_ranking(places: Sequence[DisagreementDocument], title: str, unit: str) 
             name="left over", hovertemplate=f"%{{x:.1f}} {unit}",
         ),
         go.Scatter(
-            x=[p.floor for p in order], y=names, mode="markers", name="floor",
+            x=[p.floor for p in order], y=names, mode="markers", name="noise floor",
             marker={"symbol": "line-ns", "size": 11, "line": {"width": 3, "color": INK}},
             hovertemplate=f"%{{x:.2f}} {unit}",
         ),
@@ -180,7 +180,7 @@ def draw_ranking(places: Sequence[DisagreementDocument], title: str, unit: str) 
     worst = ", ".join(f"{p.where} {p.rms:.1f}" for p in order[::-1][:3])
     return Figure(
         figure,
-        f"{title}: what is left over, and its floor (black marks)",
+        f"{title}: what is left over, and its noise floor (black marks)",
         f"Bars of all places, the largest first: {worst} {unit}.",
         max(_LEAST_PX, 90 + 18 * len(order)),
     )
@@ -190,17 +190,22 @@ def draw_gap(gaps: Mapping[str, GapDocument], field: str, name: str, unit: str) 
     """Before, after, black-box bound and floor, of each role of recordings."""
     roles = [(role, level) for role, gap in gaps.items() if (level := getattr(gap, field)) is not None]
     x, levels = [role for role, _ in roles], [level for _, level in roles]
-    bars = (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR), ("ceiling", _BOUND), ("floor", _FLOOR))
+    bars = (
+        ("before", "before", BEFORE_COLOUR),
+        ("after", "after", AFTER_COLOUR),
+        ("ceiling", "black-box bound", _BOUND),
+        ("floor", "noise floor", _FLOOR),
+    )
     traces = [
         go.Bar(
-            x=x, y=[getattr(level, of) for level in levels], name=of, marker={"color": colour},
+            x=x, y=[getattr(level, of) for level in levels], name=label, marker={"color": colour},
             error_y=_error(levels) if of == "after" else None,
             text=[figures(getattr(level, of)) for level in levels],
             textposition="outside" if of == "floor" else "inside",
             insidetextanchor="start", textangle=0, textfont={"size": 10}, cliponaxis=False,
             hovertemplate="%{y:.3g}",
         )
-        for of, colour in bars
+        for of, label, colour in bars
     ]  # fmt: skip
     figure = chart(
         traces, y_title=f"RMS, {unit}", barmode="group", bargap=0.25, showlegend=True,
@@ -208,7 +213,7 @@ def draw_gap(gaps: Mapping[str, GapDocument], field: str, name: str, unit: str) 
         yaxis_rangemode="tozero",
     )  # fmt: skip
     said = "; ".join(
-        f"{role}: {figures(v.before)} before, {figures(v.after)} after, floor {figures(v.floor)}"
+        f"{role}: {figures(v.before)} before, {figures(v.after)} after, noise floor {figures(v.floor)}"
         for role, v in roles
     )
     return Figure(figure, f"{name.capitalize()}, {unit}", f"{said} {unit}.", 290)

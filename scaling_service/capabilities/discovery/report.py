@@ -79,7 +79,7 @@ def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
         blocks.append(Bullets(classes))
     if document.unexplained:
         left = few([place for u in document.unexplained for place in u.where])
-        blocks.append(Text(f"Still above the floor, and like no effect that is known: {left}."))
+        blocks.append(Text(f"Still above the noise floor, and like no effect that is known: {left}."))
         if document.verdict == "unexplained":
             blocks.append(Text(f"Described best: {document.unexplained[0].law}."))
     yield Callout(document.headline, blocks, _TONES[document.verdict])
@@ -103,8 +103,8 @@ def _where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterator[Blo
     places = document.disagreements
     yield Text(
         "The model follows every recording as closely as it can. What is left over is compared with the "
-        "floor: what the noise of the recording itself would leave. Places whose bar ends at the mark are "
-        "explained."
+        "noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark "
+        "are explained."
     )
     for observable, title, unit in _OBSERVABLES:
         chosen = [p for p in places if p.observable == observable]
@@ -134,9 +134,9 @@ def _tabulate_places(places: Sequence[DisagreementDocument]) -> Table:
     more = f" The first {len(rows)} of {len(places)}; the others are in discovery.json." if left_out else ""
     return Table(
         "Where, when, and along with what",
-        ["place", "left over", "floor", "share", "by chance", "most", "follows"],
+        ["place", "left over", "noise floor", "share", "by chance", "most", "follows"],
         rows,
-        f"Share: of all that stands above the floors. By chance: p over all places looked at.{more}",
+        f"Share: of all that stands above the noise floors. By chance: p over all places looked at.{more}",
     )
 
 
@@ -213,9 +213,9 @@ def _after(document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | 
     yield Heading("What is left")
     left = document.unexplained
     if not left:
-        yield Text("Nothing that is left stands clearly above the floor.")
+        yield Text("Nothing that is left stands clearly above the noise floor.")
         return
-    yield _tabulate_left("Above the floor, and like no effect of the catalogue", left[:_MOST_LEFT])
+    yield _tabulate_left("Above the noise floor, and like no effect of the catalogue", left[:_MOST_LEFT])
     if len(left) > _MOST_LEFT:
         rest = _tabulate_left("Further places", left[_MOST_LEFT:])
         yield Details(f"{len(left) - _MOST_LEFT} more places", [rest])
@@ -227,7 +227,7 @@ def _tabulate_left(caption: str, items: Sequence[UnexplainedDocument]) -> Table:
         for u in items
     ]
     return Table(
-        caption, ["place", "left over", "floor", "the simplest law that describes it"], rows, words=True
+        caption, ["place", "left over", "noise floor", "the simplest law that describes it"], rows, words=True
     )
 
 
@@ -243,7 +243,7 @@ def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
         "them, and the picture shows the recordings that were fitted."
     )
     yield Text(
-        f"What fits the recordings that it was fitted to is no proof. {unseen} Ceiling: what a black-box "
+        f"What fits the recordings that it was fitted to is no proof. {unseen} Black-box bound: what a "
         "correction with as many numbers reaches, which knows nothing of bodies."
     )
     gaps = text.gaps_of(document)
@@ -255,8 +255,8 @@ def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
         verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
         yield Text(
             f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
-            f"{figures(held_out.absorbed)} times the floor would be left on what did not fit it, against "
-            f"{figures(level.after)}: {verdict}."
+            f"{figures(held_out.absorbed)} times the noise floor would be left on what did not fit it, "
+            f"against {figures(level.after)}: {verdict}."
         )
     yield _tabulate_levels(gaps)
 
@@ -269,12 +269,12 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
         Row(f"{name}, {last[name].unit}", [c for g in gaps.values() for c in _cells(g.places.get(name))])
         for name in order
     ]
-    names = ("before", "after", "floor", "closed")
+    names = ("before", "after", "noise floor", "closed")
     return Table(
         f"Place by place: {', then '.join(gaps)}",
         ["place", *(f"{role}: {name}" if name == "before" else name for role in gaps for name in names)],
         rows,
-        "Closed: the share of what stood above the floor that is gone; none where hardly anything did.",
+        "Closed: the share of what stood above the noise floor that is gone; none where hardly anything did.",
     )
 
 

@@ -20,7 +20,7 @@ from scaling_service.report.blocks import Row, Table
 from scaling_service.report.methods import words
 
 LEVELS = (
-    ("whitened", "all together", "times the floor"),
+    ("whitened", "all together", "times the noise floor"),
     ("markers_mm", "markers", "mm"),
     ("force_N", "ground force", "N"),
     ("moment_Nm", "ground moment", "N m"),
@@ -94,14 +94,14 @@ def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_ou
     """The verdict in one sentence; ``level``: of all together, on what was held out if anything was."""
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
-        left = f": {unseen} are followed to {figures(level.after)} times the floor" if level else ""
+        left = f": {unseen} are followed to {figures(level.after)} times the noise floor" if level else ""
         return f"Nothing stands above the noise{left}"
     if verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
     things = "One missing effect was" if effects == 1 else f"{effects} missing effects were"
     if level is None:
         return f"{things} found"
-    fall = f"falls from {figures(level.before)} to {figures(level.after)} times the floor"
+    fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
     return f"{things} found; the gap on {unseen} {fall}"
 
 
@@ -129,7 +129,7 @@ def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
 def describe_unexplained(document: DiscoveryDocument) -> list[str]:
     """What is left above the floor, the first places with the law that describes each."""
     found = [
-        f"{', '.join(u.where)}: {figures(u.rms)} {u.unit} above a floor of {figures(u.floor)}: {u.law}"
+        f"{', '.join(u.where)}: {figures(u.rms)} {u.unit} above a noise floor of {figures(u.floor)}: {u.law}"
         for u in document.unexplained
     ]
     more = [f"and {len(found) - _MOST_PLACES} more places"] if len(found) > _MOST_PLACES else []
@@ -163,7 +163,7 @@ def tabulate_effects(document: DiscoveryDocument) -> Table:
         ]
         cells = [", ".join(effect.where) + following + only, "\n".join([*sizes[:_MOST_NUMBERS], *more])]
         rows.append(Row(effect.kind.replace("_", " "), [*cells, "\n".join(gaps)]))
-    columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (floor)"]
+    columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
     return Table("The missing effects", columns, rows, words=True)
 
 
@@ -184,7 +184,7 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
         for field, name, unit in LEVELS
         if (level := getattr(gap, field)) is not None
     ]
-    return Table("The gap", ["gap, RMS", "before", "after", "floor", "ceiling"], rows)
+    return Table("The gap, RMS", ["", "before", "after", "noise floor", "black-box bound"], rows)
 
 
 # Numbers

@@ -40,7 +40,7 @@ function verdict(document: DiscoveryDocument): HTMLElement[] {
       document.headline,
       TONES[document.verdict],
       effects.length > 0 && h("ol", null, ...effects.map(({ name }) => h("li", null, name))),
-      left !== "" && h("p", null, `Still above the floor, and like no effect that is known: ${left}.`),
+      left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),

@@ -79,9 +79,9 @@ const namesWidth = (): number => Math.min(330, 0.4 * innerWidth);
 
 function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
   return table({
-    caption: "Above the floor, and like no effect that is known",
+    caption: "Above the noise floor, and like no effect that is known",
     name: "unexplained",
-    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "floor" }],
+    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "noise floor" }],
     rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }

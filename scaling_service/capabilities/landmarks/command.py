@@ -67,14 +67,15 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
         bone: BoneDocument | None = getattr(document, bone_name)
         if bone is None:
             continue
+        rows.append(Row(bone_name))
         for field, value in bone:
             if field.endswith("_mm") and isinstance(value, tuple):
-                rows.append(Row(bone_name, [field.removesuffix("_mm"), *(f"{x:.1f}" for x in value)]))
+                rows.append(Row(f"  {field.removesuffix('_mm')}", [f"{x:.1f}" for x in value]))
         notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
         notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
     console = console_of_results()
-    columns = ["bone", "landmark", "x", "y", "z"]
-    print_table(console, Table(f"Landmarks, mm (files in {document.settings['units']})", columns, rows))
+    caption = f"Landmarks, mm (files in {document.settings['units']})"
+    print_table(console, Table(caption, ["", "x", "y", "z"], rows))
     say(console, "Note", "yellow", notes)
     list_files(console, out, [name])
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -197,3 +198,7 @@ def _document(name: str, session: Session, bones: list[str]) -> dict[str, Any]:
         "bones": {"units": "mm"} | {bone: f"{bone}.stl" for bone in bones},
         "image_markers": IMAGE_MARKERS,
     }
+
+
+if __name__ == "__main__":
+    write_example(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))

@@ -45,7 +45,6 @@ class MotionDatabase:
 
     error_m: float  # reconstruction error of the reference motion (filtered)
     dr: Array  # (6,): its residual indicator
-    largest: float  # upper end of the perturbations' standard deviation, rad and m
     sizes: Array  # (n,), rad and m: standard deviation of each perturbation before the filter
     errors_m: Array  # (n,)
     indicators: Array  # (n, 6)
@@ -55,11 +54,9 @@ class MotionDatabase:
 class Level:
     """Motions whose reconstruction error is uniform between the reference's and this much more."""
 
-    relative: float  # the largest added error over the reference's
-    added_m: float  # the same in m
+    added_m: float  # the largest added error
     dispersion: Array  # (6,): of the residual indicator: ``sqrt(12)`` standard deviations
     distinct: int  # how many different motions were drawn
-    misfit_m: float  # the largest distance between an error asked for and the one drawn
 
 
 def draw_database(
@@ -77,7 +74,7 @@ def draw_database(
     error, dr = error_and_indicator(reference)
     largest = _largest(reference, seed, error, reach + BEYOND)
     rows = _sampled(executor, partial(_perturbed, reference, seed, largest), count, progress)
-    return MotionDatabase(error, dr, largest, rows[:, 0], rows[:, 1], rows[:, 2:])
+    return MotionDatabase(error, dr, rows[:, 0], rows[:, 1], rows[:, 2:])
 
 
 def error_and_indicator(reference: Reference) -> tuple[float, Array]:
@@ -149,8 +146,7 @@ def levels_of(
         wanted = database.error_m + added * shares
         drawn = order[_nearest(database.errors_m[order], wanted)]
         spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
-        misfit = float(np.abs(database.errors_m[drawn] - wanted).max())
-        found.append(Level(relative, added, spread, len(np.unique(drawn)), misfit))
+        found.append(Level(added, spread, len(np.unique(drawn))))
     return tuple(found)
 
 

@@ -86,14 +86,14 @@ def marker_uncertainty(
     reference = Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
-    left = _filtered_residuals(reference)
+    left = _filter_residuals(reference)
     spread = noise_factors(_correlation(left, reference))
     size = _sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
-    together = _together(reference, sizes, shared)
+    together = _common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
     for block in wrench_jacobians(reference):
-        effect = _effect(block, _followed(reference, block, weights)[0], spread)
+        effect = _effect(block, _follow(reference, block, weights)[0], spread)
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_outer(own) + _outer(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
@@ -116,10 +116,10 @@ def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> 
     compared with what is left of it.
     """
     count = len(weights)
-    common = _together(reference, np.ones(count), shared)
+    common = _common_errors(reference, np.ones(count), shared)
     remains = []
     for block in wrench_jacobians(reference, every=_THIN):
-        gain, moved, seen = _followed(reference, block, weights)
+        gain, moved, seen = _follow(reference, block, weights)
         n = len(gain)
         follows = moved.reshape(n, moved.shape[1], -1).transpose(0, 2, 1) @ gain.reshape(n, gain.shape[1], -1)
         follows = follows.reshape(n, count, 3, count, 3)
@@ -133,7 +133,7 @@ def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> 
     return np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
 
 
-def _together(reference: Reference, sizes: Array, shared: float) -> Array:
+def _common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
     links = reference.body.tree.marker_link
     on = links[None, :] == np.arange(len(reference.body.tree.links))[:, None]
@@ -141,7 +141,7 @@ def _together(reference: Reference, sizes: Array, shared: float) -> Array:
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
-def _filtered_residuals(reference: Reference) -> Array:
+def _filter_residuals(reference: Reference) -> Array:
     """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
     body, low_pass = reference.body, reference.low_pass
     placed = np.moveaxis(marker_positions(body.tree, np.nan_to_num(reference.q.T), body.p), 0, -1)
@@ -163,7 +163,7 @@ def _correlation(left: Array, reference: Reference) -> Array:
     return np.asarray(np.array(found) / found[0])
 
 
-def _followed(
+def _follow(
     reference: Reference, block: WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.

@@ -73,7 +73,7 @@ def draw_database(
     """
     error, dr = error_and_indicator(reference)
     largest = _largest(reference, seed, error, reach + BEYOND)
-    rows = _sampled(executor, partial(_perturbed, reference, seed, largest), count, progress)
+    rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
     return MotionDatabase(error, dr, rows[:, 0], rows[:, 1], rows[:, 2:])
 
 
@@ -90,7 +90,7 @@ def error_and_indicator(reference: Reference) -> tuple[float, Array]:
     return error, reference.indicator(residual)
 
 
-def _sampled(
+def _sample(
     executor: Executor,
     sample: Callable[[int], Array],
     count: int,
@@ -109,7 +109,7 @@ def _rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
-def _perturbed(reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _perturb(reference: Reference, seed: int, largest: float, number: int) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
@@ -208,7 +208,7 @@ def plate_dispersion(
 ) -> Array:
     """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
     plates = _plates(reference, noise)
-    rows = _sampled(executor, partial(_pushed, plates, seed, reference.trial), samples)
+    rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
     return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
 
 
@@ -231,7 +231,7 @@ def _plates(reference: Reference, noise: PlateNoise) -> _Plates:
     return _Plates(residual[:, used], force, centre - root, sigma, spread, reference.scale)
 
 
-def _pushed(plates: _Plates, seed: int, trial: str, number: int) -> Array:
+def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:
     """The residual indicator under one draw of noise; what the plates measure too much is missing then."""
     rng = stream(seed, "uncertainty", trial, "plates", number)
     pushed = plates.sigma * rng.standard_normal(plates.force.shape)

@@ -41,7 +41,7 @@ from scaling_service.capabilities.discovery.search.findings import (
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import provenance, repair_notes
+from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.numerics.multibody.laws import Array
 
 _FIGURES = 6  # far beyond what any of these is known to

@@ -25,7 +25,7 @@ from scaling_service.service.http.documentation import json_body
 from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, described
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
-from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.tables import FileRow
 
 router = APIRouter(prefix="/v1/links", tags=["jobs"])
 

@@ -28,7 +28,7 @@ from scaling_service.service.http.problems import described
 from scaling_service.service.http.subjects import Cursor, Size, entries, moment
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store.errors import NotFound, StoreUnavailable
-from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.tables import JobRow
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 

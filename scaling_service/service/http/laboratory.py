@@ -29,7 +29,7 @@ from scaling_service.service.http.documentation import json_body
 from scaling_service.service.http.problems import described
 from scaling_service.service.http.subjects import moment
 from scaling_service.service.jobs.example import MOST, Examples
-from scaling_service.service.store.rows import MarkerMapRow
+from scaling_service.service.store.tables import MarkerMapRow
 
 router = APIRouter(prefix="/v1", tags=["subjects"])
 

@@ -85,15 +85,13 @@ class Recent:
     def __init__(self, service: Service) -> None:
         self._service, self._lock = service, threading.Lock()
         self._checked_at = float("-inf")
-        self._found: dict[str, float] = {}
 
-    def check(self) -> dict[str, float]:
+    def check(self) -> None:
         """See :meth:`Service.check`."""
         with self._lock:
             if time.monotonic() - self._checked_at > FRESH_S:
-                self._found = self._service.check()
+                self._service.check()
                 self._checked_at = time.monotonic()
-            return self._found
 
 
 class JobCounts(Collector):

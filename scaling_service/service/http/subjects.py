@@ -22,7 +22,7 @@ from scaling_service.service.http.problems import described
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store.errors import TooLarge
-from scaling_service.service.store.rows import LARGEST, FileRow, SubjectRow
+from scaling_service.service.store.tables import LARGEST, FileRow, SubjectRow
 
 router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
 

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -36,13 +37,13 @@ from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import Child, Progress
 from scaling_service.service.sandbox.launcher import warm_up
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Outcome
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome
 from scaling_service.service.sandbox.supervisor import supervise
 from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.errors import StoreUnavailable, disk_errors
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 
 Result = TypeVar("Result")
 MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
@@ -55,8 +56,7 @@ class Order:
     """An attempt, as it is sent to an executor."""
 
     kind: Kind
-    request: str  # JSON
-    documents: dict[str, Any]  # subject to its document
+    specification: str  # of the job: request and documents as JSON
     inputs: tuple[tuple[str, str], ...]  # path below the folder of inputs, and SHA-256
     data: Path  # the data directory
     folder: Path  # of this attempt, in the data directory
@@ -66,34 +66,18 @@ class Order:
     parts: str | None = None  # JSON: how the jobs ended that this one is made of
 
 
-@dataclass(frozen=True, slots=True)
-class _Work:
-    """The kind's function on its request, as the child calls it."""
-
-    kind: Kind
-    request: str
-
-    def __call__(self, folder: Path, progress: Progress) -> Any:
-        request = self.kind.request.model_validate_json(self.request)
-        return self.kind.work(request, folder / "inputs", folder / "outputs", progress)
-
-
-def make_order(
-    store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path
-) -> tuple[Order, str]:
-    """The order for an attempt at a leased job, and the job's specification."""
+def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path) -> Order:
+    """The order for an attempt at a leased job."""
     specification, _, _ = jobs.documents(store.database, row.owner, row.id)
-    told = json.loads(specification)
     if kind.parts is None:
         inputs, ends = jobs.inputs(store.database, row.id), None
     else:
         inputs = parts.files(store.database, row.id, kind.parts.file)
-        ended = [_told(end) for end in parts.ends(store.database, row.id)]
+        ended = [_as_read(end) for end in parts.ends(store.database, row.id)]
         ends = json.dumps(ended, ensure_ascii=False)
-    order = Order(
+    return Order(
         kind=kind,
-        request=json.dumps(told["request"]),
-        documents=told["documents"],
+        specification=specification,
         inputs=tuple((file.name, file.sha256) for file in inputs),
         data=store.blobs.folder,
         folder=folder,
@@ -102,10 +86,9 @@ def make_order(
         patience_s=settings.lease_s,
         parts=ends,
     )
-    return order, specification
 
 
-def _told(end: parts.PartRow) -> dict[str, Any]:
+def _as_read(end: parts.PartRow) -> dict[str, Any]:
     return {
         "request": json.loads(end.specification)["request"],
         "state": end.state.value,
@@ -124,23 +107,28 @@ def carry_out(order: Order) -> Outcome:
                 remedy="Install the same version everywhere, then ask for the job again",
             )
         )
+    asked = json.loads(order.specification)
     try:
-        _prepare(order)
+        _prepare(order, asked["documents"])
         watch = Watch(order.folder, order.patience_s)
-        child = Child(_Work(order.kind, order.request), order.folder, order.limits)
+        child = Child(partial(_work, order.kind, asked["request"]), order.folder, order.limits)
         outcome = supervise(child, stop=watch.wants_stop, progress=watch.tell)
     except StoreUnavailable as error:
-        return Hindered(error.problem)
+        return Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
 
 
-def _prepare(order: Order) -> None:
-    """Make the folders and copy the inputs."""
+def _work(kind: Kind, request: dict[str, Any], folder: Path, progress: Progress) -> Any:
+    asked = kind.request.model_validate_json(json.dumps(request))
+    return kind.work(asked, folder / "inputs", folder / "outputs", progress)
+
+
+def _prepare(order: Order, documents: dict[str, Any]) -> None:
     blobs, inputs = Blobs(order.data), order.folder / "inputs"
     with disk_errors(order.data):
         for name in ("inputs", "outputs", "tmp"):
             (order.folder / name).mkdir(mode=0o700, parents=True)
-        for subject, document in order.documents.items():
+        for subject, document in documents.items():
             (inputs / subject).mkdir()
             text = json.dumps(document, ensure_ascii=False)
             (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")

@@ -17,8 +17,8 @@ from scaling_service.service.store import jobs, parts, queueing
 from scaling_service.service.store.blobs import Content, keep
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import needed
-from scaling_service.service.store.rows import FileRow, JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import FileRow, JobRow
 
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""

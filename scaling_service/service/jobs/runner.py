@@ -21,6 +21,7 @@ from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs.attempts import (
     AttemptFolder,
     MakeExecutor,
+    Order,
     carry_out,
     executor_maker,
     make_order,
@@ -30,12 +31,12 @@ from scaling_service.service.jobs.ledger import Ledger, Made, lost_too_often
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version, provenance
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Content
 from scaling_service.service.store.errors import ContentMissing, StoreUnavailable, disk_errors
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class Held:
     """An attempt that a runner looks after, of a job as it was leased."""
 
     row: JobRow
-    specification: str
+    order: Order
     folder: AttemptFolder
     future: Future[Outcome]
     begun: float = field(default_factory=time.monotonic)
@@ -178,7 +179,7 @@ class Runner:
         for job, held in list(self._held.items()):
             if held.future.done():
                 try:
-                    settle(self._ledger, held)
+                    self._settle(held)
                 except StoreUnavailable as error:
                     trouble = error
                     continue
@@ -190,6 +191,36 @@ class Runner:
                 del self._held[job]
         if trouble is not None:
             raise trouble
+
+    def _settle(self, held: Held) -> None:
+        """Record how an attempt ended, and remove its folder; StoreUnavailable says that nothing was kept."""
+        outcome, wall_s = outcome_of(held.future), time.monotonic() - held.begun
+        try:
+            state = self._record(held, outcome, wall_s)
+        except ContentMissing as error:  # somebody else removed what was made
+            outcome = Lost(error.problem)
+            state = self._record(held, outcome, wall_s)
+        _note(held.row, outcome, state, wall_s)
+        held.folder.remove()
+
+    def _record(self, held: Held, outcome: Outcome, wall_s: float) -> State | None:
+        """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
+        row, outputs = held.row, held.folder.folder / "outputs"
+        host = outcome.host if isinstance(outcome, Finished) else row.host
+        origin = provenance(row, held.order.specification, host, wall_s)
+        match outcome:
+            case Finished():
+                files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
+                made = Made(json.dumps(outcome.result, allow_nan=False), files)
+                return self._ledger.finish(row, made, origin)
+            case Failed():
+                return self._ledger.settle(row, Event.FAIL, outcome.failure, origin)
+            case Stopped():
+                stopped = lost_too_often(row, "it was stopped")
+                return self._ledger.settle(row, Event.RELEASE, stopped, origin)
+            case Lost():
+                lost = lost_too_often(row, outcome.reason)
+                return self._ledger.settle(row, Event.LOSE, lost, origin)
 
     def _take_back(self) -> None:
         """Queue again what dead runners held."""
@@ -213,14 +244,14 @@ class Runner:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
         folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
-        order, specification = make_order(self._store, self._settings, kind, row, folder.folder)
+        order = make_order(self._store, self._settings, kind, row, folder.folder)
         folder.open()
         try:
             future = executor.submit(carry_out, order)
         except RuntimeError as error:  # broken, or shut down behind our back
             self._executor = None
             raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
-        self._held[row.id] = Held(row, specification, folder, future)
+        self._held[row.id] = Held(row, order, folder, future)
         future.add_done_callback(lambda _future: self._wake.set())
 
     def _give_back(self) -> None:
@@ -245,26 +276,6 @@ class Runner:
             self._stop.wait(TIDY_S)
 
 
-def settle(ledger: Ledger, held: Held) -> State | None:
-    """Record how an attempt ended, and remove its folder.
-
-    Where the job stands now is returned, or None where this attempt no longer holds it, and nothing was kept.
-    After StoreUnavailable nothing was recorded; call it again later.
-    """
-    outcome = outcome_of(held.future)
-    wall_s = time.monotonic() - held.begun
-    host = outcome.host if isinstance(outcome, Finished) else held.row.host
-    origin = provenance(held.row, held.specification, host, wall_s)
-    try:
-        state = _record(ledger, held, outcome, origin)
-    except ContentMissing as error:  # somebody else removed what was made
-        outcome = Lost(error.problem)
-        state = _record(ledger, held, outcome, origin)
-    _note(held.row, outcome, state, wall_s)
-    held.folder.remove()
-    return state
-
-
 def outcome_of(future: Future[Outcome]) -> Outcome:
     """How an attempt ended, also where the executor itself broke."""
     try:
@@ -273,20 +284,6 @@ def outcome_of(future: Future[Outcome]) -> Outcome:
         return Stopped()
     except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
         return Lost(f"the executor failed ({type(error).__name__})")
-
-
-def _record(ledger: Ledger, held: Held, outcome: Outcome, origin: str) -> State | None:
-    row, outputs = held.row, held.folder.folder / "outputs"
-    match outcome:
-        case Finished():
-            files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
-            return ledger.finish(row, Made(json.dumps(outcome.result, allow_nan=False), files), origin)
-        case Failed():
-            return ledger.settle(row, Event.FAIL, outcome.failure, origin)
-        case Stopped():
-            return ledger.settle(row, Event.RELEASE, lost_too_often(row, "it was stopped"), origin)
-        case _:
-            return ledger.settle(row, Event.LOSE, lost_too_often(row, outcome.reason), origin)
 
 
 def _note(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> None:
@@ -301,7 +298,7 @@ def _note(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> 
     }
     if isinstance(outcome, Failed):
         told |= {"failure": outcome.failure.kind, "trace": outcome.trace}
-    if isinstance(outcome, Lost | Hindered):
+    if isinstance(outcome, Lost):
         told["reason"] = outcome.reason
     usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
     log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=told)

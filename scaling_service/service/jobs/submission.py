@@ -26,7 +26,7 @@ from scaling_service.documents.writing import code_version as released_version
 from scaling_service.service.jobs.kinds import Kind, Parts
 from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
-from scaling_service.service.store.rows import FileRow, JobRow
+from scaling_service.service.store.tables import FileRow, JobRow
 
 _SUFFIXES = (".py", ".yaml", ".json", ".csv")  # files of the package that results can depend on
 _PAGE = "service/page/"  # the web page's sources and bundle: no result depends on them

@@ -21,7 +21,7 @@ from scaling_service.documents.jobs import Failure
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
 from scaling_service.service.sandbox.launcher import Launched
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
 
@@ -46,7 +46,7 @@ def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> 
     try:
         launched = Launched(child)
     except (OSError, EOFError) as error:
-        return Hindered(f"no process could be started ({error})")
+        return Lost(f"no process could be started ({error})")
     try:
         answer = _follow(launched, child, stop, progress)
     finally:
@@ -120,12 +120,12 @@ def _understood(answer: dict[str, Any], child: Child) -> Outcome:
             told = {k: v if v is None else _clean(v) for k, v in dict(answer["failure"]).items()}
             return Failed(Failure.model_validate(told), _clean(answer.get("trace", ""))[:4000])
         if "hindered" in answer:
-            return Hindered(_clean(answer["hindered"])[:200])
+            return Lost(_clean(answer["hindered"])[:200])
         if _written(child.folder) > child.limits.output_bytes:
             return Failed.of(child.limits.exceeded("limit_output_mb"))
         return Finished(_result(child.folder / RESULT), _files(child.folder / "outputs"))
     except StoreUnavailable as error:
-        return Hindered(error.problem)
+        return Lost(error.problem)
     except InputError as error:
         return Failed.of(error)
     except (ValidationError, ValueError, TypeError, RecursionError, OSError) as error:

@@ -10,8 +10,7 @@ from sqlalchemy import Connection, Select, func, or_, select, update
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.jobs import SHOWN, first
-from scaling_service.service.store.rows import JobRow, job_row
-from scaling_service.service.store.tables import jobs, owners
+from scaling_service.service.store.tables import JobRow, job_row, jobs, owners
 
 _LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
 _QUEUED = jobs.c.state == State.QUEUED.value

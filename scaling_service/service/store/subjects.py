@@ -11,8 +11,16 @@ from scaling_service.service.store.blobs import Blobs, Content, keep, release
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.rows import FileRow, MarkerMapRow, Page, SubjectRow, read_page
-from scaling_service.service.store.tables import marker_maps, subject_files, subjects
+from scaling_service.service.store.tables import (
+    FileRow,
+    MarkerMapRow,
+    Page,
+    SubjectRow,
+    marker_maps,
+    read_page,
+    subject_files,
+    subjects,
+)
 
 _SHOWN = tuple(subjects.c[name] for name in SubjectRow.__dataclass_fields__)
 

@@ -16,8 +16,8 @@ from scaling_service.service.jobs.machine import Event
 from scaling_service.service.store import jobs, queueing
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.jobs import NewJob
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 from scaling_service.service.store.tables import jobs as table
 
 WHY = Failure(kind="Test", problem="it was so")

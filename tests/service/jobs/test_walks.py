@@ -12,8 +12,8 @@ from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.ledger import Made
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.store import jobs
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 from tests.service.jobs.test_ledger import WHY, ask, ledger_of
 
 OFTEN = ("lease", "lease", "lease", "finish", "finish", "finish", "die", "die")

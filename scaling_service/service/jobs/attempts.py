@@ -1,6 +1,6 @@
 """One attempt of a job: its folder, what is done in it, and the executors that do it.
 
-An executor may be any of ``concurrent.futures``: an attempt is a call of :func:`carry_out`, which watches
+An executor may be any of ``concurrent.futures``: an attempt is a call of :func:`run_attempt`, which watches
 over a limited process of its own. So the executor's workers only wait; threads are enough on one machine.
 
 The folder is all that runner and supervisor share, so they may be on two machines::
@@ -73,7 +73,7 @@ def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow,
         inputs, ends = jobs.inputs(store.database, row.id), None
     else:
         inputs = parts.files(store.database, row.id, kind.parts.file)
-        ended = [_as_read(end) for end in parts.ends(store.database, row.id)]
+        ended = [_end_of_part(end) for end in parts.ends(store.database, row.id)]
         ends = json.dumps(ended, ensure_ascii=False)
     return Order(
         kind=kind,
@@ -88,7 +88,7 @@ def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow,
     )
 
 
-def _as_read(end: parts.PartRow) -> dict[str, Any]:
+def _end_of_part(end: parts.PartRow) -> dict[str, Any]:
     return {
         "request": json.loads(end.specification)["request"],
         "state": end.state.value,
@@ -97,7 +97,7 @@ def _as_read(end: parts.PartRow) -> dict[str, Any]:
     }
 
 
-def carry_out(order: Order) -> Outcome:
+def run_attempt(order: Order) -> Outcome:
     """Do one attempt, whatever its end; this is what executors run."""
     if order.code_version != code_version():
         return Failed(
@@ -112,7 +112,7 @@ def carry_out(order: Order) -> Outcome:
         _prepare(order, asked["documents"])
         watch = Watch(order.folder, order.patience_s)
         child = Child(partial(_work, order.kind, asked["request"]), order.folder, order.limits)
-        outcome = supervise(child, stop=watch.wants_stop, progress=watch.tell)
+        outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
     except StoreUnavailable as error:
         return Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
@@ -148,7 +148,7 @@ class Watch:
         self._beat, self._changed = 0, time.monotonic()
         self._told = 0.0
 
-    def wants_stop(self) -> bool:
+    def should_stop(self) -> bool:
         """Whether the runner wants this to stop, has removed the folder, or is dead."""
         if (self._folder / "cancel").exists() or not self._folder.exists():
             return True
@@ -161,7 +161,7 @@ class Watch:
             self._beat, self._changed = beat, now
         return now - self._changed > self._patience_s
 
-    def tell(self, what: str, share: float) -> None:
+    def write_progress(self, what: str, share: float) -> None:
         """Note the progress, now and then."""
         now = time.monotonic()
         if now - self._told < _PROGRESS_S and share < 1.0:
@@ -185,9 +185,9 @@ class AttemptFolder:
         self.remove()
         with disk_errors(self.folder.parent):
             self.folder.mkdir(mode=0o700)
-        self.beat()
+        self.touch_heartbeat()
 
-    def beat(self) -> None:
+    def touch_heartbeat(self) -> None:
         """Show that the runner lives."""
         with suppress(OSError):  # the folder is gone: the work stops by itself
             (self.folder / "heartbeat").touch()
@@ -199,7 +199,7 @@ class AttemptFolder:
         except OSError:
             self.remove()
 
-    def news(self) -> tuple[str, float] | None:
+    def read_progress(self) -> tuple[str, float] | None:
         """What is being done and the share that is done, where that is new."""
         try:
             text = (self.folder / "progress.json").read_text(encoding="utf-8")

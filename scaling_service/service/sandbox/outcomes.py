@@ -48,5 +48,5 @@ Outcome: TypeAlias = Finished | Failed | Lost | Stopped
 
 def failure_of(error: InputError) -> Failure:
     """An error that a user can act on, as it travels."""
-    told = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
-    return Failure(kind=type(error).__name__, **told)
+    fields = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
+    return Failure(kind=type(error).__name__, **fields)

@@ -100,11 +100,11 @@ def renew(database: Database, worker: str, seconds: float) -> None:
         connection.execute(held.values(lease_until_us=lease_end(seconds)))
 
 
-def report(database: Database, worker: str, told: Iterable[tuple[str, int, float, str]]) -> None:
+def report(database: Database, worker: str, progress: Iterable[tuple[str, int, float, str]]) -> None:
     """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
     running = update(jobs).where(jobs.c.worker == worker, jobs.c.state == State.RUNNING.value)
     with database.write() as connection:
-        for job, attempt, share, what in told:
+        for job, attempt, share, what in progress:
             connection.execute(
                 running.where(jobs.c.id == job, jobs.c.attempt == attempt).values(
                     progress_share=share,

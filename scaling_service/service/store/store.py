@@ -12,7 +12,7 @@ from tempfile import TemporaryFile
 from sqlalchemy import URL, Connection, text
 
 from scaling_service.service.store import deletion, queueing
-from scaling_service.service.store.blobs import Blobs, Incoming, collect
+from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
 from scaling_service.service.store.errors import disk_errors, full
 from scaling_service.service.store.migrate import upgrade
@@ -64,7 +64,7 @@ class Store:
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
-        collect(self.database, self.blobs)
+        collect_garbage(self.database, self.blobs)
         deletion.remove_traces(self.database)
 
     def check(self) -> None:

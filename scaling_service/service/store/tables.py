@@ -281,20 +281,20 @@ def read_page(
     if not 1 <= limit <= LARGEST:
         raise InputError(f"a page of {limit} is not possible", field="limit", remedy=f"Give 1 to {LARGEST}")
     if cursor is not None:
-        statement = statement.where(tuple_(*order) < tuple_(*_opened(cursor)))
+        statement = statement.where(tuple_(*order) < tuple_(*_decode_cursor(cursor)))
     created, key = order
     ordered = statement.order_by(created.desc(), key.desc()).limit(limit + 1)  # one more: is there another?
     found = [row(each) for each in connection.execute(ordered).mappings()]
     shown = tuple(found[:limit])
-    return Page(shown, _cursor_of(shown[-1]) if len(found) > limit else None)
+    return Page(shown, _encode_cursor(shown[-1]) if len(found) > limit else None)
 
 
-def _cursor_of(last: SubjectRow | JobRow) -> str:
+def _encode_cursor(last: SubjectRow | JobRow) -> str:
     """The cursor of what comes after this row."""
     return base64.urlsafe_b64encode(f"{last.created_us} {last.id}".encode()).decode().rstrip("=")
 
 
-def _opened(cursor: str) -> tuple[int, str]:
+def _decode_cursor(cursor: str) -> tuple[int, str]:
     try:
         text = base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode()
         created, _, key = text.partition(" ")

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.ledger import Made
+from scaling_service.service.jobs.ledger import AttemptOutput
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.store import jobs
 from scaling_service.service.store.store import Store
@@ -50,7 +50,7 @@ class Walk:
     def end(self, attempt: JobRow, how: str) -> None:
         before = jobs.get(self.store.database, self.owner, attempt.id)
         if how == "finish":
-            state = self.ledger.finish(attempt, Made(f"{attempt.attempt}"), "{}")
+            state = self.ledger.finish(attempt, AttemptOutput(f"{attempt.attempt}"), "{}")
         else:
             state = self.ledger.settle(attempt, Event(how), WHY, "{}")
         assert state is None or attempt.attempt == before.attempt, "a stale attempt was heard"

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from scaling_service.capabilities import modules_named
-from scaling_service.capabilities.cohort.screen import Interrupted
+from scaling_service.capabilities.cohort.command import Interrupted
 from scaling_service.cli import demo, service
 from scaling_service.core.errors import InputError
 from scaling_service.studies import command as studies

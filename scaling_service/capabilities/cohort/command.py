@@ -7,13 +7,25 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out, Workers
-from scaling_service.capabilities.shared.flags import Only, names, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Workers, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.settings import Settings
 
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""
+
+
+class Interrupted(Exception):
+    """A batch was stopped from the keyboard; the subjects that ended are done."""
+
+    def __init__(self, ended: int, count: int, out: Path) -> None:
+        super().__init__(
+            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
+            "run the same command to go on"
+            if ended
+            else "interrupted; no subject was done"
+        )
+
 
 _Cohort = Annotated[
     Path,
@@ -52,7 +64,7 @@ def batch(
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
-    from scaling_service.capabilities.cohort.screen import Interrupted, show_cohort, watched
+    from scaling_service.capabilities.cohort.screen import show_cohort, watched
 
     chosen = None if methods is None else tuple(names(methods))
     with watched() as watcher:

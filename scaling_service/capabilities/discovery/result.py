@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,18 +31,17 @@ from scaling_service.capabilities.discovery.evidence.settings import DiscoverySe
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.findings import (
+    Disagreement,
     Findings,
     Gap,
     Level,
     NamedEffect,
+    Unexplained,
     observable_of,
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import repair_notes
-from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.documents.results import RepairNote
-from scaling_service.documents.writing import code_version
+from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.numerics.multibody.laws import Array
 
 _FIGURES = 6  # far beyond what any of these is known to
@@ -65,7 +64,6 @@ class DiscoverResults:
     before: Fit  # before, after: without and with what was named
     after: Fit
     wall_s: float = 0.0
-    subject_file: Path | None = None
     hidden: Sequence[HiddenDocument] | None = None  # of a virtual person: what should have been found
 
 
@@ -79,49 +77,20 @@ def discovery_document(
     )
     gap = BothGaps(fit=_gap(found.fit), held_out=_gap(found.held_out))
     return DiscoveryDocument(
-        code_version=code_version(),
-        subject=prepared.subject.id,
-        settings=results.settings.resolved()
-        | {"discover": results.chosen.resolved(), "search": asdict(results.search)},
-        input_hashes=input_hashes(prepared.subject, results.subject_file),
-        seed=results.settings.seed,
-        markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        repairs=_repairs(prepared),
+        **_provenance(results),
         verdict=found.verdict,
         headline=text.headline(
             found.verdict, len(found.named), gap.held_out.whitened, held_out=bool(held_out)
         ),
         reason=found.reason,
-        disagreements=[
-            DisagreementDocument(
-                where=d.where,
-                observable=d.observable,
-                unit=_UNITS[d.observable][0],
-                share=finite(d.share),
-                p=finite(d.p),
-                trials={name: rounded(_UNITS[d.observable][1] * rms) for name, rms in d.trials.items()},
-                when=d.when,
-                along=d.along,
-                **_rms_and_floor(d.observable, d.rms, d.floor),
-            )
-            for d in found.disagreements
-        ],
+        disagreements=[_disagreement(item) for item in found.disagreements],
         effects=[_effect(named) for named in found.named],
         gap=gap,
         tried=[
             TriedDocument(**placed(o.candidate).model_dump(), gain=finite(o.held_out.gain))
             for o in found.tried
         ],
-        unexplained=[
-            UnexplainedDocument(
-                where=list(u.where),
-                observable=u.observable,
-                unit=_UNITS[u.observable][0],
-                law=u.law,
-                **_rms_and_floor(u.observable, u.rms, u.floor),
-            )
-            for u in found.unexplained
-        ],
+        unexplained=[_unexplained(item) for item in found.unexplained],
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
@@ -133,19 +102,13 @@ def discovery_document(
     )
 
 
-def _repairs(prepared: Prepared) -> dict[str, list[RepairNote]]:
-    forces = prepared.forces
-    return {
-        trial.name: repair_notes(
-            (*trial.repairs, *(forces[trial.name].repairs if trial.name in forces else ()))
-        )
-        for trial in prepared.loaded.session.dynamic
-    }
-
-
-def _rms_and_floor(observable: str, rms: float, floor: float) -> dict[str, float | None]:
-    factor = _UNITS[observable][1]
-    return {"rms": rounded(factor * rms), "floor": finite(factor * floor)}
+def _provenance(results: DiscoverResults) -> dict[str, Any]:
+    loaded, settings = results.prepared.loaded, results.settings
+    chosen = {"discover": results.chosen.resolved(), "search": asdict(results.search)}
+    found = provenance(loaded, loaded.session.dynamic, settings.resolved() | chosen, settings.seed)
+    for name, forces in results.prepared.forces.items():
+        found["repairs"][name] += repair_notes(forces.repairs)
+    return found
 
 
 def placed(candidate: Candidate) -> PlacedEffect:
@@ -177,6 +140,34 @@ def _effect(named: NamedEffect) -> EffectDocument:
             by_blocks=named.held_out.folds,
             summary=text.describe_evidence(named),
         ),
+    )
+
+
+def _disagreement(item: Disagreement) -> DisagreementDocument:
+    unit, factor = _UNITS[item.observable]
+    return DisagreementDocument(
+        where=item.where,
+        observable=item.observable,
+        unit=unit,
+        rms=rounded(factor * item.rms),
+        floor=finite(factor * item.floor),
+        share=finite(item.share),
+        p=finite(item.p),
+        trials={name: rounded(factor * rms) for name, rms in item.trials.items()},
+        when=item.when,
+        along=item.along,
+    )
+
+
+def _unexplained(item: Unexplained) -> UnexplainedDocument:
+    unit, factor = _UNITS[item.observable]
+    return UnexplainedDocument(
+        where=list(item.where),
+        observable=item.observable,
+        unit=unit,
+        law=item.law,
+        rms=rounded(factor * item.rms),
+        floor=finite(factor * item.floor),
     )
 
 

@@ -15,14 +15,14 @@ from scaling_service.capabilities.dynamics.document import (
     TrialDynamicsDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
+from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.report import dynamics_page
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import provenance, repair_notes
+from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
@@ -111,20 +111,18 @@ def write_massive_model(
     return ()
 
 
-def provenance_of(
-    prepared: Prepared, settings: Settings, subject_file: Path | None, **chosen: Options
-) -> dict[str, Any]:
+def provenance_of(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
     """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
     resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
     trials = prepared.loaded.session.dynamic
-    origin = provenance(prepared.loaded, trials, resolved, subject_file, settings.seed)
+    origin = provenance(prepared.loaded, trials, resolved, settings.seed)
     return origin | {"start": prepared.start, "inertia": prepared.inertia}
 
 
 def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
-    known = provenance_of(prepared, results.settings, results.subject_file, dynamics=results.chosen)
+    known = provenance_of(prepared, results.settings, dynamics=results.chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)
     return DynamicsDocument(

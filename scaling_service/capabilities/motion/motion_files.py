@@ -58,11 +58,11 @@ def _leading(coupler: Coupler, motion: Motion) -> Array:
 def law_values(law: Law, x: Array) -> Array:
     """A law of one coordinate at all its values, (n_frames,).
 
-    ValueError where it holds a parameter or a signal.
+    ValueError where it holds a parameter.
     """
     total = np.zeros_like(x)
     for term in law.terms:
-        if term.parameter is not None or term.signal is not None:
+        if term.parameter is not None:
             raise ValueError("a coordinate follows another one only")
         if term.coordinate is None:
             total += term.gain
@@ -78,7 +78,7 @@ def poses_table(motion: Motion, model: BodyModel) -> Table:
     is not determined.
     """
     poses = segment_poses(model, motion.q)
-    lost = np.isnan(poses).any(axis=2)
+    lost = np.asarray(np.isnan(poses).any(axis=2))
     turns = np.where(lost[..., None], Rotation.identity().as_quat(), poses[..., 3:])
     turned = Rotation.from_quat(turns.reshape(-1, 4))
     angles = turned.as_euler("XYZ", degrees=True, suppress_warnings=True).reshape(*lost.shape, 3)

@@ -14,7 +14,7 @@ from scaling_service.capabilities.motion.document import (
 )
 from scaling_service.capabilities.motion.motion_files import poses_table, write_motion, write_motion_sd
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
-from scaling_service.capabilities.subject.provenance import provenance
+from scaling_service.capabilities.subject.loading import provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.sto import write_sto
 from scaling_service.model.body import BodyModel
@@ -47,7 +47,7 @@ def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
     processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
     settings = options.resolved() | {"processing": processing}
     return MotionDocument(
-        **provenance(loaded, session.evaluation, settings, tracked.subject_file),
+        **provenance(loaded, session.evaluation, settings),
         model=Path(session.subject.model).name,
         axes=loaded.axes,
         locked=[c.name for c in session.model.coordinates if c.locked],

@@ -68,23 +68,11 @@ def find_landmarks(
 ) -> dict[str, BoneLandmarks]:
     """Landmarks of every bone of one image.
 
-    Parameters
-    ----------
-    bones : mapping
-        Name (of :data:`BONES`) to vertices (n, 3), m, and faces (m, 3), all in the image's axes.
-    progress : callable, optional
-        Called with the name of each bone before its turn.
-
-    Returns
-    -------
-    dict
-        Name to landmarks, in the order of :data:`BONES`. Where a talus is given, ``ankle_centre`` of its
-        tibia is that of the talus, and the malleoli's stands as ``ankle_centre_malleoli``.
-
-    Raises
-    ------
-    MeshRefused
-        With the bone's name as ``field``.
+    ``bones``: name (of :data:`BONES`) to vertices (n, 3), m, and faces (m, 3), all in the image's axes.
+    ``progress``: called with the name of each bone before its turn.
+    Name to landmarks, in the order of :data:`BONES`. Where a talus is given, ``ankle_centre`` of its tibia is
+        that of the talus, and the malleoli's stands as ``ankle_centre_malleoli``.
+    Raises MeshRefused: with the bone's name as ``field``.
     """
     found: dict[str, BoneLandmarks] = {}
     frames: dict[str, TibiaFrame] = {}

@@ -32,7 +32,9 @@ class PlateEntry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
-    corners_m: list[list[float]] | None = Field(description="Four corners; null where the file has none.")
+    corners_m: list[tuple[float, float, float]] | None = Field(
+        description="Four corners; null where the file has none."
+    )
     peak_N: float | None = Field(description="Largest force on it; null where none is known.")
     kind: int | None = Field(default=None, description="Type by the C3D standard; null for tables.")
     centre_m: list[float] | None = Field(default=None, description="Of its surface, x, y, z.")

@@ -33,7 +33,7 @@ class State(StrEnum):
 class Failure(BaseModel):
     """Why a job failed, in the words of the command line's errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, json_schema_serialization_defaults_required=True)
 
     kind: str = Field(description="Class of the error, such as MarkerMissing.")
     problem: str = Field(description="What is wrong, one sentence.")

@@ -122,10 +122,21 @@ class JobPage(_Travels):
     next: str | None = Field(description="Give it as `cursor` for those that follow; null at the end.")
 
 
+class Specification(_Travels):
+    """What was asked for; the SHA-256 of its canonical JSON is the job's name."""
+
+    kind: str
+    request: dict[str, Any] = Field(description="With every default.")
+    documents: dict[str, dict[str, Any]] = Field(description="Subject to its document.")
+    inputs: dict[str, str] = Field(description="Path of each input to its SHA-256.")
+    code_version: str
+    owner: str
+
+
 class Origin(_Travels):
     """How to get a result again."""
 
-    specification: dict[str, Any] = Field(description="What was asked for; its SHA-256 is the job's name.")
+    specification: Specification
     provenance: dict[str, Any] | None = Field(description="How it was computed; null until it is over.")
 
 

@@ -35,20 +35,12 @@ NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording(Trial):
-    """All that one file holds: the markers of a Trial, sizes of the person, and force plates.
+    """All that one file holds: the markers of a Trial, sizes of the person, and force plates."""
 
-    Parameters
-    ----------
-    unit : str
-        Of length, as the file states it.
-    plates : PlateRecording or TrialUnusable, optional
-        Its force plates in the laboratory's axes, or why they cannot be used; None where there are none.
-    unlabelled : Trial, optional
-        Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart.
-    """
-
-    unit: str = NOT_STATED
+    unit: str = NOT_STATED  # Of length, as the file states it
+    # Its force plates in the laboratory's axes, or why they cannot be used; None where there are none
     plates: PlateRecording | TrialUnusable | None = None
+    # Trajectories such as ``*110``, which nobody labelled, where the format keeps them apart
     unlabelled: Trial | None = None
 
     @property
@@ -71,21 +63,10 @@ class Recording(Trial):
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Read a recording by the suffix of its name.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Recording
-        Positions in m in the file's own axes, with force plates and sizes where the file has them.
-
-    Raises
-    ------
-    FileUnreadable
-        If the suffix is not supported, or as the format's reader says.
-    TrialUnusable
-        As the format's reader says. Plates that cannot be used are no error: ``plates`` says why.
+    Positions in m in the file's own axes, with force plates and sizes where the file has them.
+    Raises FileUnreadable: if the suffix is not supported, or as the format's reader says.
+    Raises TrialUnusable: as the format's reader says. Plates that cannot be used are no error: ``plates``
+        says why.
     """
     file = Path(path)
     reader = READERS.get(file.suffix.lower())

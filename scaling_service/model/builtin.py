@@ -40,15 +40,8 @@ BUILTIN_NAMES: tuple[str, ...] = (
 def builtin(name: str) -> BodyModel:
     """A built-in generic model.
 
-    Parameters
-    ----------
-    name : str
-        One of ``BUILTIN_NAMES``.
-
-    Raises
-    ------
-    InputError
-        If there is no such model; the names are listed.
+    ``name``: one of ``BUILTIN_NAMES``.
+    Raises InputError: if there is no such model; the names are listed.
 
     Examples
     --------

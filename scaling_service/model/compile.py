@@ -15,8 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
-from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Piecewise, TermArrays
-from scaling_service.numerics.multibody.moves import Fixed, Link, Move, Shift, Turn
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Array,
+    Factor,
+    Fixed,
+    Link,
+    Move,
+    Piecewise,
+    Shift,
+    TermArrays,
+    Turn,
+)
 from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
@@ -76,10 +86,7 @@ def compile_model(
     Segments that carry none of the markers are left out, for nothing seen depends on them. A model
     gives the same tree again, so that what it works out once serves every recording.
 
-    Raises
-    ------
-    KeyError
-        A marker that the model does not have.
+    Raises KeyError: a marker that the model does not have.
     """
     return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
 

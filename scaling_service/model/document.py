@@ -29,15 +29,8 @@ _UNIT_TOLERANCE = 1e-9  # chosen: about a hundred roundings of a double above a 
 def to_document(model: BodyModel) -> dict[str, Any]:
     """A model as dictionaries, lists, strings, numbers and booleans.
 
-    Returns
-    -------
-    dict
-        Accepted by ``json.dumps(..., allow_nan=False)``; m, rad, kg and kg m2 throughout.
-
-    Raises
-    ------
-    ValueError
-        If the model holds a NaN.
+    Accepted by ``json.dumps(..., allow_nan=False)``; m, rad, kg and kg m2 throughout.
+    Raises ValueError: if the model holds a NaN.
 
     Examples
     --------
@@ -56,19 +49,10 @@ def to_document(model: BodyModel) -> dict[str, Any]:
 def from_document(document: Mapping[str, Any], *, file: str | Path | None = None) -> BodyModel:
     """The model that a document describes.
 
-    Parameters
-    ----------
-    document : mapping
-        As :func:`to_document` makes it. Unknown keys are errors.
-    file : str or Path, optional
-        Named in errors.
-
-    Raises
-    ------
-    InputError
-        A key that is unknown or missing, or a value of the wrong kind; its path is the field.
-    ModelRefused
-        The model is no tree, or a law or marker names something that is not in it.
+    ``document``: as :func:`to_document` makes it. Unknown keys are errors.
+    ``file``: named in errors.
+    Raises InputError: a key that is unknown or missing, or a value of the wrong kind; its path is the field.
+    Raises ModelRefused: the model is no tree, or a law or marker names something that is not in it.
     """
     if not isinstance(document, Mapping):
         raise InputError("it is not a mapping of keys to values", file=file, remedy="Give a model document")

@@ -103,8 +103,6 @@ class GroundForces:
 
         NaN where the plate is not loaded above the threshold: there it has no meaning.
 
-        Notes
-        -----
         With the moment ``M_s`` about a point s of a surface with normal n: ``s + n x M_s / (n . F)``.
         """
         about = self.moment - np.cross(self.surfaces, self.force)

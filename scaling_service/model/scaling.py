@@ -35,36 +35,21 @@ def scaled(
 ) -> BodyModel:
     """Scale the geometry and inertia of a model.
 
-    Parameters
-    ----------
-    factors : mapping
-        Segment to its factors along its x, y and z axes. A built-in model takes one factor thrice.
+    ``factors``: segment to its factors along its x, y and z axes. A built-in model takes one factor thrice.
         Segments not named keep their size.
-    mass_kg : float, optional
-        The total mass that all masses and inertias are multiplied to reach.
-    preserve_mass_distribution : bool
-        Whether segment masses keep their proportions; otherwise each follows its volume.
+    ``mass_kg``: the total mass that all masses and inertias are multiplied to reach.
+    ``preserve_mass_distribution``: whether segment masses keep their proportions; otherwise each follows its
+        volume.
+    Translations that scale with a segment, centres of mass and markers are multiplied component by component,
+        joint axes and coordinates stay as they are.
+    Raises KeyError: a factor for a segment that the model does not have.
+    Raises ValueError: a factor or mass that is not positive and finite, or a mass for a massless model.
 
-    Returns
-    -------
-    BodyModel
-        Translations that scale with a segment, centres of mass and markers are multiplied component
-        by component, joint axes and coordinates stay as they are.
-
-    Raises
-    ------
-    KeyError
-        A factor for a segment that the model does not have.
-    ValueError
-        A factor or mass that is not positive and finite, or a mass for a massless model.
-
-    Notes
-    -----
-    Reproduces OpenSim's ``Model::scale`` (Seth et al. 2018, PLoS Comput Biol 14:e1006223; behaviour
-    of version 4.6), inertia included: by the square of a uniform factor, otherwise as a cylinder.
-    One deliberate difference: a translation along an axis oblique to the axes of its frame is
-    multiplied component by component like everything else, while OpenSim multiplies it by the sum of
-    the factors weighted with the axis' components, which stretches it even where all factors are one.
+    Reproduces OpenSim's ``Model::scale`` (Seth et al. 2018, PLoS Comput Biol 14:e1006223; behaviour of
+    version 4.6), inertia included: by the square of a uniform factor, otherwise as a cylinder. One deliberate
+    difference: a translation along an axis oblique to the axes of its frame is multiplied component by
+    component like everything else, while OpenSim multiplies it by the sum of the factors weighted with the
+    axis' components, which stretches it even where all factors are one.
 
     Examples
     --------

@@ -17,40 +17,28 @@ _NO_SIZES: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """A subject file after validation: names and absolute paths, nothing read yet.
-
-    Parameters
-    ----------
-    model : str
-        The name of a built-in model, or the absolute path of an ``.osim`` file or a ``model.json``.
-    marker_map : mapping
-        Model marker to label in the recordings.
-    extra_markers : mapping
-        Further labels to use, and the segment each sits on.
-    forces : mapping
-        A trial's file name to the file with its ground forces.
-    bones : mapping
-        Segment to mesh file, in ``bone_units``.
-    sizes_m : mapping
-        Measured by hand: keys of ``RANGES_M`` to m.
-    """
+    """A subject file after validation: names and absolute paths, nothing read yet."""
 
     id: str
-    model: str
+    model: str  # The name of a built-in model, or the absolute path of an ``.osim`` file or a ``model.json``
     sex: Literal["F", "M"] | None = None
     height_m: float | None = None
     mass_kg: float | None = None
     marker_set: Path | None = None
     scale_setup: Path | None = None
+    # Model marker to label in the recordings
     marker_map: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    # Further labels to use, and the segment each sits on
     extra_markers: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
     static: Path | None = None
     calibration: tuple[Path, ...] = ()
     evaluation: tuple[Path, ...] = ()
+    # A trial's file name to the file with its ground forces
     forces: Mapping[str, Path] = field(default_factory=dict)
-    bones: Mapping[str, Path] = field(default_factory=dict)
+    bones: Mapping[str, Path] = field(default_factory=dict)  # Segment to mesh file, in ``bone_units``
     bone_units: Literal["mm", "m"] = "mm"
     image_markers: Path | None = None
+    # Measured by hand: keys of ``RANGES_M`` to m
     sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
 
 

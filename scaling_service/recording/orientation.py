@@ -88,31 +88,14 @@ def decide(
 ) -> Orientation:
     """Find which axes of the laboratory point up and forward.
 
-    Parameters
-    ----------
-    trial : Trial
-        Preferably standing; walking will do.
-    roles : mapping, optional
-        Label to canonical marker name (``RASIS``, ``LPSIS``, ``RLFE``, ``RLM`` …). Labels without a role are
-        used for extents only.
-    up, forward : str, optional
-        Overrides such as ``"+z"``, ``"z"`` or ``"-x"``.
-    scale : float, optional
-        Override of the correction of the unit.
+    ``trial``: preferably standing; walking will do.
+    ``roles``: label to canonical marker name (``RASIS``, ``LPSIS``, ``RLFE``, ``RLM`` …). Labels without a
+        role are used for extents only.
+    ``up``, ``forward``: overrides such as ``"+z"``, ``"z"`` or ``"-x"``.
+    ``scale``: override of the correction of the unit.
+    Raises InputError: if an override is not an axis, or both name the same one.
+    Raises TrialUnusable: if no marker is seen at all, or the unit cannot be told.
 
-    Returns
-    -------
-    Orientation
-
-    Raises
-    ------
-    InputError
-        If an override is not an axis, or both name the same one.
-    TrialUnusable
-        If no marker is seen at all, or the unit cannot be told.
-
-    Notes
-    -----
     Up: pelvis above knees above ankles, where these are known and clear of 45 degrees; else the longest
     extent of the body, ties decided by which side stands still near height zero (the floor). Forward: from
     PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.

@@ -69,24 +69,13 @@ def assign_plates(
 ) -> FootContacts:
     """Find the foot that each plate bears in each contact.
 
-    Parameters
-    ----------
-    forces : GroundForces
-        At the times of the markers, Y up.
-    feet : mapping
-        Foot (any name, usually its segment) to markers on it, shape (n, m, 3), m; heel and toe at
+    ``forces``: at the times of the markers, Y up.
+    ``feet``: foot (any name, usually its segment) to markers on it, shape (n, m, 3), m; heel and toe at
         least, NaN where not seen.
-    override : mapping, optional
-        Plate to foot, for all its contacts. The checks still speak.
-    threshold_n : float
-        Force above which a plate is loaded.
-
-    Raises
-    ------
-    InputError
-        The override names a plate or foot that does not exist.
-    TrialUnusable
-        Plates are loaded but none of the loads is near a foot.
+    ``override``: plate to foot, for all its contacts. The checks still speak.
+    ``threshold_n``: force above which a plate is loaded.
+    Raises InputError: the override names a plate or foot that does not exist.
+    Raises TrialUnusable: plates are loaded but none of the loads is near a foot.
     """
     names = tuple(feet)
     _check_override(override or {}, forces, names)

@@ -12,8 +12,8 @@ from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import mechanism_of, with_inertias
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 
 BODY = builtin("full_body_35dof")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.motion.poses import segment_poses
+from scaling_service.capabilities.motion.motion_files import poses_table
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.motion.saving import trial_document
 from scaling_service.files.osim import write_osim
@@ -105,9 +105,9 @@ def test_what_markers_do_not_determine_has_no_standard_deviation() -> None:
     left = tracked.motion.coordinates.index("knee_angle_l")
     assert np.isfinite(tracked.uncertainty.sd[:, left]).all()
     assert trial_document(tracked, made.model).frames_not_determined["knee_angle_r"] == 40
-    poses = segment_poses(made.model, tracked.motion)
-    assert np.isnan(poses.origins[40:80, poses.segments.index("tibia_r")]).all()
-    assert np.isfinite(poses.origins[:, poses.segments.index("tibia_l")]).all()
+    origins, _ = _poses(made.model, tracked.motion)
+    assert np.isnan(origins[40:80, made.model.segment_names.index("tibia_r")]).all()
+    assert np.isfinite(origins[:, made.model.segment_names.index("tibia_l")]).all()
 
 
 def test_poses_of_a_chain_in_closed_form() -> None:
@@ -122,12 +122,12 @@ def test_poses_of_a_chain_in_closed_form() -> None:
         tuple(Coordinate(n) for n in names),
     )
     q = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))
-    poses = segment_poses(model, _motion(names, q))
-    assert poses.angles[:, 0] == pytest.approx(q, abs=1e-12)
-    assert poses.origins[:, 0] == pytest.approx(np.zeros((50, 3)))
+    origins, angles = _poses(model, _motion(names, q))
+    assert angles[:, 0] == pytest.approx(q, abs=1e-12)
+    assert origins[:, 0] == pytest.approx(np.zeros((50, 3)))
     turned = Rotation.from_euler("XYZ", q)
-    assert poses.origins[:, 1] == pytest.approx(turned.apply([0.0, 0.4, 0.0]), abs=1e-12)
-    assert poses.angles[:, 1] == pytest.approx((turned * turned).as_euler("XYZ"), abs=1e-9)
+    assert origins[:, 1] == pytest.approx(turned.apply([0.0, 0.4, 0.0]), abs=1e-12)
+    assert angles[:, 1] == pytest.approx((turned * turned).as_euler("XYZ"), abs=1e-9)
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
@@ -136,10 +136,16 @@ def test_poses_are_those_of_opensim(tmp_path: Path) -> None:
     write_osim(tmp_path / "body.osim", made.model)
     request = {"model": str(tmp_path / "body.osim"), "coordinates": made.model.coordinate_names}
     answer = ask("tests.peers.opensim_bodies", request | {"q": made.q.tolist()})
-    poses = segment_poses(made.model, _motion(made.model.coordinate_names, made.q))
-    for k, segment in enumerate(poses.segments):
-        assert poses.origins[:, k] == pytest.approx(np.array(answer["origins"][segment]), abs=1e-8)
-        assert poses.angles[:, k] == pytest.approx(np.array(answer["angles"][segment]), abs=1e-7)
+    origins, angles = _poses(made.model, _motion(made.model.coordinate_names, made.q))
+    for k, segment in enumerate(made.model.segment_names):
+        assert origins[:, k] == pytest.approx(np.array(answer["origins"][segment]), abs=1e-8)
+        assert angles[:, k] == pytest.approx(np.array(answer["angles"][segment]), abs=1e-7)
+
+
+def _poses(model: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Origins, m, and body-fixed angles, rad, each (n_frames, n_segments, 3)."""
+    both = poses_table(motion, model).data[:, 1:].reshape(len(motion.times), -1, 6)
+    return both[..., :3], np.radians(both[..., 3:])
 
 
 def _motion(names: tuple[str, ...], q: np.ndarray) -> Motion:

@@ -16,7 +16,7 @@ from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
 from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 

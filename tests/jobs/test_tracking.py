@@ -80,7 +80,7 @@ def test_laws_of_skin_that_the_search_named_are_followed(tmp_path: Path) -> None
     plain = (tmp_path / "plain.json", found().before.model)
     plain[0].write_text(json.dumps(to_document(plain[1])), encoding="utf-8")
     with_skin, without = (
-        ik(file, [tmp_path / "walk.trc"], MEASURED).result.trials["walk"]
+        ik(file, [tmp_path / "walk.trc"], MEASURED).trials["walk"]
         for file in (tmp_path / "model.json", plain[0])
     )
     assert np.isfinite(with_skin.uncertainty.sd).all()
@@ -97,10 +97,10 @@ def test_a_marker_that_a_recording_lacks_is_told_and_the_rest_is_followed(
     model = scaled / "scaled/MB_am/model.json"
     tracked = ik(model, [tmp_path / "walk.trc"])
     assert any("no recording shows RLFE" in note for note in tracked.loaded.session.warnings)
-    assert "RLFE" not in tracked.result.trials["walk"].motion.markers
-    whole_sd = ik(model, [scaled / "walk.trc"]).result.trials["walk"]
+    assert "RLFE" not in tracked.trials["walk"].motion.markers
+    whole_sd = ik(model, [scaled / "walk.trc"]).trials["walk"]
     knee = whole_sd.motion.coordinates.index("knee_angle_r")
-    assert np.isfinite(tracked.result.trials["walk"].uncertainty.sd[:, knee]).all()
+    assert np.isfinite(tracked.trials["walk"].uncertainty.sd[:, knee]).all()
 
 
 def test_a_label_can_be_mapped(scaled: Path, tmp_path: Path) -> None:
@@ -109,8 +109,8 @@ def test_a_label_can_be_mapped(scaled: Path, tmp_path: Path) -> None:
     model = scaled / "scaled/MB_am/model.json"
     tracked = ik(model, [tmp_path / "walk.trc"], MotionOptions(markers={"RLFE": "mine"}))
     assert tracked.loaded.markers_used["RLFE"] == ("mine",)
-    assert tracked.result.trials["walk"].error.mean == pytest.approx(
-        ik(model, [scaled / "walk.trc"]).result.trials["walk"].error.mean, abs=1e-9
+    assert tracked.trials["walk"].error.mean == pytest.approx(
+        ik(model, [scaled / "walk.trc"]).trials["walk"].error.mean, abs=1e-9
     )
 
 

@@ -21,7 +21,7 @@ from scaling_service.model.compile import (
 )
 from scaling_service.model.parameters import free_scale
 from scaling_service.model.poses import neutral_frames
-from scaling_service.numerics.multibody.moves import Fixed, Shift, Turn
+from scaling_service.numerics.multibody.laws import Fixed, Shift, Turn
 from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.numerics.bodies import leg, leg_motion, random_tree, slow_batch

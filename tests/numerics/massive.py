@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel, Segment
-from scaling_service.numerics.multibody.law_rates import Motion
+from scaling_service.numerics.multibody.motion import Motion
 from tests.numerics.bodies import named, slow_jacobian, slow_markers
 
 Array = NDArray[np.float64]

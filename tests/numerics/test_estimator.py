@@ -15,11 +15,9 @@ from scaling_service.numerics.least_squares.estimator import (
     Settings,
     solve,
     solve_motion_alone,
-    solve_parameters,
     uncertainty,
 )
-from scaling_service.numerics.least_squares.losses import Cauchy, Huber
-from scaling_service.numerics.least_squares.problem import Problem, residuals, total_cost
+from scaling_service.numerics.least_squares.problem import Huber, Problem, residuals, total_cost
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
 from tests.numerics.bodies import Array
 from tests.numerics.bordered import TIGHT, Case, case, freed
@@ -98,8 +96,8 @@ def test_without_noise_every_parameter_is_recovered() -> None:
         np.testing.assert_allclose(found.q, this.q, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("loss", [Huber(0.01), Cauchy(0.01)], ids=lambda loss: type(loss).__name__)
-def test_robust_losses_resist_outliers(loss: Huber | Cauchy) -> None:
+def test_a_robust_loss_resists_outliers() -> None:
+    loss = Huber(0.01)
     this = case(50, noise=0.001, n=30)
     measured = this.problem.measured.copy()
     rng = np.random.default_rng(1)
@@ -233,7 +231,7 @@ def test_some_parameters_and_coordinates_may_be_held() -> None:
 
 def test_parameters_alone_are_what_scipy_finds() -> None:
     this = case(65)
-    found = solve_parameters(this.problem, this.q0, this.p0, this.p0, TIGHT)
+    found = solve(this.problem.holding_motion(), this.q0, this.p0, TIGHT)
 
     def rows(p: Array) -> Array:
         gap = residuals(this.problem, this.q0, p) * np.sqrt(this.problem.weights)[:, None]

@@ -9,8 +9,6 @@ from scaling_service.numerics.geometry.fits import (
     SphereFit,
     across,
     fit_cylinder,
-    fit_line,
-    fit_plane,
     fit_sphere,
     fit_sphere_pair,
 )
@@ -132,15 +130,3 @@ def test_two_spheres_on_noise_are_held_alike() -> None:
         apart.append(abs(pair[0].radius - pair[1].radius))
         alone.append(abs(single[0].radius - single[1].radius))
     assert np.mean(apart) < 0.6 * np.mean(alone)
-
-
-def test_line_and_plane() -> None:
-    rng = np.random.default_rng(4)
-    direction = np.array([1.0, 2, 2]) / 3
-    line = fit_line(np.array([5.0, 0, 1]) + rng.normal(size=(30, 1)) * direction)
-    assert abs(line.direction @ direction) == pytest.approx(1.0)
-    assert line.rms == pytest.approx(0.0, abs=1e-7)
-    first, second = across(direction)
-    plane = fit_plane(np.array([5.0, 0, 1]) + rng.normal(size=(30, 2)) @ np.stack([first, second]))
-    assert abs(plane.normal @ direction) == pytest.approx(1.0)
-    assert (plane.point - [5, 0, 1]) @ direction == pytest.approx(0.0, abs=1e-9)

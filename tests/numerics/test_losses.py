@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaling_service.numerics.least_squares.losses import SQUARED, Cauchy, Huber, Loss
+from scaling_service.numerics.least_squares.problem import SQUARED, Huber, Loss
 
-LOSSES = [SQUARED, Huber(0.01), Cauchy(0.01)]
+LOSSES = [SQUARED, Huber(0.01)]
 
 
 @pytest.mark.parametrize("loss", LOSSES, ids=lambda loss: type(loss).__name__)
@@ -30,9 +30,9 @@ def test_near_zero_every_loss_is_the_square(loss: Loss) -> None:
     np.testing.assert_allclose(loss.weight(squared), 1.0, rtol=1e-4)
 
 
-@pytest.mark.parametrize("loss", [Huber(0.01), Cauchy(0.01)], ids=lambda loss: type(loss).__name__)
 @given(distances=st.lists(st.floats(0.0, 10.0), min_size=2, max_size=5).map(sorted))
-def test_robust_losses_grow_but_trust_ever_less(loss: Loss, distances: list[float]) -> None:
+def test_a_robust_loss_grows_but_trusts_ever_less(distances: list[float]) -> None:
+    loss = Huber(0.01)
     squared = np.array(distances) ** 2
     assert (np.diff(loss.cost(squared)) >= 0.0).all()
     assert (np.diff(loss.weight(squared)) <= 0.0).all()

@@ -9,9 +9,9 @@ import pytest
 
 from scaling_service.model.compile import compile_model
 from scaling_service.model.parameters import free_marker
+from scaling_service.numerics.least_squares.estimator import repetition, residual_variance
 from scaling_service.numerics.least_squares.problem import Problem
 from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.numerics.signals.noise import repetition, residual_variance
 from tests.numerics.bodies import leg, leg_motion
 
 NONE = np.zeros(0)

@@ -13,8 +13,7 @@ from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Parame
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of, total_mass
-from scaling_service.numerics.multibody.law_rates import Motion
-from scaling_service.numerics.multibody.spatial import moving, point_velocity
+from scaling_service.numerics.multibody.motion import Motion, move_links, point_velocity
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY as DOWN
 from scaling_service.numerics.wrench.ground_wrench import Loads, inverse_dynamics, moment_about, root_wrench
 from tests.numerics.bodies import leg, random_tree
@@ -92,7 +91,7 @@ def test_the_net_wrench_is_the_rate_of_momentum_less_gravity(name: str) -> None:
     t = step * np.arange(9)
     motion = swinging(t, model, np.random.default_rng(1))
     wrench, _ = root_wrench(mechanism, motion, NONE)
-    state = moving(mechanism, motion, NONE)
+    state = move_links(mechanism, motion, NONE)
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
     linear = inertias.mass[:, None, None] * point_velocity(state.twists, at)
@@ -133,8 +132,8 @@ def test_a_load_that_bears_the_weight_leaves_no_residual_and_acts_through_the_jo
     borne, free = inverse_dynamics(mechanism, still, NONE, loads), inverse_dynamics(mechanism, still, NONE)
     np.testing.assert_allclose(borne.residual, 0.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(borne.forces[:6], 0.0, rtol=0, atol=1e-12)
-    knee = moment_about(needed, moving(mechanism, still, NONE).poses.origins[2])[3:]
-    axis = moving(mechanism, still, NONE).poses.axes[2, 2]
+    knee = moment_about(needed, move_links(mechanism, still, NONE).poses.origins[2])[3:]
+    axis = move_links(mechanism, still, NONE).poses.axes[2, 2]
     np.testing.assert_allclose(
         free.forces[9] - borne.forces[9], (axis * knee).sum(axis=0), rtol=0, atol=1e-12
     )
@@ -147,7 +146,7 @@ def test_power_of_the_joint_forces_is_the_rate_of_energy() -> None:
     mechanism, step = mechanism_of(model), 1e-3
     motion = swinging(step * np.arange(9), model, rng)
     power = (inverse_dynamics(mechanism, motion, NONE).forces * motion.qdot).sum(axis=0)
-    state = moving(mechanism, motion, NONE)
+    state = move_links(mechanism, motion, NONE)
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
     spin = np.einsum("kjan,kan->kjn", axes, state.twists[:, 3:])

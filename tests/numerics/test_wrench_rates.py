@@ -11,13 +11,17 @@ from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape,
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.model.inertia import mechanism_of
-from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.marker_rates import marker_motion, marker_normal, rows_of_twists
-from scaling_service.numerics.multibody.marker_shifts import MarkerShifts, shift_normal
+from scaling_service.numerics.multibody.marker_rates import (
+    MarkerShifts,
+    marker_motion,
+    marker_normal,
+    rows_of_twists,
+    shift_normal,
+)
 from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.motion import Motion, move_links
 from scaling_service.numerics.multibody.screws import screws_of
-from scaling_service.numerics.multibody.spatial import moving
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 from scaling_service.numerics.wrench.wrench_rates import wrench_rates
@@ -98,7 +102,7 @@ def test_normal_equations_of_markers_are_those_of_differences(model: BodyModel) 
     x = RNG.normal(size=6)
 
     def moved(motion: Motion, shared: Array = x) -> Array:
-        at = moving(mechanism, motion, p)
+        at = move_links(mechanism, motion, p)
         return marker_motion(tree, p, at) + shifts.moved(shifts.columns(tree, at), shared, count)
 
     motion = Motion(*state)

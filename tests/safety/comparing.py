@@ -13,6 +13,7 @@ from tests.safety.tolerances import find_tolerance
 
 MOST_SHOWN = 20
 _ABSENT = "(absent)"
+ROUNDING = 1e-15  # m or rad
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,18 @@ def _compare_groups(stored: dict[str, Any], now: dict[str, Any], path: str) -> I
     for key in [*stored, *(key for key in now if key not in stored)]:
         inner = f"{path} / {key}" if path else key
         if key not in now or key not in stored:
+            if key == "terms" and _is_rounding(stored.get(key, now.get(key))):
+                continue
             yield Difference(inner, _shorten(stored.get(key, _ABSENT)), _shorten(now.get(key, _ABSENT)))
         elif key == SUMMARISED and isinstance(stored[key], list) and isinstance(now[key], list):
             yield from _compare_summaries(stored[key], now[key], path)
         else:
             yield from compare(stored[key], now[key], inner)
+
+
+def _is_rounding(terms: Any) -> bool:
+    """Whether a law is a constant that stands there only because a processor's kernels round otherwise."""
+    return all(set(term) == {"gain"} and abs(term["gain"]) < ROUNDING for term in terms)
 
 
 def _compare_summaries(stored: list[Any], now: list[Any], path: str) -> Iterator[Difference]:

@@ -15,7 +15,7 @@ import numpy as np
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import GROUND, BodyModel, Joint, Segment
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.marker_shifts import MarkerShifts
+from scaling_service.numerics.multibody.marker_rates import MarkerShifts
 from scaling_service.numerics.signals.splines import SplineBasis
 
 ARTEFACT_M: Mapping[str, float] = {

@@ -29,10 +29,7 @@ class ConsistentRequest(OfForces, ForceSettings):
 def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write ``consistent.json``, motions, models and the report; the document is the result.
 
-    Raises
-    ------
-    InputError
-        Whatever in the subject, the model, the recordings or their forces cannot be used.
+    Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.consistent.run import consistent
     from scaling_service.capabilities.consistent.saving import save_consistent

@@ -12,19 +12,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import (
+    MarkerShifts,
     MarkerTargets,
     marker_misfit,
     marker_motion,
     marker_normal,
     rows_of_twists,
+    shift_normal,
 )
-from scaling_service.numerics.multibody.marker_shifts import MarkerShifts, shift_normal
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias, Mechanism
+from scaling_service.numerics.multibody.motion import LinkMotion, move_links
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.screws import Screws, screws_of
-from scaling_service.numerics.multibody.spatial import Moving, moving
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.signals.splines_band import Quadratic, gathered, gathered_rows
@@ -115,7 +116,7 @@ class ConsistentProblem:
         mechanism = self.moved_mechanism(x)
         gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
         for rows in blocks(n, BLOCK):
-            state = moving(mechanism, motion.block(rows), self.p)
+            state = move_links(mechanism, motion.block(rows), self.p)
             _, moved, _, targets = self._marker_block(state, x, rows)
             _, squares = marker_misfit(moved, targets)
             rigid = marker_motion(self.tree, self.p, state)
@@ -132,7 +133,7 @@ class ConsistentProblem:
         x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
         result = np.empty((n, self.tree.n_markers, 3))
         for rows in blocks(n, BLOCK):
-            moved = moving(self.mechanism, motion.block(rows), self.p)
+            moved = move_links(self.mechanism, motion.block(rows), self.p)
             shifts = self.shifts.rows(rows)
             result[rows] = shifts.moved(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
         return result
@@ -164,7 +165,7 @@ class ConsistentProblem:
         return markers.quadratic(), wrenches.quadratic()
 
     def _marker_block(
-        self, state: Moving, shared: Array, rows: slice
+        self, state: LinkMotion, shared: Array, rows: slice
     ) -> tuple[MarkerShifts, Array, Array, MarkerTargets]:
         shifts = self.shifts.rows(rows)
         columns = shifts.columns(self.tree, state)

@@ -66,19 +66,10 @@ def consistent(
 ) -> ConsistentResults:
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-        Calibration trials with forces are fitted, evaluation trials with forces are held out.
-    chosen : ForceSettings
-        Its start, inertia and cutoff.
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used.
+    ``subject`` Subject or path of a subject file: calibration trials with forces are fitted, evaluation
+        trials with forces are held out.
+    ``chosen``: its start, inertia and cutoff.
+    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
     report = progress or (lambda _what, _share: None)

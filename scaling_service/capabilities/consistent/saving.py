@@ -20,7 +20,7 @@ from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.consistent.report import TrialCurves, consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
-from scaling_service.capabilities.dynamics.saving import provenance, write_massive_model
+from scaling_service.capabilities.dynamics.saving import provenance_of, write_massive_model
 from scaling_service.capabilities.motion.motion_files import write_motion
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.anatomy.lengths import segment_lengths
@@ -100,9 +100,8 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     parameters = result.inertial.parameters if result.inertial is not None else ()
-    chosen = {"consistent": results.chosen.resolved()}
     return ConsistentDocument(
-        **provenance(prepared, results.settings, results.subject_file, chosen),
+        **provenance_of(prepared, results.settings, results.subject_file, consistent=results.chosen),
         mass_kg=round(total_mass(prepared.model), 3),
         trials={r.name: _trial(results, k) for k, r in enumerate(results.recordings)},
         inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in parameters],

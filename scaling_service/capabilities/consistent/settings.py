@@ -13,53 +13,38 @@ SPREAD = GeometryPrior(0.05, 0.009)
 
 @dataclass(frozen=True, slots=True)
 class ConsistentSettings:
-    """Settings of the loop of motion, geometry and inertia (Futamure et al., fig. 2).
+    """Settings of the loop of motion, geometry and inertia (Futamure et al., fig. 2)."""
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        Of the filter of the classical motion and of the forces (Muller et al. 2017, sec. 2.1; Futamure et
-        al. name none).
-    spacing_s : float
-        Between knots of the joint angles. Chosen: 0.1 s lets pass up to 5 Hz, the cutoff.
-    force_share : float
-        Expected error of a force in body weights. Chosen: 0.4 %, between the accuracy of a plate (AMTI, 0.1
-        % of the load) and the residuals of walking (2 %; both Muller et al. 2017): a squat is slow, a body
-        not rigid.
-    arm_m : float
-        Expected error of a moment over that of a force. Chosen: 1 m, about the height of the centre of mass
-        over the ankles.
-    residual_m, independent_s : float
-        What markers err beside the artefact that follows the joints: 2 to 3 mm RMS below 2 Hz (as for virtual
-        persons), so that errors are new after a quarter of a second.
-    placed_m : float
-        Standard deviation of what is wrong with a marker's place on its segment, each axis. Zero where the
-        model's markers were fitted to movements: the place is then known.
-    geometry, inertia : bool
-        Whether segment lengths and marker coordinates, and inertial parameters are identified.
-    geometry_bound : float
-        They stay within this share of their start (Futamure et al., eq. 7).
-    geometry_prior : GeometryPrior, optional
-        What holds them: 5 % and 9 mm, as in other calibrations. None: bounds alone, as in the paper.
-    most_loops : int
-        Chosen: 3, for Futamure et al. needed two.
-    marker_resolution_m, force_resolution_n, moment_resolution_nm : float
-        The loop ends when RMS errors change by less. Markers: Vicon's noise at rest, 0.2 mm. Forces: AMTI,
-        0.22 N (Muller et al. 2017). Moments: that force at ``arm_m``.
-    """
-
+    # of the filter of the classical motion and of the forces (Muller et al. 2017, sec. 2.1; Futamure et al.
+    # name none).
     cutoff_hz: float = CUTOFF_HZ
+    # between knots of the joint angles. Chosen: 0.1 s lets pass up to 5 Hz, the cutoff.
     spacing_s: float = 0.1
+    # expected error of a force in body weights. Chosen: 0.4 %, between the accuracy of a plate (AMTI, 0.1 %
+    # of the load) and the residuals of walking (2 %; both Muller et al. 2017): a squat is slow, a body not
+    # rigid.
     force_share: float = 0.004
+    # expected error of a moment over that of a force. Chosen: 1 m, about the height of the centre of mass
+    # over the ankles.
     arm_m: float = 1.0
+    # residual_m, independent_s: what markers err beside the artefact that follows the joints: 2 to 3 mm RMS
+    # below 2 Hz (as for virtual persons), so that errors are new after a quarter of a second
     residual_m: float = 0.0025
     independent_s: float = 0.25
+    # standard deviation of what is wrong with a marker's place on its segment, each axis. Zero where the
+    # model's markers were fitted to movements: the place is then known.
     placed_m: float = 0.0
+    # geometry, inertia: whether segment lengths and marker coordinates, and inertial parameters are
+    # identified
     geometry: bool = True
     inertia: bool = True
-    geometry_bound: float = 0.5
+    geometry_bound: float = 0.5  # they stay within this share of their start (Futamure et al., eq. 7).
+    # what holds them: 5 % and 9 mm, as in other calibrations. None: bounds alone, as in the paper.
     geometry_prior: GeometryPrior | None = SPREAD
-    most_loops: int = 3
+    most_loops: int = 3  # Chosen: 3, for Futamure et al. needed two.
+    # marker_resolution_m, force_resolution_n, moment_resolution_nm: the loop ends when RMS errors change by
+    # less. Markers: Vicon's noise at rest, 0.2 mm. Forces: AMTI, 0.22 N (Muller et al. 2017). Moments: that
+    # force at ``arm_m``.
     marker_resolution_m: float = 2e-4
     force_resolution_n: float = 0.22
     moment_resolution_nm: float = 0.22

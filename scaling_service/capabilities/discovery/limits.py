@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.derivatives import MIN_SAMPLES
+from scaling_service.numerics.signals.splines import MIN_SAMPLES
 
 _AT_LEAST = 8
 """Stretches below which a person is told how much can be judged (chosen: an effect of three numbers then has

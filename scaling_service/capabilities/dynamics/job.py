@@ -26,10 +26,7 @@ class DynamicsRequest(OfForces, DynamicsSettings):
 def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write ``dynamics.json``, each trial's forces and the report; the document is the result.
 
-    Raises
-    ------
-    InputError
-        Whatever in the subject, the model, the recordings or their forces cannot be used.
+    Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.dynamics.run import dynamics
     from scaling_service.capabilities.dynamics.saving import save_dynamics

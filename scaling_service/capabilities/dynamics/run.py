@@ -84,17 +84,8 @@ def dynamics(
 ) -> DynamicsResults:
     """Joint forces and residuals of a subject's recordings.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-    chosen : DynamicsSettings
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used.
+    ``subject``: Subject or path of a subject file.
+    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
     report = progress or (lambda _what, _share: None)

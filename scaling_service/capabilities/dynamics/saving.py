@@ -20,10 +20,10 @@ from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import repair_notes
-from scaling_service.capabilities.subject.reading import input_hashes
+from scaling_service.capabilities.subject.provenance import provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.documents.writing import REPORT, all_or_nothing, code_version, write_json
+from scaling_service.core.options import Options
+from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.osim import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
@@ -38,23 +38,10 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
 
-    Parameters
-    ----------
-    results : DynamicsResults
-    folder : path
-        Made if it does not exist. Other files in it stay.
-    report : bool
-        Whether to write ``report.html``.
-
-    Returns
-    -------
-    DynamicsDocument
-        What was written as ``dynamics.json``.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made or written to.
+    ``folder``: made if it does not exist. Other files in it stay.
+    ``report``: whether to write ``report.html``.
+    Returns what was written as ``dynamics.json``.
+    Raises InputError: the folder cannot be made or written to.
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
@@ -121,28 +108,20 @@ def write_massive_model(
     return ()
 
 
-def provenance(
-    prepared: Prepared, settings: Settings, subject_file: Path | None, chosen: dict[str, Any]
+def provenance_of(
+    prepared: Prepared, settings: Settings, subject_file: Path | None, **chosen: Options
 ) -> dict[str, Any]:
-    """What is needed to get results again, and what they started from, as documents have it."""
-    return {
-        "code_version": code_version(),
-        "subject": prepared.subject.id,
-        "settings": settings.resolved() | chosen,
-        "input_hashes": input_hashes(prepared.subject, subject_file),
-        "seed": settings.seed,
-        "markers_used": {name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        "repairs": {trial.name: repair_notes(trial.repairs) for trial in prepared.loaded.session.dynamic},
-        "start": prepared.start,
-        "inertia": prepared.inertia,
-    }
+    """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
+    resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
+    trials = prepared.loaded.session.dynamic
+    origin = provenance(prepared.loaded, trials, resolved, subject_file, settings.seed)
+    return origin | {"start": prepared.start, "inertia": prepared.inertia}
 
 
 def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
-    chosen = {"dynamics": results.chosen.resolved()}
-    known = provenance(prepared, results.settings, results.subject_file, chosen)
+    known = provenance_of(prepared, results.settings, results.subject_file, dynamics=results.chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)
     return DynamicsDocument(

@@ -35,7 +35,7 @@ class AxesEntry(_Travels):
     sure: bool = Field(description="Whether markers or walking decided; false where it is a guess.")
     given: bool = Field(description="Whether the request or the settings gave both.")
     why: list[str]
-    R_new_old: list[list[float]] = Field(
+    R_new_old: list[tuple[float, float, float]] = Field(
         description="Turns laboratory vectors into X forward, Y up, Z right."
     )
 

@@ -41,10 +41,7 @@ class ProofRequest(OfOneSubject):
 def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write the tables of all recordings; the document is the result.
 
-    Raises
-    ------
-    InputError
-        The axes in the settings are none.
+    Raises InputError: the axes in the settings are none.
     """
     from scaling_service.capabilities.intake.run import prove
 

@@ -72,20 +72,10 @@ def prove_folder(
     ``proof.json`` is the document, ``proof/`` holds the tables that it names, and ``subject.yaml`` is the
     subject file that is proposed, where there is a recording.
 
-    Parameters
-    ----------
-    folder, out : path
-        ``out`` is made if it does not exist; other files in it stay.
-    settings : Settings
-        The laboratory's axes, where they are known.
-    progress : callable, optional
-
-    Raises
-    ------
-    FileUnreadable
-        There is no such folder.
-    InputError
-        The axes are none, or ``out`` cannot be written to.
+    ``folder``, ``out``: ``out`` is made if it does not exist; other files in it stay.
+    ``settings``: the laboratory's axes, where they are known.
+    Raises FileUnreadable: there is no such folder.
+    Raises InputError: the axes are none, or ``out`` cannot be written to.
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():
@@ -138,24 +128,12 @@ def prove(
 ) -> ProofDocument:
     """Look at all files of a folder, tell what they are for, and what scaling would refuse.
 
-    Parameters
-    ----------
-    folder : Path
-    document : mapping
-        The subject's document, or as much of it as there is: at least ``subject`` with its ``id``.
-    outputs : Path
-        Where tables are written, in the folder ``proof``.
-    skip : sequence of str
-        Files that are not looked at.
-    labels : mapping, optional
-        Label to model marker, as the laboratory has them.
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Only where the axes in the settings are none; what is wrong with files is in the result.
+    ``document``: the subject's document, or as much of it as there is: at least ``subject`` with its ``id``.
+    ``outputs``: where tables are written, in the folder ``proof``.
+    ``skip``: files that are not looked at.
+    ``labels``: label to model marker, as the laboratory has them.
+    Raises InputError: only where the axes in the settings are none; what is wrong with files is in the
+        result.
     """
     check_axes(settings.up, settings.forward)
     report = progress or (lambda _what, _share: None)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.observability import determined
 from scaling_service.capabilities.motion.start import first_guess
-from scaling_service.capabilities.motion.traps import freed
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
@@ -29,9 +28,8 @@ from scaling_service.model.compile import (
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.losses import SQUARED, Loss
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.numerics.least_squares.problem import Problem
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     DEFAULT,
@@ -51,6 +49,10 @@ _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
+_STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
+_GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
+_BETTER = 0.5  # chosen: a neighbour is worth starting from where it costs at most this share
+_TINY = 1e-12  # m2: noise-free frames differ by more than any factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +83,7 @@ class Task:
 
         Markers of weight zero and markers that the trial never shows are left out.
 
-        Raises
-        ------
-        TrialUnusable
-            No marker of the model is seen in the trial.
+        Raises TrialUnusable: no marker of the model is seen in the trial.
         """
         chosen = _usable(model, trial, weights or {})
         if not chosen:
@@ -133,29 +132,14 @@ def inverse_kinematics(
 ) -> Motion:
     """Coordinates that bring the model nearest to the measured markers in every frame.
 
-    Parameters
-    ----------
-    model : BodyModel
-    trial : Trial
-        Labels are the model's marker names; NaN where not seen.
-    weights : mapping, optional
-        Marker weights that replace the model's own.
-    loss : Loss
-        Robust losses lower the influence of outliers.
-    bounded : bool
-        Whether clamped coordinates keep to their range.
-    start : ndarray, shape (n_frames, n_coordinates), optional
-        A first guess; otherwise the root is placed on its markers.
-    progress : callable, optional
-        Called with the number of frames done.
+    ``trial``: labels are the model's marker names; NaN where not seen.
+    ``weights``: marker weights that replace the model's own.
+    ``loss``: robust losses lower the influence of outliers.
+    ``bounded``: whether clamped coordinates keep to their range.
+    ``start`` (n_frames, n_coordinates): a first guess; otherwise the root is placed on its markers.
+    ``progress``: called with the number of frames done.
+    Raises TrialUnusable: no marker of the model is seen.
 
-    Raises
-    ------
-    TrialUnusable
-        No marker of the model is seen.
-
-    References
-    ----------
     Lu & O'Connor 1999, J Biomech 32:129-134.
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
@@ -184,7 +168,7 @@ def solve_task(
         rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
         kept = _not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
-    natural = freed(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
+    natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
     return _solve(task, slice(None), close, progress, _FINE)
 
@@ -269,6 +253,48 @@ def _interpolated(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Arr
         + slope[left + 1] * width * s**2 * (s - 1)
     )
     return result
+
+
+def free_trapped(
+    found: MotionSolution, solve: Callable[[NDArray[np.intp], Array], MotionSolution]
+) -> MotionSolution:
+    """Solve frames that settled in a wrong minimum again from their neighbours, until nothing improves.
+
+    A good pose spreads through a whole stretch of wrong ones, one frame from each side at a time.
+
+    ``found``: frames in the order of time. ``solve``: frames (rows) and starts (n_rows, n_coordinates) to
+    their solution.
+    """
+    q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
+    limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
+    tried = np.zeros((2, len(cost)), dtype=bool)
+    while True:
+        rows, sources = _frontier(cost, limit, tried)
+        if not len(rows):
+            return MotionSolution(q, cost, steps, found.converged)
+        again = solve(rows, q[sources])
+        steps[rows] += again.steps
+        better = again.cost < cost[rows]
+        rows = rows[better]
+        q[rows], cost[rows] = again.q[better], again.cost[better]
+        tried[0, np.minimum(rows + 1, len(cost) - 1)] = False  # their neighbours have a new start
+        tried[1, np.maximum(rows - 1, 0)] = False
+
+
+def _frontier(
+    cost: Array, limit: float, tried: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Outstanding frames beside a better one that they were not yet started from, and that one."""
+    every = np.arange(len(cost))
+    for side, shift in enumerate((1, -1)):
+        source = every - shift
+        inside = (source >= 0) & (source < len(cost))
+        beside = inside & (cost[np.clip(source, 0, len(cost) - 1)] < _BETTER * cost)
+        rows = np.flatnonzero((cost > limit) & beside & ~tried[side])
+        if len(rows):
+            tried[side, rows] = True
+            return rows, source[rows]
+    return every[:0], every[:0]
 
 
 def motion_of(task: Task, trial: Trial, solution: MotionSolution) -> Motion:

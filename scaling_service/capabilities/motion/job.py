@@ -60,10 +60,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
     def select_recordings(self, document: SubjectDocument) -> list[str]:
         """The recordings asked for, else the subject's movements, else what stands still.
 
-        Raises
-        ------
-        SubjectInvalid
-            Two recordings have the same name without suffix, by which results are named.
+        Raises SubjectInvalid: two recordings have the same name without suffix, by which results are named.
         """
         trials = document.trials
         chosen = self.recordings or [*trials.calibration, *trials.evaluation] or list(trials.files)
@@ -80,10 +77,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
 def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write each trial's motion with its standard deviations; ``ik.json`` is the result.
 
-    Raises
-    ------
-    InputError
-        Whatever in the model or the recordings cannot be used.
+    Raises InputError: whatever in the model or the recordings cannot be used.
     """
     from scaling_service.capabilities.motion.run import ik
     from scaling_service.capabilities.motion.saving import save_motions

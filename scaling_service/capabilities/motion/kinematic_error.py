@@ -14,46 +14,30 @@ from scaling_service.model.results import Array, Motion
 
 @dataclass(frozen=True, slots=True)
 class KinematicError:
-    """Distances between measured and model markers over one trial, m.
+    """Distances between measured and model markers over one trial, m."""
 
-    Parameters
-    ----------
-    mean : float
-        Over all frames and markers in which a marker was seen (Puchaud 2019: "mean distance between
-        experimental and model markers over all the frames of a given trial").
-    sd : float
-        Standard deviation over the frames of each frame's mean distance: how steady the fit is in time.
-        Chosen, for the paper gives only the spread over subjects; population form, so one frame has 0.
-    rms, max : float
-        Over the same distances as ``mean``.
-    per_marker : mapping
-        Marker to its mean distance over the frames that show it.
-    anatomical_mean, tracking_mean : float
-        As ``mean``, over the markers on bony landmarks and over those on soft tissue; NaN where there
-        is none.
-    n_frames : int
-        Frames in which at least one marker was seen.
-    """
-
+    # over all frames and markers in which a marker was seen (Puchaud 2019: "mean distance between
+    # experimental and model markers over all the frames of a given trial")
     mean: float
+    # standard deviation over the frames of each frame's mean distance: how steady the fit is in time. Chosen,
+    # for the paper gives only the spread over subjects; population form, so one frame has 0.
     sd: float
+    # rms, max: over the same distances as ``mean``
     rms: float
     max: float
-    per_marker: Mapping[str, float]
+    per_marker: Mapping[str, float]  # marker to its mean distance over the frames that show it
+    # anatomical_mean, tracking_mean: as ``mean``, over the markers on bony landmarks and over those on soft
+    # tissue; NaN where there is none
     anatomical_mean: float
     tracking_mean: float
-    n_frames: int
+    n_frames: int  # frames in which at least one marker was seen
 
 
 def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
     """The kinematic error of a motion.
 
-    Parameters
-    ----------
-    motion : Motion
-        From inverse kinematics; its markers are the ones compared.
-    model : BodyModel
-        The model that was moved.
+    ``motion``: from inverse kinematics; its markers are the ones compared.
+    ``model``: the model that was moved.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Motions as OpenSim files, with the coordinates that follow others written out."""
+"""Motions and poses as OpenSim files, with the coordinates that follow others written out."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from scaling_service.files.osim.shapes import values
-from scaling_service.files.sto import motion_table, write_sto
+from scaling_service.files.sto import Table, motion_table, write_sto
 from scaling_service.model.body import BodyModel, Coupler, Law
+from scaling_service.model.poses import segment_poses
 from scaling_service.model.results import Array, Motion
 
 _STEP = 1e-5  # rad or m; chosen: the laws are cubic pieces, so rounding and curvature both stay below 1e-9
@@ -67,3 +69,21 @@ def law_values(law: Law, x: Array) -> Array:
         else:
             total += term.gain * (x if term.shape is None else values(term.shape, x))
     return total
+
+
+def poses_table(motion: Motion, model: BodyModel) -> Table:
+    """Where every segment is, in the columns of OpenSim's BodyKinematics.
+
+    Origin in ground (m), and body-fixed X-Y-Z angles (deg); NaN where a coordinate that carries the segment
+    is not determined.
+    """
+    poses = segment_poses(model, motion.q)
+    lost = np.isnan(poses).any(axis=2)
+    turns = np.where(lost[..., None], Rotation.identity().as_quat(), poses[..., 3:])
+    turned = Rotation.from_quat(turns.reshape(-1, 4))
+    angles = turned.as_euler("XYZ", degrees=True, suppress_warnings=True).reshape(*lost.shape, 3)
+    angles[lost] = np.nan
+    columns = (f"{s}_{part}" for s in model.segment_names for part in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
+    values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
+    data = np.column_stack([motion.times, values])
+    return Table(motion.trial, ("time", *columns), data, in_degrees=True)

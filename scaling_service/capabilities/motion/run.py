@@ -13,13 +13,12 @@ import numpy as np
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.poses import SegmentPoses, segment_poses
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import InputError
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, silent
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
 from scaling_service.model.body import BodyModel
@@ -40,31 +39,17 @@ class TrackedTrial:
     motion: Motion
     uncertainty: CoordinateSd
     error: KinematicError
-    poses: SegmentPoses | None = None  # where they were asked for
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionResult:
-    """A model, and trial by trial how it tracks them."""
-
-    model: BodyModel
-    trials: Mapping[str, TrackedTrial]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracked:
-    """How a model tracks recordings, and where both came from."""
+    """How a model tracks recordings, trial by trial, and where both came from."""
 
-    loaded: Loaded  # the session, and how its labels and axes were understood
-    result: MotionResult
+    loaded: Loaded  # the session with the model, and how its labels and axes were understood
+    trials: Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
     subject_file: Path | None = None  # beside which the recordings lie, where there is one
-
-    @property
-    def subject(self) -> Subject:
-        """The model's and the recordings' places."""
-        return self.loaded.session.subject
 
 
 def ik(
@@ -79,33 +64,16 @@ def ik(
 ) -> Tracked:
     """Follow recordings with a model that exists.
 
-    Parameters
-    ----------
-    model : str or path
-        A built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics, consistent or
-        discovery wrote.
-    recordings : sequence of path
-        C3D or TRC files; one decision on the laboratory's axes is taken for all.
-    options : MotionOptions
-    marker_set : path, optional
-        OpenSim markers to add; ``.osim`` only.
-    subject : str
-        Whose recordings they are, for the document.
-    subject_file : Path, optional
-        Files beside it are named relative to it in the document.
-    progress : callable, optional
-
-    Returns
-    -------
-    Tracked
-
-    Raises
-    ------
-    InputError
-        Whatever in the model or the recordings cannot be used.
+    ``model`` str or path: a built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics,
+        consistent or discovery wrote.
+    ``recordings``: C3D or TRC files; one decision on the laboratory's axes is taken for all.
+    ``marker_set``: OpenSim markers to add; ``.osim`` only.
+    ``subject``: whose recordings they are, for the document.
+    ``subject_file``: files beside it are named relative to it in the document.
+    Raises InputError: whatever in the model or the recordings cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or (lambda _what, _share: None)
+    report = progress or silent
     check_axes(options.up, options.forward)
     files = _recordings(recordings)
     places = Subject(
@@ -120,43 +88,23 @@ def ik(
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blamed_on(None, files):
         loaded = load(places, settings)
-        session = loaded.session
-        result = track_all(
-            session.model,
-            session.evaluation,
-            poses=options.poses,
-            progress=lambda what, share: report(what, _READING + (1.0 - _READING) * share),
-        )
+        trials, found = loaded.session.evaluation, {}
+        for k, trial in enumerate(trials):
+            report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
+            found[trial.name] = track(loaded.session.model, trial)
     report("done", 1.0)
-    return Tracked(loaded, result, options, time.perf_counter() - clock, subject_file)
+    return Tracked(loaded, found, options, time.perf_counter() - clock, subject_file)
 
 
-def track_all(
-    model: BodyModel, trials: Sequence[Trial], *, poses: bool = False, progress: Progress | None = None
-) -> MotionResult:
-    """Track every trial, in the session's axes and with the model's marker names."""
-    found = {}
-    for k, trial in enumerate(trials):
-        if progress is not None:
-            progress(f"following {trial.name}", k / len(trials))
-        found[trial.name] = track(model, trial, poses=poses)
-    return MotionResult(model, found)
-
-
-def track(model: BodyModel, trial: Trial, *, poses: bool = False) -> TrackedTrial:
-    """Track one trial: coordinates, their standard deviations, kinematic error and, if asked, poses."""
+def track(model: BodyModel, trial: Trial) -> TrackedTrial:
+    """Track one trial, in the session's axes and with the model's marker names."""
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
     motion = motion_of(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
-    known = np.isfinite(motion.q) & ever
-    return TrackedTrial(
-        motion,
-        coordinate_sd(task, solution.q, motion.residuals, known),
-        kinematic_error(motion, model),
-        segment_poses(model, motion) if poses else None,
-    )
+    uncertainty = coordinate_sd(task, solution.q, motion.residuals, np.isfinite(motion.q) & ever)
+    return TrackedTrial(motion, uncertainty, kinematic_error(motion, model))
 
 
 @contextmanager

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.multibody.laws import NONE, Array
-from scaling_service.numerics.multibody.moves import Fixed, Turn
+from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import Tree, forward, positions
@@ -21,16 +20,11 @@ def first_guess(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     its own markers or, where fewer than three are seen, of all markers of the neutral body. Frames
     in which neither works take the nearest frame's guess.
 
-    Parameters
-    ----------
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-    neutral : ndarray, shape (n_coordinates,)
-    p : ndarray, shape (n_parameters,)
-    free : ndarray of bool, shape (n_coordinates,)
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_coordinates)
+    ``measured``: (n_frames, n_markers, 3), m.
+    ``neutral``: (n_coordinates,).
+    ``p``: (n_parameters,).
+    ``free``: bool (n_coordinates,).
+    Returns (n_frames, n_coordinates).
     """
     q = np.tile(neutral, (len(measured), 1))
     root = _free_root(tree, free)

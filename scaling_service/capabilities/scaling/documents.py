@@ -9,7 +9,7 @@ from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.clinical.gait import ClinicalGait, clinical_document
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, following
 from scaling_service.capabilities.scaling.run import Results, Scaling
-from scaling_service.capabilities.subject.provenance import provenance
+from scaling_service.capabilities.subject.provenance import provenance, stated_sizes
 from scaling_service.documents.results import (
     ComparisonDocument,
     FittedParameter,
@@ -32,8 +32,11 @@ def comparison_document(
     results: Results, methods: dict[str, MethodResult], truth: TruthDocument | None, verdict: Verdict
 ) -> ComparisonDocument:
     """``comparison.json``."""
+    session, settings = results.session, results.settings
+    trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     return ComparisonDocument(
-        **provenance(results.loaded, results.settings, results.subject_file),
+        **provenance(results.loaded, trials, settings.resolved(), results.subject_file, settings.seed),
+        sizes=stated_sizes(session.subject),
         verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),

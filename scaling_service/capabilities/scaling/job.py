@@ -74,10 +74,7 @@ class OptimisedRequest(OfRecordings):
 def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write each method's folder, ``comparison.json`` and ``report.html``; the comparison is the result.
 
-    Raises
-    ------
-    InputError
-        Whatever in the subject, the model or the recordings cannot be used.
+    Raises InputError: whatever in the subject, the model or the recordings cannot be used.
     """
     return _compare(request, inputs, outputs, progress)[1].model_dump(mode="json")
 

@@ -27,18 +27,10 @@ _FITTING = 0.6  # chosen: about the share of the fit in one method's time
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
-    """One method's model of a person, and how it follows the recordings.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    motions, errors : mapping
-        Name of each calibration and evaluation trial to its motion and its kinematic error.
-    geometry : Geometry
-    inverse_kinematics_s : float
-    """
+    """One method's model of a person, and how it follows the recordings."""
 
     calibration: Calibration
+    # motions, errors: name of each calibration and evaluation trial to its motion and its kinematic error
     motions: Mapping[str, Motion]
     errors: Mapping[str, KinematicError]
     geometry: Geometry
@@ -47,28 +39,14 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Results:
-    """What one or several methods made of a subject.
+    """What one or several methods made of a subject."""
 
-    Parameters
-    ----------
-    loaded : Loaded
-        The session, and how its labels and axes were understood.
-    settings : Settings
-    scalings : mapping
-        Method to its scaling, in the order computed.
-    warnings : tuple of str
-        What concerns all methods.
-    wall_s : float
-    subject_file : Path, optional
-        Where the subject came from.
-    """
-
-    loaded: Loaded
+    loaded: Loaded  # the session, and how its labels and axes were understood
     settings: Settings
-    scalings: Mapping[str, Scaling]
-    warnings: tuple[str, ...] = ()
+    scalings: Mapping[str, Scaling]  # method to its scaling, in the order computed
+    warnings: tuple[str, ...] = ()  # what concerns all methods
     wall_s: float = 0.0
-    subject_file: Path | None = None
+    subject_file: Path | None = None  # where the subject came from
 
     @property
     def session(self) -> Session:
@@ -91,23 +69,9 @@ def scale(
 ) -> Results:
     """Scale a subject's model by one method.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-    method : str
-        A key of ``METHODS``.
-    settings : Settings
-    progress : callable, optional
-
-    Returns
-    -------
-    Results
-        With that method's scaling.
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model or the recordings cannot be used.
+    ``subject``: Subject or path of a subject file.
+    ``method``: a key of ``METHODS``.
+    Raises InputError: whatever in the subject file, the model or the recordings cannot be used.
     """
     return compare(subject, (method,), settings, progress=progress)
 
@@ -121,18 +85,9 @@ def compare(
 ) -> Results:
     """Scale a subject's model by several methods.
 
-    Parameters
-    ----------
-    subject : Subject or path of a subject file
-    methods : sequence of str, optional
-        All that the recordings allow unless given.
-    settings : Settings
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model or the recordings cannot be used.
+    ``subject``: Subject or path of a subject file.
+    ``methods``: all that the recordings allow unless given.
+    Raises InputError: whatever in the subject file, the model or the recordings cannot be used.
     """
     clock = time.perf_counter()
     report = progress or silent

@@ -58,27 +58,12 @@ def save(
     its bones where it is made from images; ``comparison.json`` and ``report.html`` stand beside them. All is
     written elsewhere first, so that a failure leaves the folder as it was. Other files in it stay.
 
-    Parameters
-    ----------
-    folder : path
-        Made if it does not exist.
-    comparison : bool
-        Whether to write ``comparison.json`` and, with it, the report.
-    report : bool
-        Whether to write ``report.html``.
-    truth : TruthDocument, optional
-        Of a virtual subject.
-    progress : callable, optional
-
-    Returns
-    -------
-    ComparisonDocument
-        What was, or would have been, written as ``comparison.json``.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made or written to.
+    ``folder``: made if it does not exist.
+    ``comparison``: whether to write ``comparison.json`` and, with it, the report.
+    ``report``: whether to write ``report.html``.
+    ``truth``: of a virtual subject.
+    Returns what was, or would have been, written as ``comparison.json``.
+    Raises InputError: the folder cannot be made or written to.
     """
     tell = progress or silent
     with all_or_nothing(Path(folder)) as scratch:

@@ -55,17 +55,8 @@ def load(
     Labels become the model's marker names, positions m with X forward, Y up and Z right, gaps are
     filled as the settings allow; everything that was changed is in each trial's ``repairs``.
 
-    Parameters
-    ----------
-    subject : Subject
-    settings : Settings
-    read : mapping, optional
-        Recordings that were read already, by :func:`read_recordings`; the others are read.
-
-    Raises
-    ------
-    InputError
-        Whatever a file or a label is not fit for; it names the file and the remedy.
+    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read.
+    Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
     labels.check_segments(subject, model)
@@ -121,17 +112,9 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
     """A built-in model by name, or by path an OpenSim model or one that this program wrote.
 
-    Parameters
-    ----------
-    name_or_path : str or path
-        Anything that ends in ``.osim`` or ``.json`` is a path.
-    marker_set : path, optional
-        OpenSim markers to add; ``.osim`` only.
-
-    Raises
-    ------
-    InputError
-        There is no such model, or it cannot be read or represented.
+    ``name_or_path`` str or path: anything that ends in ``.osim`` or ``.json`` is a path.
+    ``marker_set``: OpenSim markers to add; ``.osim`` only.
+    Raises InputError: there is no such model, or it cannot be read or represented.
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):

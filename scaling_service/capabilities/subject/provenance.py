@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.documents.results import RepairNote
 from scaling_service.documents.subject import SIZE_UNIT
 from scaling_service.documents.writing import code_version
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Repair
+from scaling_service.model.trial import Repair, Trial
 
 
-def provenance(loaded: Loaded, settings: Settings, subject_file: Path | None) -> dict[str, Any]:
-    """The fields of a ``Provenance``: what is needed to get the same results again."""
-    session = loaded.session
-    trials = [*([session.static] if session.static is not None else []), *session.dynamic]
+def provenance(
+    loaded: Loaded,
+    trials: Iterable[Trial],
+    settings: Mapping[str, Any],
+    subject_file: Path | None,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """The fields of a ``Provenance``: what is needed to get the same results again.
+
+    ``trials``: those whose repairs are told. ``settings``: as resolved, defaults included.
+    """
+    subject = loaded.session.subject
     return {
         "code_version": code_version(),
-        "subject": session.subject.id,
-        "settings": settings.resolved(),
-        "input_hashes": input_hashes(session.subject, subject_file),
-        "seed": settings.seed,
+        "subject": subject.id,
+        "settings": settings,
+        "input_hashes": input_hashes(subject, subject_file),
+        "seed": seed,
         "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
         "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},
-        "sizes": stated_sizes(session.subject),
     }
 
 

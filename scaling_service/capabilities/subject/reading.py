@@ -20,22 +20,10 @@ from scaling_service.model.subject import Subject
 def load_subject(path: str | Path) -> Subject:
     """Read a subject file, and check that everything it names is there.
 
-    Parameters
-    ----------
-    path : path
-        A YAML or JSON subject file; paths in it are relative to it.
-
-    Returns
-    -------
-    Subject
-        Absolute paths; no recording has been read yet.
-
-    Raises
-    ------
-    FileUnreadable
-        The file is absent or no text.
-    SubjectInvalid
-        It does not follow the contract, or a file that it names is absent.
+    ``path``: a YAML or JSON subject file; paths in it are relative to it.
+    Paths are absolute; no recording has been read yet.
+    Raises FileUnreadable: the file is absent or no text.
+    Raises SubjectInvalid: it does not follow the contract, or a file that it names is absent.
     """
     file = Path(path)
     if file.suffix.lower() in READERS:

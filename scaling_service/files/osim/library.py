@@ -35,13 +35,9 @@ def opensim() -> Any:
 def load(path: Path, marker_set: str | None = None) -> Any:
     """Load and connect a model.
 
-    Raises
-    ------
-    FileUnreadable
-        If OpenSim cannot read it.
-    ModelRefused
-        If it holds a joint or constraint of a kind that OpenSim does not know, or the marker set a
-        marker on a body that is absent.
+    Raises FileUnreadable: if OpenSim cannot read it.
+    Raises ModelRefused: if it holds a joint or constraint of a kind that OpenSim does not know, or the marker
+        set a marker on a body that is absent.
     """
     if not path.is_file():
         raise FileUnreadable("there is no such file", file=path, remedy="Check the path")

@@ -35,37 +35,20 @@ Json = Mapping[str, Any]
 def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
     """Read an OpenSim model of any version that OpenSim itself can upgrade.
 
-    Parameters
-    ----------
-    path : Path
-        The ``.osim`` file.
-    marker_set : Path, optional
-        An OpenSim MarkerSet file. Its markers are added; those of the same name are replaced.
+    ``path``: the ``.osim`` file.
+    ``marker_set``: an OpenSim MarkerSet file. Its markers are added; those of the same name are replaced.
+    One segment per body, in topological order. A segment's chain is: the parent's joint frame (constant
+        translations that scale with the parent, constant rotation), the joint's translations, its rotations,
+        and the child's joint frame inverted. Coordinates that an enforced CoordinateCouplerConstraint makes
+        dependent are replaced in the laws and listed as couplers only. A coordinate is of kind ``rotation``
+        only where OpenSim calls it rotational: only those are converted to degrees in OpenSim's motion files.
+        Markers that OpenSim keeps fixed in its marker placement are ``anatomical``.
+    Raises DependencyMissing: if the opensim library is not installed.
+    Raises FileUnreadable: if a file is absent or OpenSim cannot read it.
+    Raises ModelRefused: if a component cannot be represented; ``field`` names it.
 
-    Returns
-    -------
-    BodyModel
-        One segment per body, in topological order. A segment's chain is: the parent's joint frame
-        (constant translations that scale with the parent, constant rotation), the joint's
-        translations, its rotations, and the child's joint frame inverted. Coordinates that an
-        enforced CoordinateCouplerConstraint makes dependent are replaced in the laws and listed as
-        couplers only. A coordinate is of kind ``rotation`` only where OpenSim calls it rotational:
-        only those are converted to degrees in OpenSim's motion files. Markers that OpenSim keeps
-        fixed in its marker placement are ``anatomical``.
-
-    Raises
-    ------
-    DependencyMissing
-        If the opensim library is not installed.
-    FileUnreadable
-        If a file is absent or OpenSim cannot read it.
-    ModelRefused
-        If a component cannot be represented; ``field`` names it.
-
-    Notes
-    -----
-    A marker in an offset frame is expressed in the body; when such a frame is turned against the
-    body, a later non-uniform scaling differs from OpenSim's, which scales along the offset frame.
+    A marker in an offset frame is expressed in the body; when such a frame is turned against the body, a
+    later non-uniform scaling differs from OpenSim's, which scales along the offset frame.
     """
     return _read(_version(path), _version(marker_set) if marker_set is not None else None)
 

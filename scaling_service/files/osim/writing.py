@@ -44,40 +44,24 @@ def write_osim(
 ) -> None:
     """Write a model for OpenSim, complete or not at all.
 
-    Parameters
-    ----------
-    path : Path
-        The file to write; replaced in one step once the content has been checked.
-    model : BodyModel
-        What the file must represent, with all parameters folded into the laws.
-    source : Path, optional
-        The generic ``.osim`` file it was made from: it is scaled by OpenSim itself with ``factors``
-        (muscles, wraps and meshes follow), its joints are tilted, its markers become the model's.
-        Without it (built-in models) bodies, joints and markers are made from ``model`` alone, and
-        the arguments below are not used, for the model holds them already.
-    factors : mapping
-        Segment to its x, y, z factors.
-    axis_tilts : mapping
-        Joint to the turns x and y (rad) of its axes: rotations become T R T^-1, T = Ry(y) Rx(x), in
-        the parent's joint frame; translations stay.
-    mass_kg : float, optional
-        Total mass to scale to.
-    marker_set : Path, optional
-        As for reading; the model's markers replace it in the end.
-    preserve_mass_distribution : bool
-        As for OpenSim's scale tool.
-    inertia_from_model : bool
-        Take masses, centres of mass and inertias from ``model`` instead of OpenSim's scaling.
-
-    Raises
-    ------
-    DependencyMissing, FileUnreadable
-        As for reading.
-    ModelRefused
-        If OpenSim cannot represent a component, or the file read back differs from ``model`` by more
-        than SAME at some pose; ``field`` names it.
-    InputError
-        If the file cannot be written.
+    ``path``: the file to write; replaced in one step once the content has been checked.
+    ``model``: what the file must represent, with all parameters folded into the laws.
+    ``source``: the generic ``.osim`` file it was made from: it is scaled by OpenSim itself with ``factors``
+        (muscles, wraps and meshes follow), its joints are tilted, its markers become the model's. Without it
+        (built-in models) bodies, joints and markers are made from ``model`` alone, and the arguments below
+        are not used, for the model holds them already.
+    ``factors``: segment to its x, y, z factors.
+    ``axis_tilts``: joint to the turns x and y (rad) of its axes: rotations become T R T^-1, T = Ry(y) Rx(x),
+        in the parent's joint frame; translations stay.
+    ``mass_kg``: total mass to scale to.
+    ``marker_set``: as for reading; the model's markers replace it in the end.
+    ``preserve_mass_distribution``: as for OpenSim's scale tool.
+    ``inertia_from_model``: take masses, centres of mass and inertias from ``model`` instead of OpenSim's
+        scaling.
+    Raises DependencyMissing, FileUnreadable: as for reading.
+    Raises ModelRefused: if OpenSim cannot represent a component, or the file read back differs from ``model``
+        by more than SAME at some pose; ``field`` names it.
+    Raises InputError: if the file cannot be written.
     """
     if model.parameters:
         raise ValueError("fold the parameters into the laws before writing a model")

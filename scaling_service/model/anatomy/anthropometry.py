@@ -126,33 +126,17 @@ def predict_dimensions(
 ) -> DimensionPrior:
     """Dimensions to expect of a person of whom some or none of these are known.
 
-    Parameters
-    ----------
-    sex : 'F', 'M' or None
-        Unknown: the mixture of both by how well they explain what is known, with its mean and covariance.
-    height_m, mass_kg : float or None
-        Unknown ones are the public's (or children's of the age), not soldiers'.
-    age_years : float or None
-        Below 14 a child's proportions are taken, from 18 on an adult's, between them their mixture. Unknown:
-        adult and child are mixed by how well they explain what is known.
-    sizes : mapping, optional
-        Measured dimensions, m, alone or with their standard deviation.
-    stated_sd : mapping
-        Relative standard deviation of ``stature`` and ``mass`` as given.
-
-    Returns
-    -------
-    DimensionPrior
-        Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
+    ``sex``: unknown: the mixture of both by how well they explain what is known, with its mean and
+        covariance.
+    ``height_m``, ``mass_kg``: unknown ones are the public's (or children's of the age), not soldiers'.
+    ``age_years``: below 14 a child's proportions are taken, from 18 on an adult's, between them their
+        mixture. Unknown: adult and child are mixed by how well they explain what is known.
+    ``sizes``: measured dimensions, m, alone or with their standard deviation.
+    ``stated_sd``: relative standard deviation of ``stature`` and ``mass`` as given.
+    Measures of the body (``stature``, ``mass``, ``trochanterion_height`` …), lengths without side
         (``inter_hip``, ``trunk`` …) and with ``_r`` and ``_l`` (``femur_r``, ``shank_l`` …).
+    Raises InputError: a size is unknown or not positive.
 
-    Raises
-    ------
-    InputError
-        A size is unknown or not positive.
-
-    Notes
-    -----
     Offsets turn heights of landmarks into joint centres, to first order about the person's expected measures.
     The population is American: soldiers of 2012 for proportions, citizens for stature and mass.
 

@@ -173,31 +173,18 @@ def hip_centres(
 ) -> HipCentres:
     """Predict both hip centres from the four pelvis markers.
 
-    Parameters
-    ----------
-    rasis, lasis, rpsis, lpsis : (n_frames, 3), m
-        NaN where missing. Where only the sacrum was marked, give it as both PSIS.
-    regression : str
-        A key of ``HIP_REGRESSIONS``, or ``harrington2007``, which is ``harrington2007_single``: the form with
-        several predictors weighs pelvic depth and leg length, which skin and tape tell worst. (Puchaud 2019
-        does not say which was used.)
-    leg_length_r, leg_length_l : float or (n_frames,), optional, m
-        ASIS to medial malleolus. If only one is known it serves both sides.
-    width : float or (n_frames,), optional, m
-        Distance between the ASIS where it was measured on the person (under fat the markers stand elsewhere);
-        by default that of the markers.
-    marker_radius : float, m
-        Used by ``davis1991`` and ``plug_in_gait``.
-
-    Returns
-    -------
-    HipCentres
-        NaN in frames where one of the four markers is missing.
-
-    Raises
-    ------
-    InputError
-        An unknown regression, or one that needs a leg length that is not given.
+    ``rasis``, ``lasis``, ``rpsis``, ``lpsis`` (n_frames, 3), m: NaN where missing. Where only the sacrum was
+        marked, give it as both PSIS.
+    ``regression``: a key of ``HIP_REGRESSIONS``, or ``harrington2007``, which is ``harrington2007_single``:
+        the form with several predictors weighs pelvic depth and leg length, which skin and tape tell worst.
+        (Puchaud 2019 does not say which was used.)
+    ``leg_length_r``, ``leg_length_l`` float or (n_frames,), m: ASIS to medial malleolus. If only one is known
+        it serves both sides.
+    ``width`` float or (n_frames,), m: distance between the ASIS where it was measured on the person (under
+        fat the markers stand elsewhere); by default that of the markers.
+    ``marker_radius`` m: used by ``davis1991`` and ``plug_in_gait``.
+    NaN in frames where one of the four markers is missing.
+    Raises InputError: an unknown regression, or one that needs a leg length that is not given.
     """
     markers = [np.atleast_2d(np.asarray(m, dtype=float)) for m in (rasis, lasis, rpsis, lpsis)]
     front, back = (markers[0] + markers[1]) / 2.0, (markers[2] + markers[3]) / 2.0

@@ -89,26 +89,13 @@ def apply_inertia_table(
 ) -> InertiaResult:
     """Give every segment the mass, centre of mass and tensor that a table says.
 
-    Parameters
-    ----------
-    model : BodyModel
-        A built-in one of three dimensions, of any size. For the planar squat see
-        ``apply_to_squat``.
-    table : str
-        One of ``TABLE_NAMES``.
-    height_m : float
-        Stature: for lengths that the model does not show (the head's, a foot's to the tip of its toes).
-
-    Returns
-    -------
-    InertiaResult
-        Masses of a whole-body model sum to ``mass_kg``.
-
-    Raises
-    ------
-    InputError
-        There is no such table, a segment is none that tables know, the model does not show a landmark, or
-        mass or height is no adult's.
+    ``model``: a built-in one of three dimensions, of any size. For the planar squat see ``apply_to_squat``.
+    ``table``: one of ``TABLE_NAMES``.
+    ``height_m``: stature: for lengths that the model does not show (the head's, a foot's to the tip of its
+        toes).
+    Masses of a whole-body model sum to ``mass_kg``.
+    Raises InputError: there is no such table, a segment is none that tables know, the model does not show a
+        landmark, or mass or height is no adult's.
 
     Examples
     --------

@@ -189,20 +189,11 @@ def match_labels(
     else ignoring capitals; else a known alias. What is settled at one of these steps is not reopened
     at the next, and no label is used twice.
 
-    Parameters
-    ----------
-    labels : iterable of str
-        The labels of the recordings (of all of them together, or of one).
-    wanted : sequence of str
-        Names of the model's markers to look for.
-    explicit : mapping, optional
-        Model marker to label, as the user wrote under ``markers:``.
-
-    Raises
-    ------
-    InputError
-        Two labels fit one marker, or two markers one label, equally well; an explicit marker is not in the
-        model, its label in no recording, or one label is given to two markers.
+    ``labels``: the labels of the recordings (of all of them together, or of one).
+    ``wanted``: names of the model's markers to look for.
+    ``explicit``: model marker to label, as the user wrote under ``markers:``.
+    Raises InputError: two labels fit one marker, or two markers one label, equally well; an explicit marker
+        is not in the model, its label in no recording, or one label is given to two markers.
 
     Examples
     --------

@@ -51,14 +51,10 @@ def clusters_of(
 ) -> Clusters:
     """Gather the markers of each of ``count`` links; a link without markers gets a cluster without weight.
 
-    Parameters
-    ----------
-    carrier : ndarray of int, shape (n_markers,)
-        The link, hence the cluster, of each marker.
-    local : ndarray, shape (n_markers, 3, n|1), m
-    measured : ndarray, shape (n_markers, 3, n), m
-        Anything where the weight is zero.
-    weight : ndarray, shape (n_markers, n)
+    ``carrier`` int (n_markers,): the link, hence the cluster, of each marker.
+    ``local``: (n_markers, 3, n|1), m.
+    ``measured`` (n_markers, 3, n), m: anything where the weight is zero.
+    ``weight``: (n_markers, n).
     """
     member = np.equal(carrier, np.arange(count)[:, None]).astype(float)
     total = member @ weight
@@ -88,25 +84,14 @@ def marker_weights(measured: Array, weights: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Misfit:
-    """How far the clusters are from where they were measured, in one pose.
+    """How far the clusters are from where they were measured, in one pose."""
 
-    Parameters
-    ----------
-    axes : ndarray, shape (k, 3, 3, n)
-        Of the clusters' links.
-    centre, force : ndarray, shape (k, 3, n)
-        The model's centroids (m), and the weighted gap to the measured ones.
-    turned : ndarray, shape (k, 3, 3, n)
-        Cross moments with the local part in ground.
-    cost : ndarray, shape (n,), m2
-        The weighted squared distance of all markers.
-    """
-
-    axes: Array
+    axes: Array  # (k, 3, 3, n): of the clusters' links
+    # centre, force: (k, 3, n): the model's centroids (m), and the weighted gap to the measured ones
     centre: Array
     force: Array
-    turned: Array
-    cost: Array
+    turned: Array  # (k, 3, 3, n): cross moments with the local part in ground
+    cost: Array  # (n,), m2: the weighted squared distance of all markers
 
 
 def misfit_of(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
@@ -123,15 +108,8 @@ def misfit_of(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
 def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Array:
     """Spatial inertia of the clusters beside their residual wrench, both about the ground origin.
 
-    Parameters
-    ----------
-    near : ndarray, shape (n,)
-        One where the exact second derivatives are wanted, zero for Gauss-Newton.
-
-    Returns
-    -------
-    ndarray, shape (k, 6, 7, n)
-        Columns 0-5 act on a twist (angular, linear); column 6 is moment and force.
+    ``near`` (n,): one where the exact second derivatives are wanted, zero for Gauss-Newton.
+    Returns (k, 6, 7, n): columns 0-5 act on a twist (angular, linear); column 6 is moment and force.
     """
     axes, centre, force = misfit.axes, misfit.centre, misfit.force
     count, n = len(axes), axes.shape[-1]

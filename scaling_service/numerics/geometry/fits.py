@@ -1,4 +1,4 @@
-"""Least-squares shapes through points: sphere, cylinder, line, plane. Weighted, in any unit of length."""
+"""Least-squares shapes through points: sphere and cylinder. Weighted, in any unit of length."""
 
 from __future__ import annotations
 
@@ -43,42 +43,16 @@ class CylinderFit:
     converged: bool
 
 
-@dataclass(frozen=True, slots=True)
-class LineFit:
-    """A line: a ``point`` on it (the centroid), the unit ``direction`` and ``rms`` distance."""
-
-    point: Array
-    direction: Array
-    rms: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneFit:
-    """A plane: a ``point`` in it (the centroid), the unit ``normal`` and ``rms`` distance."""
-
-    point: Array
-    normal: Array
-    rms: float
-
-
 def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | None = None) -> SphereFit:
     """Sphere of least squared distances between points and surface (geometric, not algebraic).
 
     An algebraic fit, which is biased to small radii where little of the sphere is covered, only starts
     the iteration (Ahn, Rauh & Warnecke 2001, Pattern Recognition 34: 2283-2303).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-    weights : ndarray, shape (n,), optional
-        Not negative, such as the area that each point stands for.
-    start : ndarray, shape (3,), optional
-        A first centre in place of the algebraic one.
-
-    Raises
-    ------
-    ValueError
-        Fewer than 4 points with a weight.
+    ``points``: (n, 3).
+    ``weights`` (n,): not negative, such as the area that each point stands for.
+    ``start`` (3,): a first centre in place of the algebraic one.
+    Raises ValueError: fewer than 4 points with a weight.
 
     Examples
     --------
@@ -115,21 +89,11 @@ def fit_sphere_pair(
     residuals of both spheres are weighed against the difference of the radii as independent
     observations with known standard deviations (a least-squares estimate with a prior).
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (n, 3), (m, 3)
-    first_counts, second_counts : ndarray, shape (n,), (m,)
-        How many independent observations each point stands for.
-    starts : tuple of SphereFit
-    alike : float
-        Standard deviation of the difference of the radii, in the points' unit.
-    noise : float
-        Standard deviation of one independent observation.
-
-    Raises
-    ------
-    ValueError
-        Fewer than 4 points with a weight in either.
+    ``first``, ``second``: (n, 3), (m, 3).
+    ``first_counts``, ``second_counts`` (n,), (m,): how many independent observations each point stands for.
+    ``alike``: standard deviation of the difference of the radii, in the points' unit.
+    ``noise``: standard deviation of one independent observation.
+    Raises ValueError: fewer than 4 points with a weight in either.
     """
     p, w = _checked(first, first_counts, least=4)
     q, v = _checked(second, second_counts, least=4)
@@ -166,20 +130,12 @@ def fit_sphere_pair(
 def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array | None = None) -> CylinderFit:
     """Cylinder of least squared distances between points and surface (geometric).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-    direction, point : ndarray, shape (3,)
-        A first axis; the basin is wide (tens of degrees) where half of the cylinder is covered.
-    weights : ndarray, shape (n,), optional
+    ``points``: (n, 3).
+    ``direction``, ``point`` (3,): a first axis; the basin is wide (tens of degrees) where half of the
+        cylinder is covered.
+    ``weights``: (n,).
+    Raises ValueError: fewer than 5 points with a weight.
 
-    Raises
-    ------
-    ValueError
-        Fewer than 5 points with a weight.
-
-    References
-    ----------
     Ahn, Rauh & Warnecke 2001; the direction moves in its tangent plane, so it has no singular pose.
     """
     points, w = _checked(points, weights, least=5)
@@ -209,32 +165,6 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     return CylinderFit(
         point=x[:3], direction=x[3:6], radius=float(x[6]), rms=rms, converged=bool(converged and x[6] > 0)
     )
-
-
-def fit_line(points: Array, weights: Array | None = None) -> LineFit:
-    """Line of least squared distances: through the centroid, along the largest principal axis.
-
-    Raises
-    ------
-    ValueError
-        Fewer than 2 points with a weight.
-    """
-    points, w = _checked(points, weights, least=2)
-    centroid, values, vectors = _principal(points, w)
-    return LineFit(centroid, vectors[:, 2], float(np.sqrt(max(values[0] + values[1], 0.0))))
-
-
-def fit_plane(points: Array, weights: Array | None = None) -> PlaneFit:
-    """Plane of least squared distances: through the centroid, across the smallest principal axis.
-
-    Raises
-    ------
-    ValueError
-        Fewer than 3 points with a weight.
-    """
-    points, w = _checked(points, weights, least=3)
-    centroid, values, vectors = _principal(points, w)
-    return PlaneFit(centroid, vectors[:, 0], float(np.sqrt(max(values[0], 0.0))))
 
 
 def across(direction: Array) -> tuple[Array, Array]:
@@ -287,14 +217,6 @@ def _algebraic_centre(points: Array, w: Array) -> Array:
     solution = np.linalg.lstsq(system, (local**2).sum(axis=1) * root, rcond=None)[0]
     centre: Array = origin + solution[:3]
     return centre
-
-
-def _principal(points: Array, w: Array) -> tuple[Array, Array, Array]:
-    """Centroid, and principal variances (ascending) with their directions in columns."""
-    centroid = w @ points
-    local = points - centroid
-    values, vectors = np.linalg.eigh(local.T @ (w[:, None] * local))
-    return centroid, values, vectors
 
 
 def _checked(points: Array, weights: Array | None, least: int) -> tuple[Array, Array]:

@@ -32,17 +32,10 @@ _RANK = 1e-9  # chosen: singular values are of the order of one, and rounding le
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """A segment's pose over time: a point ``p`` of the segment is at ``rotation @ p + position``.
+    """A segment's pose over time: a point ``p`` of the segment is at ``rotation @ p + position``."""
 
-    Parameters
-    ----------
-    rotation : ndarray, shape (..., n_frames, 3, 3)
-    position : ndarray, shape (..., n_frames, 3), m
-        NaN in frames in which the pose is not known.
-    """
-
-    rotation: Array
-    position: Array
+    rotation: Array  # (..., n_frames, 3, 3)
+    position: Array  # (..., n_frames, 3), m: NaN in frames in which the pose is not known
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -68,73 +61,47 @@ def joined(parts: Sequence[Poses]) -> Poses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotationCentre:
-    """The point that two segments share. All (...) are the batch axes.
+    """The point that two segments share. All (...) are the batch axes."""
 
-    Parameters
-    ----------
-    proximal, distal : ndarray, shape (..., 3), m
-        Its coordinates in both segments; NaN where fewer than ``FEWEST_FRAMES`` frames are known.
-    rms : ndarray, shape (...), m
-        Root mean square distance between its two images, over the frames.
-    sd : ndarray, shape (...), m
-        Standard deviation (of the distance) of ``proximal``, from the residuals, frames taken as
-        independent: the least that it can be. Skin moves with the movement, and noise in the poses draws
-        the centre towards the markers where the range of motion is small.
-    weakest : ndarray, shape (...)
-        Smallest singular value: zero where a whole line of points would do, as for a hinge.
-    frames : ndarray of int, shape (...)
-        How many were used.
-    """
-
+    # proximal, distal: (..., 3), m: its coordinates in both segments; NaN where fewer than ``FEWEST_FRAMES``
+    # frames are known
     proximal: Array
     distal: Array
-    rms: Array
+    rms: Array  # (...), m: root mean square distance between its two images, over the frames
+    # (...), m: standard deviation (of the distance) of ``proximal``, from the residuals, frames taken as
+    # independent: the least that it can be. Skin moves with the movement, and noise in the poses draws the
+    # centre towards the markers where the range of motion is small.
     sd: Array
+    # (...): smallest singular value: zero where a whole line of points would do, as for a hinge
     weakest: Array
-    frames: NDArray[np.intp]
+    frames: NDArray[np.intp]  # (...): how many were used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotationAxis:
-    """The line that two segments share. All (...) are the batch axes.
+    """The line that two segments share. All (...) are the batch axes."""
 
-    Parameters
-    ----------
-    proximal, distal : ndarray, shape (..., 3)
-        Its unit direction in both segments, the same way round; NaN where fewer than
-        ``FEWEST_FRAMES`` frames are known.
-    point_proximal, point_distal : ndarray, shape (..., 3), m
-        One point of it in both segments: of all that fit equally, the one nearest to both origins.
-    rms : ndarray, shape (...), m
-        Root mean square distance between the point's two images, over the frames.
-    spread : ndarray, shape (...), rad
-        Root mean square angle between the direction's two images, over the frames.
-    sharpness : ndarray, shape (...)
-        Smallest over second smallest singular value: zero for a pure hinge, one where no direction
-        stands out, as for a ball joint moved in all directions.
-    frames : ndarray of int, shape (...)
-    """
-
+    # proximal, distal: (..., 3): its unit direction in both segments, the same way round; NaN where fewer
+    # than ``FEWEST_FRAMES`` frames are known
     proximal: Array
     distal: Array
+    # point_proximal, point_distal: (..., 3), m: one point of it in both segments: of all that fit equally,
+    # the one nearest to both origins
     point_proximal: Array
     point_distal: Array
-    rms: Array
-    spread: Array
+    rms: Array  # (...), m: root mean square distance between the point's two images, over the frames
+    spread: Array  # (...), rad: root mean square angle between the direction's two images, over the frames
+    # (...): smallest over second smallest singular value: zero for a pure hinge, one where no direction
+    # stands out, as for a ball joint moved in all directions
     sharpness: Array
-    frames: NDArray[np.intp]
+    frames: NDArray[np.intp]  # (...)
 
 
 def rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
     """Symmetrical centre of rotation estimation (SCoRE).
 
-    Parameters
-    ----------
-    proximal, distal : Poses
-        Of the same frames. Origins near the joint keep the most digits.
+    ``proximal``, ``distal``: of the same frames. Origins near the joint keep the most digits.
 
-    References
-    ----------
     Ehrig R. et al. (2006) J Biomech 39:2798-2809, section 2.2.
 
     Examples
@@ -160,13 +127,8 @@ def rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
 def rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
     """Symmetrical axis of rotation approach (SARA).
 
-    Parameters
-    ----------
-    proximal, distal : Poses
-        Of the same frames.
+    ``proximal``, ``distal``: of the same frames.
 
-    References
-    ----------
     Ehrig R. et al. (2007) J Biomech 40:2150-2157.
     """
     stack = _stacked(proximal, distal)
@@ -192,17 +154,10 @@ def rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
 def ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98) -> Array:
     """How far the distal segment turned against the proximal one, about its three principal directions.
 
-    Parameters
-    ----------
-    share : float
-        Of the frames that the ranges hold (chosen default: the outermost hundredth at either end may
+    ``share``: of the frames that the ranges hold (chosen default: the outermost hundredth at either end may
         be labelling errors).
-
-    Returns
-    -------
-    ndarray, shape (..., 3), rad
-        Descending; NaN where fewer than ``FEWEST_FRAMES`` frames are known. The directions are the
-        principal axes of the rotation vectors about their mean pose, so that a movement in one plane
+    Returns (..., 3), rad: descending; NaN where fewer than ``FEWEST_FRAMES`` frames are known. The directions
+        are the principal axes of the rotation vectors about their mean pose, so that a movement in one plane
         has one range and a circumduction two.
     """
     known = proximal.known & distal.known

@@ -69,16 +69,11 @@ def linearise(
 ) -> Border:
     """Eliminate the coordinates of all frames around a motion and parameters.
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates)
-    p, p0 : ndarray, shape (n_parameters,)
-        Where the parameters are, and the centre of the priors.
-    damping : ndarray, shape (n_frames,)
-        Share of the coordinates' curvature in each frame.
-    pins : ndarray, shape (n_frames, n_free_coordinates), optional
-        Steps that are given; NaN where a coordinate is free. Coordinates that the residuals push
-        beyond a bound at which they are do not move in any case.
+    ``q``: (n_frames, n_coordinates).
+    ``p``, ``p0`` (n_parameters,): where the parameters are, and the centre of the priors.
+    ``damping`` (n_frames,): share of the coordinates' curvature in each frame.
+    ``pins`` (n_frames, n_free_coordinates): steps that are given; NaN where a coordinate is free. Coordinates
+        that the residuals push beyond a bound at which they are do not move in any case.
     """
     count = len(problem.parameters)
     change = (p - p0)[problem.parameters] * problem.scale
@@ -100,10 +95,7 @@ def linearise(
 def frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
     """Slope of the parameters frame by frame, the coordinates eliminated, without the priors' pull.
 
-    Returns
-    -------
-    ndarray, shape (n_frames, n_free)
-        In normalised units.
+    Returns (n_frames, n_free): in normalised units.
     """
     slopes = np.empty((problem.n_frames, len(problem.parameters)))
     for rows in problem.blocks():

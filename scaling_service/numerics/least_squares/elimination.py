@@ -56,21 +56,13 @@ class Depth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elimination:
-    """The plan for one tree and one choice of free coordinates.
+    """The plan for one tree and one choice of free coordinates."""
 
-    Parameters
-    ----------
-    depths : tuple of Depth
-        The deepest first.
-    variables, column_row : ndarray of int, shape (n_columns,)
-        The coordinate of each column, and the row of its link.
-    row_of_link, link_of_row : ndarray of int, shape (n_links,)
-    moves : _Moves
-    """
-
-    depths: tuple[Depth, ...]
+    depths: tuple[Depth, ...]  # The deepest first
+    # variables, column_row: (n_columns,): the coordinate of each column, and the row of its link
     variables: Index
     column_row: Index
+    # row_of_link, link_of_row: (n_links,)
     row_of_link: Index
     link_of_row: Index
     moves: _Moves
@@ -232,21 +224,13 @@ def step(
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
-    Parameters
-    ----------
-    mass : ndarray, shape (n_rows, 6, 7, n)
-        Curvature and wrench of every link's own markers; overwritten.
-    twist : ndarray, shape (c, 6, n)
-    damping : PivotDamping
-    second : ndarray, shape (n,)
-        One where second derivatives are used, else zero.
-    pull, limits : optional
-        Tasks and bounds of the coordinates.
+    ``mass`` (n_rows, 6, 7, n): curvature and wrench of every link's own markers; overwritten.
+    ``twist``: (c, 6, n).
+    ``second`` (n,): one where second derivatives are used, else zero.
+    ``pull``, ``limits``: tasks and bounds of the coordinates.
 
-    Notes
-    -----
-    A coordinate that would pass its bound is moved just to it, and what carries it is then
-    eliminated knowing so.
+    A coordinate that would pass its bound is moved just to it, and what carries it is then eliminated knowing
+    so.
     """
     bend = _bend(plan, mass, twist, second) if second.any() else None
     grown, (count, _, n) = 1.0 + damping.share, twist.shape

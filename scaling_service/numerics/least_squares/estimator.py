@@ -9,23 +9,30 @@ gives the covariance of the parameters and tells which of them the recording can
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from scaling_service.numerics.least_squares.border import DampingShares, linearise, trial_step
-from scaling_service.numerics.least_squares.problem import Problem, frame_costs, prior_cost, total_cost
+from scaling_service.numerics.least_squares.border import DampingShares, frame_slopes, linearise, trial_step
+from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.problem import (
+    Problem,
+    frame_costs,
+    prior_cost,
+    residuals,
+    total_cost,
+)
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.noise import residual_variance
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 _STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls
 _LEAST = 1e-12
 _EASE, _TIGHTEN = 0.2, 8.0  # chosen: a frame's own damping after a step that helped it, or did not
 _NULL = 1e-8  # curvature below this share of the largest means that nothing determines the direction
+_RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 _SHARE = 1e-4  # of a parameter's direction where nothing is determined, beyond which it is not either
 
 
@@ -87,69 +94,12 @@ def solve(
 ) -> Solution:
     """Estimate motion and parameters together (Levenberg-Marquardt on the arrowhead system).
 
-    Parameters
-    ----------
-    q0 : ndarray, shape (n_frames, n_coordinates), rad or m
-    p0 : ndarray, shape (n_parameters,)
-        Centre of the priors, and the parameters' first guess unless ``start`` is given.
-    progress : callable, optional
-        Called with the step's number and the cost.
-    start : ndarray, shape (n_parameters,), optional
+    ``q0``: (n_frames, n_coordinates), rad or m.
+    ``p0`` (n_parameters,): centre of the priors, and the parameters' first guess unless ``start`` is given.
+    ``progress``: called with the step's number and the cost.
+    ``start``: (n_parameters,).
     """
-    return _descend(problem, q0, p0, p0 if start is None else start, settings, progress)
-
-
-def solve_parameters(
-    problem: Problem, q: Array, p0: Array, start: Array, settings: Settings = DEFAULT
-) -> Solution:
-    """Estimate the parameters alone, the motion held (the second half of the alternating loop).
-
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates)
-    p0, start : ndarray, shape (n_parameters,)
-        Centre of the priors, and first guess.
-    """
-    return _descend(replace(problem, coordinates=np.zeros(0, dtype=np.intp)), q, p0, start, settings, None)
-
-
-def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
-    """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
-
-    Parameters
-    ----------
-    problem : Problem
-        Without parameters to estimate.
-    q0 : ndarray, shape (n_frames, n_coordinates)
-    p : ndarray, shape (n_parameters,)
-    """
-    q, p = problem.clipped(q0.copy(), p.copy())
-    cost = frame_costs(problem, q, p)
-    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
-    for steps in range(1, settings.max_steps + 1):
-        part = problem.of_frames(left)
-        moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
-        enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
-        going = (promised > enough) & (damping[left] < _STUCK)
-        left, moved = left[going], moved[going]
-        if not len(left):
-            return Solution(q, p, float(cost.sum()), steps, Outcome.CONVERGED)
-        trial = frame_costs(problem.of_frames(left), moved, p)
-        better = trial <= cost[left]
-        q[left[better]], cost[left[better]] = moved[better], trial[better]
-        damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
-    return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
-
-
-def _descend(
-    problem: Problem,
-    q0: Array,
-    p0: Array,
-    start: Array,
-    settings: Settings,
-    progress: Callable[[int, float], None] | None,
-) -> Solution:
-    q, p = problem.clipped(q0.copy(), start.copy())
+    q, p = problem.clipped(q0.copy(), (p0 if start is None else start).copy())
     cost, raise_by = total_cost(problem, q, p, p0), 2.0
     damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
@@ -168,6 +118,31 @@ def _descend(
             raise_by *= 2.0
         damping = DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
     return Solution(q, p, cost, settings.max_steps, Outcome.MAX_STEPS)
+
+
+def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
+    """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
+
+    ``problem``: without parameters to estimate.
+    ``q0``: (n_frames, n_coordinates).
+    ``p``: (n_parameters,).
+    """
+    q, p = problem.clipped(q0.copy(), p.copy())
+    cost = frame_costs(problem, q, p)
+    damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
+    for steps in range(1, settings.max_steps + 1):
+        part = problem.of_frames(left)
+        moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
+        enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
+        going = (promised > enough) & (damping[left] < _STUCK)
+        left, moved = left[going], moved[going]
+        if not len(left):
+            return Solution(q, p, float(cost.sum()), steps, Outcome.CONVERGED)
+        trial = frame_costs(problem.of_frames(left), moved, p)
+        better = trial <= cost[left]
+        q[left[better]], cost[left[better]] = moved[better], trial[better]
+        damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
+    return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
 
 
 def _each_frame_its_better(
@@ -195,12 +170,8 @@ def uncertainty(
 
     A parameter at its bound is treated as known. Priors count as far as their weights say.
 
-    Parameters
-    ----------
-    p0 : ndarray, shape (n_parameters,)
-        Centre of the priors.
-    variance : float, optional, m2
-        Of one marker coordinate in one independent frame; from the residuals if not given.
+    ``p0`` (n_parameters,): centre of the priors.
+    ``variance`` m2: of one marker coordinate in one independent frame; from the residuals if not given.
     """
     border = linearise(problem, solution.q, solution.p, p0, np.zeros(problem.n_frames))
     value = solution.p[problem.parameters]
@@ -228,3 +199,43 @@ def _inverse(curvature: Array) -> tuple[Array, Array]:
     values, vectors = linalg.eigh(0.5 * (curvature + curvature.T))
     known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
     return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]
+
+
+def residual_variance(problem: Problem, q: Array, p: Array) -> float:
+    """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
+
+    ``q``: (n_frames, n_coordinates).
+    ``p``: (n_parameters,).
+    """
+    shown = seen(problem.measured)
+    gaps = residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
+    total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
+    spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
+    left = max(3 * int(shown.sum()) - spent, 1)
+    return max(total / left, _RESOLUTION_M**2)
+
+
+def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float) -> float:
+    """How many frames say the same thing about the parameters, at least one.
+
+    Soft tissue moves with the movement, so it pulls a parameter the same way in every frame of a
+    trial. If frames were independent, the slopes of whole blocks (trials, or stretches of one) would
+    differ as the curvature says; how much more they differ is the design effect of the blocks
+    (the clustered form of Huber's sandwich; Liang & Zeger 1986).
+
+    ``blocks`` int (n_frames,): which block each frame belongs to.
+    ``variance`` m2: of one frame, as :func:`residual_variance` gives it.
+    """
+    names, sizes = np.unique(blocks, return_counts=True)
+    if len(names) < 2 or not len(problem.parameters):
+        return 1.0
+    border = linearise(problem, q, p, p, np.zeros(problem.n_frames))
+    curvature = border.curvature - np.diag(problem.prior_weight * problem.scale**2)
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
+    slopes = frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
+    sums = np.array([slopes[blocks == name].sum(axis=0) for name in names])
+    sums -= np.outer(sizes / len(blocks), sums.sum(axis=0))
+    free = 1.0 - float(((sizes / len(blocks)) ** 2).sum())
+    effect = float((sums**2).sum()) / (free * variance * max(int(known.sum()), 1))
+    return max(effect, 1.0)

@@ -11,14 +11,8 @@ Mask = NDArray[np.bool_]
 def seen(positions: NDArray[np.float64]) -> Mask:
     """Whether each position is known.
 
-    Parameters
-    ----------
-    positions : ndarray, shape (..., 3)
-        NaN in any coordinate means that the point was not seen.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
+    ``positions`` (..., 3): NaN in any coordinate means that the point was not seen.
+    Returns bool (...).
     """
     return np.asarray(np.isfinite(positions).all(axis=-1))
 

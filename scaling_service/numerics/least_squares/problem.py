@@ -4,51 +4,80 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.least_squares.losses import SQUARED, Loss
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, forward, positions
 
 _BLOCK = 256  # frames linearised together
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Markers to be explained by coordinates per frame and parameters shared by all frames.
+class Loss(Protocol):
+    """Cost of squared distances (m2), any shape, and their weight in iteratively reweighted least squares.
 
-    Parameters
-    ----------
-    tree : Tree
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-        NaN where a marker was not seen.
-    weights : ndarray, shape (n_markers,)
-    coordinates : ndarray of int, shape (n_free_coordinates,)
-        The coordinates to estimate.
-    parameters : ndarray of int, shape (n_free,)
-        The parameters to estimate.
-    scale, lower, upper : ndarray, shape (n_free,)
-        Size of a typical change (for normalisation) and bounds.
-    prior_weight : ndarray, shape (n_free,)
-        Weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none.
-    coordinate_bounds : pair of ndarray, shape (n_coordinates,)
-    signals : ndarray, shape (n_frames, n_signals), optional
-    loss : Loss
+    Huber 1964.
     """
 
+    def cost(self, squared: Array) -> Array:
+        """Cost, equal to ``squared`` near zero."""
+
+    def weight(self, squared: Array) -> Array:
+        """Derivative of the cost with respect to ``squared``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Squared:
+    """Plain least squares."""
+
+    def cost(self, squared: Array) -> Array:
+        """The squared distance itself."""
+        return squared
+
+    def weight(self, squared: Array) -> Array:
+        """One."""
+        return np.ones_like(squared)
+
+
+@dataclass(frozen=True, slots=True)
+class Huber:
+    """Quadratic up to ``scale_m``, linear beyond."""
+
+    scale_m: float
+
+    def cost(self, squared: Array) -> Array:
+        """``d^2`` up to the scale, ``2 s d - s^2`` beyond."""
+        distance = np.sqrt(squared)
+        return np.where(distance <= self.scale_m, squared, self.scale_m * (2.0 * distance - self.scale_m))
+
+    def weight(self, squared: Array) -> Array:
+        """One up to the scale, ``s / d`` beyond."""
+        distance = np.sqrt(np.maximum(squared, self.scale_m**2))
+        return self.scale_m / distance
+
+
+SQUARED = Squared()
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Markers to be explained by coordinates per frame and parameters shared by all frames."""
+
     tree: Tree
-    measured: Array
-    weights: Array
-    coordinates: NDArray[np.intp]
-    parameters: NDArray[np.intp]
+    measured: Array  # (n_frames, n_markers, 3), m: NaN where a marker was not seen
+    weights: Array  # (n_markers,)
+    coordinates: NDArray[np.intp]  # (n_free_coordinates,): the coordinates to estimate
+    parameters: NDArray[np.intp]  # (n_free,): the parameters to estimate
+    # scale, lower, upper: (n_free,): size of a typical change (for normalisation) and bounds
     scale: Array
     lower: Array
     upper: Array
+    # (n_free,): weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none
     prior_weight: Array
-    coordinate_bounds: tuple[Array, Array]
-    signals: Array | None = None
+    coordinate_bounds: tuple[Array, Array]  # each (n_coordinates,)
+    signals: Array | None = None  # (n_frames, n_signals)
     loss: Loss = SQUARED
 
     @property
@@ -69,6 +98,10 @@ class Problem:
         """The same of some frames."""
         signals = None if self.signals is None else self.signals[rows]
         return replace(self, measured=self.measured[rows], signals=signals)
+
+    def holding_motion(self) -> Problem:
+        """The same with no coordinate to estimate, only parameters."""
+        return replace(self, coordinates=np.zeros(0, dtype=np.intp))
 
     def clipped(self, q: Array, p: Array) -> tuple[Array, Array]:
         """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place."""

@@ -1,4 +1,4 @@
-"""Joint values from coordinates, shared parameters and known signals, with their derivatives.
+"""Joint values from coordinates, shared parameters and known signals, and the moves that they drive.
 
 A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate,
 a piecewise polynomial of one coordinate, or a signal; every distinct factor is evaluated once for
@@ -9,6 +9,7 @@ every operation runs over contiguous memory.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import perm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,10 @@ NONE = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piecewise:
-    """A piecewise polynomial, continued linearly outside its breaks.
+    """A piecewise polynomial, continued linearly outside its breaks."""
 
-    Parameters
-    ----------
-    breaks : ndarray, shape (n_pieces + 1,)
-    coefficients : ndarray, shape (degree + 1, n_pieces)
-        Highest power first, in the variable ``x - breaks[piece]``.
-    """
-
-    breaks: Array
-    coefficients: Array
+    breaks: Array  # (n_pieces + 1,)
+    coefficients: Array  # (degree + 1, n_pieces): highest power first, in the variable ``x - breaks[piece]``
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Value and slope at ``x`` (any shape)."""
@@ -40,11 +34,9 @@ class Piecewise:
 def evaluate_together(breaks: Array, coefficients: Array, x: Array) -> tuple[Array, Array]:
     """Values and slopes of piecewise polynomials that share their breaks.
 
-    Parameters
-    ----------
-    breaks : ndarray, shape (n_pieces + 1,)
-    coefficients : ndarray, shape (degree + 1, n_shapes, n_pieces)
-    x : ndarray, shape (n_shapes, n)
+    ``breaks``: (n_pieces + 1,).
+    ``coefficients``: (degree + 1, n_shapes, n_pieces).
+    ``x``: (n_shapes, n).
     """
     inside = np.minimum(np.maximum(x, breaks[0]), breaks[-1])  # np.clip is slow on small arrays
     piece = np.searchsorted(breaks[1:-1], inside, side="right")
@@ -78,6 +70,18 @@ class ShapeGroup:
     breaks: Array
     coefficients: Array
 
+    def derivatives(self, q: Array, order: int) -> Array:
+        """Derivatives of an order above one with the coordinates q (n_coordinates, n), (n_shapes, n)."""
+        x = q[self.coordinates]
+        inside = np.clip(x, self.breaks[0], self.breaks[-1])
+        piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
+        local = inside - self.breaks[piece]
+        taken = self.coefficients[:, np.arange(len(x))[:, None], piece]
+        degree, value = len(taken) - 1, np.zeros_like(local)
+        for power in range(degree, order - 1, -1):  # Horner, over powers
+            value = value * local + perm(power, order) * taken[degree - power]
+        return np.where(inside == x, value, 0.0)  # zero where a shape goes on linearly
+
 
 def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     """Sort the factors that are shapes into groups."""
@@ -98,6 +102,17 @@ def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
             )
         )
     return tuple(groups)
+
+
+def shape_derivatives(
+    groups: tuple[ShapeGroup, ...], n_factors: int, q: Array, order: int
+) -> list[Array | None]:
+    """Derivatives of an order above one, (n,) for every factor that is a shape, None for the others."""
+    found: list[Array | None] = [None] * n_factors
+    for group in groups:
+        for k, value in zip(group.factors, group.derivatives(q, order), strict=True):
+            found[k] = value
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,13 +146,10 @@ class Values:
     ) -> Values:
         """Evaluate all factors.
 
-        Parameters
-        ----------
-        q : ndarray, shape (n_coordinates, n_frames)
-        p : ndarray, shape (n_parameters,)
-        signals : ndarray, shape (n_signals, n_frames), optional
-        groups : tuple of ShapeGroup, optional
-            As :func:`shape_groups` gives them, where they are at hand.
+        ``q``: (n_coordinates, n_frames).
+        ``p``: (n_parameters,).
+        ``signals``: (n_signals, n_frames).
+        ``groups``: as :func:`shape_groups` gives them, where they are at hand.
         """
         values: list[Array] = []
         for factor in factors:
@@ -181,3 +193,38 @@ class Values:
     def by_parameter(self, term: TermArrays) -> Array | float:
         """Derivative of a term's scalar part with respect to its parameter, per unit gain."""
         return self.factors[term.factor] if term.factor != NONE else 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shift:
+    """A translation by ``constant + sum of terms``, expressed in the frame reached so far (m)."""
+
+    constant: Array
+    terms: tuple[TermArrays, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """A rotation about axis 0, 1 or 2 of the frame reached so far (rad)."""
+
+    axis: int
+    constant: float
+    terms: tuple[TermArrays, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fixed:
+    """A constant rotation, (3, 3), mapping the new frame to the one reached so far."""
+
+    rotation: Array
+
+
+Move = Shift | Turn | Fixed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """The moves that lead from a parent link to this one; parent ``NONE`` is ground."""
+
+    parent: int
+    moves: tuple[Move, ...]

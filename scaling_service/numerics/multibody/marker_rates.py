@@ -2,7 +2,8 @@
 
 A marker on a link that is varied by the twist xi = (v, w) moves by ``v + w x r``; rates follow by
 differentiating. All markers of a link are thus quadratic in the 18 numbers (xi, xi', xi''): they are summed
-on the link and up the tree, and projected on the joints last.
+on the link and up the tree, and projected on the joints last. Markers may also glide on their segments:
+shared shifts along the segments' axes, each times a known signal.
 """
 
 from __future__ import annotations
@@ -10,43 +11,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.motion import LinkMotion, point_acceleration, point_velocity
+from scaling_service.numerics.multibody.rigid import skew
 from scaling_service.numerics.multibody.screws import Screws
-from scaling_service.numerics.multibody.spatial import Moving, point_acceleration, point_velocity
-from scaling_service.numerics.multibody.tree import Tree, local_positions
+from scaling_service.numerics.multibody.tree import Tree, cross, local_positions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkerTargets:
-    """What markers should do, frames first.
+    """What markers should do, frames first."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (3, n, n_markers, 3), m, m/s, m/s2
-        Positions, velocities, accelerations.
-    weights : ndarray, shape (3, n, n_markers)
-        Of the squares; zero where nothing is known.
-    """
-
-    values: Array
-    weights: Array
+    values: Array  # (3, n, n_markers, 3), m, m/s, m/s2: positions, velocities, accelerations
+    weights: Array  # (3, n, n_markers): of the squares; zero where nothing is known
 
     def rows(self, rows: slice) -> MarkerTargets:
         """Only these frames."""
         return MarkerTargets(self.values[:, rows], self.weights[:, rows])
 
 
-def marker_motion(tree: Tree, p: Array, state: Moving) -> Array:
+def marker_motion(tree: Tree, p: Array, state: LinkMotion) -> Array:
     """Positions, velocities and accelerations of a tree's markers, (3, n, n_markers, 3).
 
-    Parameters
-    ----------
-    tree : Tree
-        With the links of the mechanism that moved.
-    p : ndarray, shape (n_parameters,)
-    state : Moving
+    ``tree``: with the links of the mechanism that moved.
+    ``p``: (n_parameters,).
     """
     link, local = tree.marker_link, local_positions(tree, p)
     at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
@@ -66,24 +57,14 @@ def marker_normal(
 ) -> tuple[Array, Array]:
     """Half the gradient and the Gauss-Newton matrix of the weighted squares, by frame.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    tree : Tree
-        With the markers.
-    screws : Screws
-        Of the mechanism's free coordinates.
-    rows : ndarray, shape (n, n_markers, 9, 18)
-        As :func:`rows_of_twists` gives them.
-    gap : ndarray, shape (3, n, n_markers, 3)
-    weights : ndarray, shape (3, n, n_markers)
-    m : int
-        The number of free coordinates.
-
-    Returns
-    -------
-    gradient : ndarray, shape (n, 3, m)
-    curvature : ndarray, shape (n, 3, 3, m, m)
+    ``tree``: with the markers.
+    ``screws``: of the mechanism's free coordinates.
+    ``rows`` (n, n_markers, 9, 18): as :func:`rows_of_twists` gives them.
+    ``gap``: (3, n, n_markers, 3).
+    ``weights``: (3, n, n_markers).
+    ``m``: the number of free coordinates.
+    Returns ``gradient``: (n, 3, m).
+    ``curvature``: (n, 3, 3, m, m).
     """
     moments, pulls = _on_links(tree, rows, gap, weights, mechanism.n_links)
     below = mechanism.carriers[screws.entries]
@@ -113,7 +94,7 @@ def rows_of_twists(moved: Array) -> Array:
     """How twists and their rates move markers and their rates, (n, n_markers, 9, 18)."""
     n, count = moved.shape[1:3]
     rows = np.zeros((n, count, 9, 18))
-    at, speed, pace = (_turned(part) for part in moved)
+    at, speed, pace = (-skew(part) for part in moved)
     for order in range(3):
         own = slice(3 * order, 3 * order + 3)
         rows[:, :, own, 6 * order : 6 * order + 3] = np.eye(3)
@@ -122,16 +103,6 @@ def rows_of_twists(moved: Array) -> Array:
     rows[:, :, 6:9, 3:6] = pace
     rows[:, :, 6:9, 9:12] = 2.0 * speed
     return rows
-
-
-def _turned(vector: Array) -> Array:
-    """Matrices that give ``w x vector`` for w, (..., 3, 3)."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    result = np.zeros((*vector.shape, 3))
-    result[..., 0, 1], result[..., 0, 2] = z, -y
-    result[..., 1, 0], result[..., 1, 2] = -z, x
-    result[..., 2, 0], result[..., 2, 1] = y, -x
-    return result
 
 
 def _projected(
@@ -156,3 +127,95 @@ def _projected(
             if not twins[row]:
                 curvature[:, b, :, a, :] += np.swapaxes(product[:, row], 1, 2)
     return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkerShifts:
+    """Shared numbers ``x``, each of which moves one marker by ``x * sd * signal(t)`` along one local axis."""
+
+    # marker, axis, signal: (k,)
+    marker: NDArray[np.intp]
+    axis: NDArray[np.intp]
+    signal: NDArray[np.intp]
+    sd: Array  # (k,), m: the shift for x = 1 where the signal is one
+    signals: Array  # (3, n, n_signals): with their first and second rates
+
+    @property
+    def count(self) -> int:
+        """How many shared numbers there are."""
+        return len(self.sd)
+
+    def rows(self, rows: slice) -> MarkerShifts:
+        """Only these frames."""
+        return MarkerShifts(self.marker, self.axis, self.signal, self.sd, self.signals[:, rows])
+
+    def columns(self, tree: Tree, state: LinkMotion) -> Array:
+        """Shifts per unit of each number, and their rates, (k, n, 9)."""
+        link = tree.marker_link[self.marker]
+        axes = state.poses.axes[link, self.axis]  # (k, 3, n)
+        spin, pace = state.twists[link, 3:], state.accelerations[link, 3:]
+        turned = cross(spin, axes)
+        bent = cross(pace, axes) + cross(spin, turned)
+        value, rate, second = ((self.sd * part[:, self.signal]).T[:, None] for part in self.signals)
+        found = np.empty((self.count, 9, value.shape[2]))
+        found[:, :3] = axes * value
+        found[:, 3:6] = turned * value + axes * rate
+        found[:, 6:] = bent * value + 2.0 * turned * rate + axes * second
+        return np.ascontiguousarray(found.transpose(0, 2, 1))
+
+    def moved(self, columns: Array, x: Array, count: int) -> Array:
+        """How far ``count`` markers are shifted, (3, n, count, 3)."""
+        total = np.zeros((count, *columns.shape[1:]))
+        for k, marker in enumerate(self.marker.tolist()):
+            total[marker] += x[k] * columns[k]
+        return total.reshape(count, -1, 3, 3).transpose(2, 1, 0, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShiftNormal:
+    """Normal equations of the shared numbers."""
+
+    gradient: Array  # (k,): half of it
+    corner: Array  # (k, k)
+    cross: Array  # (n, 3, m, k): coupling with q, qdot and qddot of every frame
+
+
+def shift_normal(
+    shifts: MarkerShifts,
+    mechanism: Mechanism,
+    tree: Tree,
+    screws: Screws,
+    rows: Array,
+    columns: Array,
+    gap: Array,
+    weights: Array,
+    m: int,
+) -> ShiftNormal:
+    """What markers say of the shared numbers, and how these go with the motion.
+
+    ``rows`` (n, n_markers, 9, 18): as ``rows_of_twists`` gives them for the shifted markers.
+    ``columns``: (k, n, 9).
+    ``gap``: (3, n, n_markers, 3).
+    ``weights``: (3, n, n_markers).
+    ``m``: the number of free coordinates.
+    """
+    n, marker = columns.shape[1], shifts.marker
+    gaps = np.ascontiguousarray(gap.transpose(2, 1, 0, 3)).reshape(-1, n, 9)
+    spread = np.repeat(weights.transpose(2, 1, 0), 3, axis=2)  # (n_markers, n, 9)
+    gradient, corner = np.empty(shifts.count), np.zeros((shifts.count, shifts.count))
+    pushed = np.empty((n, shifts.count, 18))
+    for one in np.unique(marker):
+        own = np.flatnonzero(marker == one)
+        heavy = columns[own] * spread[one]
+        flat = heavy.reshape(len(own), -1)
+        gradient[own] = -flat @ gaps[one].ravel()
+        corner[np.ix_(own, own)] = flat @ columns[own].reshape(len(own), -1).T
+        pushed[:, own] = heavy.swapaxes(0, 1) @ rows[:, one]
+    below = mechanism.carriers[screws.entries][:, tree.marker_link[marker]] > 0.0
+    by = np.ascontiguousarray(screws.variations().transpose(3, 0, 2, 1))  # (n, e, 3, 18)
+    coupling = np.zeros((n, 3, m, shifts.count))
+    for e, column in enumerate(screws.columns.tolist()):
+        some = np.flatnonzero(below[e])
+        if len(some):
+            coupling[:, :, column, some] += by[:, e] @ pushed[:, some].swapaxes(1, 2)
+    return ShiftNormal(gradient, corner, coupling)

@@ -27,20 +27,11 @@ N_PARAMETERS = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inertias:
-    """What every link weighs and how it resists turning.
+    """What every link weighs and how it resists turning."""
 
-    Parameters
-    ----------
-    mass : ndarray, shape (n_links,), kg
-    com : ndarray, shape (n_links, 3), m
-        Centre of mass in the link's frame.
-    tensor : ndarray, shape (n_links, 3, 3), kg m2
-        About the centre of mass, in the link's axes.
-    """
-
-    mass: Array
-    com: Array
-    tensor: Array
+    mass: Array  # (n_links,), kg
+    com: Array  # (n_links, 3), m: centre of mass in the link's frame
+    tensor: Array  # (n_links, 3, 3), kg m2: about the centre of mass, in the link's axes
 
     def parameters(self) -> Array:
         """The numbers that forces are linear in, shape (n_links, 10).
@@ -56,9 +47,7 @@ class Inertias:
     def of_parameters(cls, parameters: Array) -> Inertias:
         """The inverse of :meth:`parameters`; a link without mass keeps its centre at the origin.
 
-        Parameters
-        ----------
-        parameters : ndarray, shape (n_links, 10)
+        ``parameters``: (n_links, 10).
         """
         mass = parameters[:, 0]
         com = np.divide(
@@ -79,18 +68,10 @@ def _point_tensor(at: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """A compiled tree and what its links weigh.
+    """A compiled tree and what its links weigh."""
 
-    Parameters
-    ----------
-    tree : Tree
-        With every link that has mass.
-    inertias : Inertias
-        One row per link of the tree.
-    """
-
-    tree: Tree
-    inertias: Inertias
+    tree: Tree  # With every link that has mass
+    inertias: Inertias  # One row per link of the tree
 
     def __post_init__(self) -> None:
         if len(self.inertias.mass) != len(self.tree.links):

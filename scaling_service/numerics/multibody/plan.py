@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, Factor, TermArrays, Values
-from scaling_service.numerics.multibody.moves import Link, Shift, Turn
+from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Link, Shift, TermArrays, Turn, Values
 
 Index = NDArray[np.intp]
 _TO_AXIS = (
@@ -96,30 +95,19 @@ class Entry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Nodes sorted by depth, as arrays; row 0 is the ground.
+    """Nodes sorted by depth, as arrays; row 0 is the ground."""
 
-    Parameters
-    ----------
-    parent : ndarray of int, shape (n_nodes,)
-    levels : tuple of (slice, slice or ndarray of int)
-        Nodes of equal depth and the nodes that carry them, the shallowest first, ground left out.
-    link_node : ndarray of int, shape (n_links,)
-        The node that is each link's frame.
-    rotations : ndarray, shape (n_nodes, 9, 3)
-        A node's rotation, column by column, is ``rotations @ [1, sin(angle), cos(angle)]``.
-    angles, shifts : Linear
-        One row per node, and three rows per node.
-    entries : tuple of Entry
-        Every varying term, in the order of the links' moves.
-    """
-
-    parent: Index
+    parent: Index  # (n_nodes,)
+    # tuple of (slice, slice or ndarray of int): nodes of equal depth and the nodes that carry them, the
+    # shallowest first, ground left out
     levels: tuple[tuple[slice, slice | Index], ...]
-    link_node: Index
+    link_node: Index  # (n_links,): the node that is each link's frame
+    # (n_nodes, 9, 3): a node's rotation, column by column, is ``rotations @ [1, sin(angle), cos(angle)]``
     rotations: Array
+    # angles, shifts: One row per node, and three rows per node
     angles: Linear
     shifts: Linear
-    entries: tuple[Entry, ...]
+    entries: tuple[Entry, ...]  # Every varying term, in the order of the links' moves
 
 
 def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int) -> Plan:

@@ -23,31 +23,17 @@ _TINY_ANGLE = 1e-4  # rad, chosen: below it the next series term is under 1e-17 
 def fit_rigid(local: ArrayLike, measured: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
     """Rigid motion with ``measured ~ R @ local + t`` in the weighted least-squares sense.
 
-    Parameters
-    ----------
-    local : (..., m, 3) or (m, 3), m
-        The points in the body's own frame. NaN means that the point is not known.
-    measured : (..., m, 3), m
-        Where they were seen. NaN means that the point was not seen.
-    weights : (..., m) or (m,), optional
-        Not negative; a point of weight zero is not used. Ones by default.
+    ``local`` (..., m, 3) or (m, 3), m: the points in the body's own frame. NaN means that the point is not
+        known.
+    ``measured`` (..., m, 3), m: where they were seen. NaN means that the point was not seen.
+    ``weights`` (..., m) or (m,): not negative; a point of weight zero is not used. Ones by default.
+    Returns ``R`` (..., 3, 3): always a proper rotation, also where noise or a planar cloud would favour a
+        reflection.
+    ``t`` (..., 3), m: both are NaN where fewer than three points are usable or they lie on one line.
+    Raises ValueError: if the shapes do not fit each other, or a weight is negative.
 
-    Returns
-    -------
-    R : (..., 3, 3)
-        Always a proper rotation, also where noise or a planar cloud would favour a reflection.
-    t : (..., 3), m
-        Both are NaN where fewer than three points are usable or they lie on one line.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit each other, or a weight is negative.
-
-    Notes
-    -----
-    Soderkvist I., Wedin P.-A. (1993) Determining the movements of the skeleton using well-configured
-    markers. J Biomech 26:1473-1477, with weights carried through the means and the dispersion.
+    Soderkvist I., Wedin P.-A. (1993) Determining the movements of the skeleton using well-configured markers.
+    J Biomech 26:1473-1477, with weights carried through the means and the dispersion.
 
     Examples
     --------
@@ -95,14 +81,8 @@ def _nearest_rotation(matrices: Array) -> tuple[Array, Array]:
 def nearest_rotation(matrices: ArrayLike) -> Array:
     """The proper rotation closest to each matrix in the Frobenius norm.
 
-    Parameters
-    ----------
-    matrices : (..., 3, 3), finite
-
-    Returns
-    -------
-    (..., 3, 3)
-        Kabsch W. (1978) Acta Cryst A34:827-828.
+    ``matrices``: (..., 3, 3), finite.
+    Returns (..., 3, 3) (Kabsch W. 1978, Acta Cryst A34:827-828).
     """
     return _nearest_rotation(np.asarray(matrices, float))[0]
 
@@ -110,13 +90,8 @@ def nearest_rotation(matrices: ArrayLike) -> Array:
 def skew(vectors: ArrayLike) -> Array:
     """The matrix ``S`` with ``S @ b == cross(a, b)``.
 
-    Parameters
-    ----------
-    vectors : (..., 3)
-
-    Returns
-    -------
-    (..., 3, 3)
+    ``vectors``: (..., 3).
+    Returns (..., 3, 3).
     """
     a = np.asarray(vectors, float)
     matrix = np.zeros((*a.shape, 3))
@@ -129,13 +104,8 @@ def skew(vectors: ArrayLike) -> Array:
 def rotation_from_vector(vectors: ArrayLike) -> Array:
     """Rotation about each vector's direction by its length (Rodrigues' formula).
 
-    Parameters
-    ----------
-    vectors : (..., 3), rad
-
-    Returns
-    -------
-    (..., 3, 3)
+    ``vectors``: (..., 3), rad.
+    Returns (..., 3, 3).
 
     Examples
     --------
@@ -157,14 +127,9 @@ def rotation_from_vector(vectors: ArrayLike) -> Array:
 def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Rotation about a fixed unit axis.
 
-    Parameters
-    ----------
-    axis : (..., 3), unit length
-    angle : (...), rad
-
-    Returns
-    -------
-    (..., 3, 3)
+    ``axis``: (..., 3), unit length.
+    ``angle``: (...), rad.
+    Returns (..., 3, 3).
     """
     return rotation_from_vector(np.asarray(angle, float)[..., None] * np.asarray(axis, float))
 
@@ -172,17 +137,9 @@ def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Array:
 def vector_from_rotation(rotations: ArrayLike) -> Array:
     """Axis times angle of each rotation, with the angle between 0 and pi.
 
-    Parameters
-    ----------
-    rotations : (..., 3, 3), proper
+    ``rotations``: (..., 3, 3), proper.
+    Returns (..., 3), rad: NaN where the rotation holds NaN.
 
-    Returns
-    -------
-    (..., 3), rad
-        NaN where the rotation holds NaN.
-
-    Notes
-    -----
     Through the unit quaternion by its largest component (Shepperd 1978, J Guid Control 1:223-224), which
     stays accurate at angles near 0 and near pi.
     """

@@ -12,32 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.law_rates import Motion, curvatures
-from scaling_service.numerics.multibody.laws import NONE, Array, ShapeGroup
+from scaling_service.numerics.multibody.laws import NONE, Array, shape_derivatives
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.spatial import Moving, moving
+from scaling_service.numerics.multibody.motion import LinkMotion, Motion, move_links
 from scaling_service.numerics.multibody.tree import cross
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screws:
-    """Screws of some of a mechanism's entries along a motion.
+    """Screws of some of a mechanism's entries along a motion."""
 
-    Parameters
-    ----------
-    entries : ndarray of int, shape (k,)
-        Rows of ``mechanism.entries``.
-    columns : ndarray of int, shape (k,)
-        Which of the free coordinates each follows.
-    rates : ndarray, shape (3, k, 6, n)
-        The screw per unit of the coordinate, and its first and second rates.
-    state : Moving
-    """
-
-    entries: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    rates: Array
-    state: Moving
+    entries: NDArray[np.intp]  # (k,): rows of ``mechanism.entries``
+    columns: NDArray[np.intp]  # (k,): which of the free coordinates each follows
+    rates: Array  # (3, k, 6, n): the screw per unit of the coordinate, and its first and second rates
+    state: LinkMotion
 
     def variations(self) -> Array:
         """Twists and their rates per unit of q, qdot and qddot, shape (k, 18, 3, n).
@@ -74,15 +62,10 @@ def force_cross(twist: Array, wrench: Array) -> Array:
 def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.intp]) -> Screws:
     """Screws of the entries that free coordinates drive.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    free : ndarray of int, shape (m,)
-        Coordinates.
+    ``p``: (n_parameters,).
+    ``free`` int (m,): coordinates.
     """
-    state = moving(mechanism, motion, p)
+    state = move_links(mechanism, motion, p)
     slopes, curves = _slope_rates(mechanism, motion, p, state)
     speeds = state.screws * slopes[:, None]  # of all entries, for those that are locked never move
     rate = np.array([np.zeros(motion.n) if c == NONE else motion.qdot[c] for c in mechanism.coordinates])
@@ -113,14 +96,13 @@ def _carried(mechanism: Mechanism, twists: Array) -> Array:
 
 
 def _slope_rates(
-    mechanism: Mechanism, motion: Motion, p: Array, state: Moving
+    mechanism: Mechanism, motion: Motion, p: Array, state: LinkMotion
 ) -> tuple[Array, tuple[Array, Array]]:
     """First, second and third derivatives of every entry's law with its coordinate, (n_entries, n) each."""
     tree, n = mechanism.tree, motion.n
-    second = curvatures(tree.shape_groups, len(tree.factors), motion.q)
-    third = _third_derivatives(tree.shape_groups, len(tree.factors), motion.q)
     bends = []
-    for found in (second, third):
+    for order in (2, 3):
+        found = shape_derivatives(tree.shape_groups, len(tree.factors), motion.q, order)
         rows = np.zeros((len(mechanism.entries), n))
         for row, entry in enumerate(mechanism.entries):
             value = found[entry.term.factor]
@@ -128,21 +110,3 @@ def _slope_rates(
                 rows[row] = value * (p[entry.term.parameter] if entry.term.parameter != NONE else 1.0)
         bends.append(rows)
     return state.slopes, (bends[0], bends[1])
-
-
-def _third_derivatives(groups: tuple[ShapeGroup, ...], count: int, q: Array) -> list[Array | None]:
-    """Of all shapes with respect to their coordinates; zero where they go on linearly."""
-    found: list[Array | None] = [None] * count
-    for group in groups:
-        x = q[group.coordinates]
-        inside = np.clip(x, group.breaks[0], group.breaks[-1])
-        piece = np.searchsorted(group.breaks[1:-1], inside, side="right")
-        local = inside - group.breaks[piece]
-        taken = group.coefficients[:, np.arange(len(x))[:, None], piece]
-        degree, value = len(taken) - 1, np.zeros_like(local)
-        for power in range(degree, 2, -1):  # Horner, over powers
-            value = value * local + power * (power - 1) * (power - 2) * taken[degree - power]
-        value = np.where(inside == x, value, 0.0)
-        for row, k in enumerate(group.factors):
-            found[k] = value[row]
-    return found

@@ -51,35 +51,20 @@ _TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SweepSettings:
-    """When to stop, and how strongly to damp.
-
-    Parameters
-    ----------
-    max_steps : int
-    left : float
-        Stop a frame when its step leaves less than this share of its cost to be gained. That step is
-        still taken; if steps go on to promise less at the same rate, what it leaves is
-        ``promise * rate / (1 - rate)``.
-    step_tolerance : float
-        Or when no coordinate moves by more than this (rad or m).
-    longest : float
-        The most by which any coordinate may move in a step (rad or m); beyond the default, chosen, a
-        linearised rotation means little.
-    damping : float
-        First Levenberg-Marquardt damping, as a share of each pivot.
-    quorum : float
-        Share of the frames that must have converged; the others may then stay behind.
-    close : bool
-        Whether the start is near enough for second derivatives from the first step on.
-    """
+    """When to stop, and how strongly to damp."""
 
     max_steps: int = 60
+    # Stop a frame when its step leaves less than this share of its cost to be gained. That step is still
+    # taken; if steps go on to promise less at the same rate, what it leaves is ``promise * rate / (1 -
+    # rate)``.
     left: float = 1e-8
-    step_tolerance: float = 1e-9
+    step_tolerance: float = 1e-9  # Or when no coordinate moves by more than this (rad or m)
+    # The most by which any coordinate may move in a step (rad or m); beyond the default, chosen, a linearised
+    # rotation means little
     longest: float = 0.8
-    damping: float = 1e-6
-    quorum: float = 1.0
-    close: bool = False
+    damping: float = 1e-6  # First Levenberg-Marquardt damping, as a share of each pivot
+    quorum: float = 1.0  # Share of the frames that must have converged; the others may then stay behind
+    close: bool = False  # Whether the start is near enough for second derivatives from the first step on
 
 
 DEFAULT = SweepSettings()
@@ -182,26 +167,16 @@ def solve_motion(
     Minimises ``sum_m w_m |measured_m - model_m(q)|^2 + sum_c v_c (q_c - prior_c)^2`` in every frame
     by damped Gauss-Newton steps with projection on the bounds.
 
-    Parameters
-    ----------
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-        NaN where a marker was not seen.
-    weights : ndarray, shape (n_markers,) or (n_frames, n_markers)
-    q0 : ndarray, shape (n_frames, n_coordinates), rad or m
-    p : ndarray, shape (n_parameters,)
-    free : ndarray of bool, shape (n_coordinates,), optional
-        Coordinates to estimate; the others stay at ``q0``.
-    bounds : pair of ndarray, shape (n_coordinates,), optional
-    prior : pair of ndarray (n_frames, n_coordinates) and (n_coordinates,), optional
-        Values and weights of coordinate tasks.
-    signals : ndarray, shape (n_frames, n_signals), optional
-    progress : callable, optional
-        Called with the number of frames done.
-
-    Raises
-    ------
-    ValueError
-        The tree is not articulated (see :func:`is_articulated`).
+    ``measured`` (n_frames, n_markers, 3), m: NaN where a marker was not seen.
+    ``weights``: (n_markers,) or (n_frames, n_markers).
+    ``q0``: (n_frames, n_coordinates), rad or m.
+    ``p``: (n_parameters,).
+    ``free`` bool (n_coordinates,): coordinates to estimate; the others stay at ``q0``.
+    ``bounds``: each (n_coordinates,).
+    ``prior`` each (n_frames, n_coordinates) and (n_coordinates,): values and weights of coordinate tasks.
+    ``signals``: (n_frames, n_signals).
+    ``progress``: called with the number of frames done.
+    Raises ValueError: the tree is not articulated (see :func:`is_articulated`).
     """
     if not is_articulated(tree):
         raise ValueError("a coordinate enters several links: use the estimator")

@@ -18,12 +18,13 @@ from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
     Factor,
+    Fixed,
+    Link,
     ShapeGroup,
     TermArrays,
     Values,
     shape_groups,
 )
-from scaling_service.numerics.multibody.moves import Fixed, Link
 from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
 
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
@@ -40,26 +41,14 @@ class MarkerTerm:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """A compiled body model: indices and arrays, no names.
+    """A compiled body model: indices and arrays, no names."""
 
-    Parameters
-    ----------
-    links : tuple of Link
-        Parents first.
-    factors : tuple of Factor
-    n_coordinates, n_parameters : int
-    marker_link : ndarray of int, shape (n_markers,)
-    marker_local : ndarray, shape (n_markers, 3), m
-        The constant part of the local positions.
-    marker_terms : tuple of MarkerTerm
-    """
-
-    links: tuple[Link, ...]
+    links: tuple[Link, ...]  # Parents first
     factors: tuple[Factor, ...]
     n_coordinates: int
     n_parameters: int
-    marker_link: NDArray[np.intp]
-    marker_local: Array
+    marker_link: NDArray[np.intp]  # (n_markers,)
+    marker_local: Array  # (n_markers, 3), m: the constant part of the local positions
     marker_terms: tuple[MarkerTerm, ...] = ()
 
     @property
@@ -145,17 +134,11 @@ def rates_of(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Ar
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """Frames of all nodes and links for a block of frames.
-
-    Parameters
-    ----------
-    plan : Plan
-    frames : ndarray, shape (n_nodes, 4, 3, n_frames)
-        ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]`` its origin (m).
-    values : Values
-    """
+    """Frames of all nodes and links for a block of frames."""
 
     plan: Plan
+    # (n_nodes, 4, 3, n_frames): ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]``
+    # its origin (m)
     frames: Array
     values: Values
 
@@ -191,14 +174,11 @@ def forward(
 ) -> Poses:
     """Poses of all links.
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_coordinates, n_frames), rad or m
-    p : ndarray, shape (n_parameters,)
-    signals : ndarray, shape (n_signals, n_frames), optional
-    ground : ndarray, shape (3, n_frames), m, optional
-        Where the ground origin lies; zero unless given. Moving it near the body keeps moments
-        about it small.
+    ``q``: (n_coordinates, n_frames), rad or m.
+    ``p``: (n_parameters,).
+    ``signals``: (n_signals, n_frames).
+    ``ground`` (3, n_frames), m: where the ground origin lies; zero unless given. Moving it near the body
+        keeps moments about it small.
     """
     plan, n = tree.plan, q.shape[1]
     values = Values.of(tree.factors, q, p, signals, tree.shape_groups)
@@ -276,16 +256,9 @@ def cross(a: Array, b: Array) -> Array:
 def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp]) -> Array:
     """Derivatives of all marker positions with respect to some variables.
 
-    Parameters
-    ----------
-    placed : ndarray, shape (n_markers, 3, n_frames)
-        As :func:`positions` gives them.
-    variables : ndarray of int, shape (n_variables,)
-        Coordinates first, then ``n_coordinates + parameter``.
-
-    Returns
-    -------
-    ndarray, shape (n_variables, n_markers, 3, n_frames)
+    ``placed`` (n_markers, 3, n_frames): as :func:`positions` gives them.
+    ``variables`` int (n_variables,): coordinates first, then ``n_coordinates + parameter``.
+    Returns (n_variables, n_markers, 3, n_frames).
     """
     row = {int(v): k for k, v in enumerate(variables)}
     result = np.zeros((len(variables), *placed.shape))
@@ -314,15 +287,10 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
 def marker_positions(tree: Tree, q: Array, p: Array, signals: Array | None = None) -> Array:
     """Marker positions in ground for coordinates by frame.
 
-    Parameters
-    ----------
-    q : ndarray, shape (n_frames, n_coordinates), rad or m
-    p : ndarray, shape (n_parameters,)
-    signals : ndarray, shape (n_frames, n_signals), optional
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_markers, 3), m
+    ``q``: (n_frames, n_coordinates), rad or m.
+    ``p``: (n_parameters,).
+    ``signals``: (n_frames, n_signals).
+    Returns (n_frames, n_markers, 3), m.
     """
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
     known = None if signals is None else np.ascontiguousarray(signals.T)

@@ -26,13 +26,8 @@ MIN_CONTEXT = 2
 def runs(flags: Mask) -> NDArray[np.intp]:
     """Start (inclusive) and stop (exclusive) of every run of True.
 
-    Parameters
-    ----------
-    flags : (n_frames,) bool
-
-    Returns
-    -------
-    (n_runs, 2) int
+    ``flags``: (n_frames,) bool.
+    Returns (n_runs, 2) int.
 
     Examples
     --------
@@ -50,28 +45,13 @@ def runs(flags: Mask) -> NDArray[np.intp]:
 def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:
     """Central moving average, run several times in alternating direction.
 
-    Parameters
-    ----------
-    signal : (n_frames, ...)
-        NaN where not seen.
-    window : int
-        Odd number of frames: five in Puchaud et al. 2019, sec. 2.1.
-    passes : int
-        Two in Puchaud et al. 2019, in opposite directions.
+    ``signal`` (n_frames, ...): NaN where not seen.
+    ``window``: odd number of frames: five in Puchaud et al. 2019, sec. 2.1.
+    ``passes``: two in Puchaud et al. 2019, in opposite directions.
+    Returns (n_frames, ...): NaN exactly where the signal is. Near the end of a run the window shrinks to the
+        widest one that is still central, so nothing is shifted and a straight line is returned unchanged.
+    Raises ValueError: if the window is not odd and positive.
 
-    Returns
-    -------
-    (n_frames, ...)
-        NaN exactly where the signal is. Near the end of a run the window shrinks to the widest one
-        that is still central, so nothing is shifted and a straight line is returned unchanged.
-
-    Raises
-    ------
-    ValueError
-        If the window is not odd and positive.
-
-    Notes
-    -----
     A central average has no phase, so a pass backwards equals a pass forwards. Two passes attenuate by
     ``(sin(5 pi f) / (5 sin(pi f)))**2`` with f in cycles per frame: half power at 0.065 of the frame rate
     (6.5 Hz at 100 Hz).
@@ -112,40 +92,24 @@ def _central_mean(x: Array, reach: Sequence[Mask]) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Filtered:
-    """A filtered signal, and where it had to be left as it was.
+    """A filtered signal, and where it had to be left as it was."""
 
-    Parameters
-    ----------
-    values : (n_frames, ...)
-    unfiltered : (n_frames, ...) bool
-        True on the seen samples of runs that are too short to filter; ``values`` holds them unchanged.
-    """
-
-    values: Array
+    values: Array  # (n_frames, ...)
+    # (n_frames, ...) bool: true on the seen samples of runs that are too short to filter; ``values`` holds
+    # them unchanged
     unfiltered: Mask
 
 
 def single_pass_cutoff(cutoff_hz: float, rate_hz: float, order: int) -> float:
     """Cutoff of the one-pass Butterworth filter that gives ``cutoff_hz`` after two passes.
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        Where the two passes together shall have half power (-3 dB).
-    rate_hz : float
-    order : int
-        Of the single pass.
+    ``cutoff_hz``: where the two passes together shall have half power (-3 dB).
+    ``order``: of the single pass.
 
-    Returns
-    -------
-    float, Hz
-
-    Notes
-    -----
-    Two passes give half power where one has ``1/sqrt(2)`` power, that is ``w**(2 order) = sqrt(2) - 1``
-    with w relative to the single cutoff (Winter 2009, Biomechanics and Motor Control of Human Movement,
-    sec. 3.4.4.2). Exact for the digital filter because w is the ratio of the tangents that the bilinear
-    transform makes of the frequencies.
+    Two passes give half power where one has ``1/sqrt(2)`` power, that is ``w**(2 order) = sqrt(2) - 1`` with
+    w relative to the single cutoff (Winter 2009, Biomechanics and Motor Control of Human Movement, sec.
+    3.4.4.2). Exact for the digital filter because w is the ratio of the tangents that the bilinear transform
+    makes of the frequencies.
     """
     warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (0.5 / order)
     return float(np.arctan(warped) * rate_hz / np.pi)
@@ -154,24 +118,12 @@ def single_pass_cutoff(cutoff_hz: float, rate_hz: float, order: int) -> float:
 def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> Filtered:
     """Zero-phase low-pass Butterworth filter, forwards and backwards.
 
-    Parameters
-    ----------
-    signal : (n_frames, ...)
-        NaN where not seen; each run between NaNs is filtered by itself.
-    rate_hz, cutoff_hz : float
-        The cutoff is where the result has half power (-3 dB), not where one pass has it.
-    order : int
-        The effective, even order: half of it runs forwards and half backwards.
-
-    Returns
-    -------
-    Filtered
-        Runs too short for the filter's start-up are returned unchanged and marked.
-
-    Raises
-    ------
-    ValueError
-        If the order is not even and positive or the cutoff is not below half the rate.
+    ``signal`` (n_frames, ...): NaN where not seen; each run between NaNs is filtered by itself.
+    ``rate_hz``, ``cutoff_hz``: the cutoff is where the result has half power (-3 dB), not where one pass has
+        it.
+    ``order``: the effective, even order: half of it runs forwards and half backwards.
+    Runs too short for the filter's start-up are returned unchanged and marked.
+    Raises ValueError: if the order is not even and positive or the cutoff is not below half the rate.
     """
     if order < 2 or order % 2:
         raise ValueError("a filter run in both directions has an even order")
@@ -219,21 +171,12 @@ def _shared_runs(flags: Mask) -> dict[tuple[int, int], list[int]]:
 def fill_short_gaps(signal: ArrayLike, *, longest: int) -> tuple[Array, Mask]:
     """Interpolate gaps of at most ``longest`` frames by a cubic spline with continuous second derivative.
 
-    Parameters
-    ----------
-    signal : (n_frames, n_columns, k)
-        A column is seen where all its k components are.
-    longest : int
-        Frames. Gaps at either end of the recording, and gaps without two seen frames directly on both
-        sides, are left.
+    ``signal`` (n_frames, n_columns, k): a column is seen where all its k components are.
+    ``longest``: frames. Gaps at either end of the recording, and gaps without two seen frames directly on
+        both sides, are left.
+    Returns ``values``: (n_frames, n_columns, k).
+    ``filled``: (n_frames, n_columns) bool.
 
-    Returns
-    -------
-    values : (n_frames, n_columns, k)
-    filled : (n_frames, n_columns) bool
-
-    Notes
-    -----
     Puchaud et al. 2019, sec. 2.1: C2 spline below 0.15 s. The spline runs through all seen samples of the
     column; the weight of a sample falls by 0.27 with each frame away from the gap.
     """

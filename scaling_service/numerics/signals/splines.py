@@ -7,16 +7,20 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import solveh_banded
 
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.filters import runs
 
 DEGREE = 5
-"""Quintic: accelerations are then smooth cubics."""
+"""Quintic: accelerations are then smooth cubics. OpenSim differentiates coordinates by such splines too."""
 
 ORDER = DEGREE + 1
 """Basis functions that a time meets."""
+
+MIN_SAMPLES = ORDER
+"""A spline of that degree needs as many samples."""
 
 ORDERS = 3
 """Value, first and second derivative."""
@@ -30,13 +34,6 @@ a sample says, far above rounding)."""
 class SplineBasis:
     """Quintic B-splines on even knots, seen at some times.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-        Strictly increasing.
-    spacing_s : float
-        Between knots, about: the recording is divided evenly.
-
     Examples
     --------
     >>> import numpy as np
@@ -47,8 +44,8 @@ class SplineBasis:
     True
     """
 
-    times: Array
-    spacing_s: float
+    times: Array  # (n,), s: strictly increasing
+    spacing_s: float  # Between knots, about: the recording is divided evenly
 
     def __post_init__(self) -> None:
         if len(self.times) < ORDER or not (np.diff(self.times) > 0).all() or not self.spacing_s > 0:
@@ -99,13 +96,8 @@ class SplineBasis:
     def evaluate(self, coefficients: Array) -> tuple[Array, Array, Array]:
         """Values, first and second derivatives at the times.
 
-        Parameters
-        ----------
-        coefficients : ndarray, shape (n_coefficients, m)
-
-        Returns
-        -------
-        three ndarrays, shape (n, m)
+        ``coefficients``: (n_coefficients, m).
+        Returns three ndarrays, shape (n, m).
         """
         taken = coefficients[self.first[:, None] + np.arange(ORDER)]
         value, first, second = np.moveaxis(self.weights @ taken, 1, 0)
@@ -114,10 +106,7 @@ class SplineBasis:
     def fit(self, values: ArrayLike) -> Array:
         """Coefficients nearest to samples at the times, shape (n_coefficients, m).
 
-        Parameters
-        ----------
-        values : (n, m)
-            NaN where not known; elsewhere nothing is asked.
+        ``values`` (n, m): NaN where not known; elsewhere nothing is asked.
         """
         samples = np.asarray(values, dtype=float)
         known = np.isfinite(samples)
@@ -143,3 +132,34 @@ class SplineBasis:
         band[0] += _RIDGE * band[0].max()
         found: Array = solveh_banded(band, right, lower=True)
         return found
+
+
+def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    """First and second derivatives of sampled signals that may have gaps, by natural quintic splines.
+
+    ``times`` (n,), s: strictly increasing.
+    ``values`` (n, m): NaN where not known.
+    Returns ``first``, ``second`` (n, m), per s and per s2: each run of known samples has a spline of its own,
+        so a gap spoils nothing beyond itself. NaN where the signal is NaN and in runs shorter than
+        ``MIN_SAMPLES``. Near both ends of a run the accelerations bend towards a vanishing third derivative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0.0, 1.0, 101)
+    >>> first, second = spline_rates(t, np.sin(t)[:, None])
+    >>> bool(np.allclose(second[20:-20, 0], -np.sin(t)[20:-20], atol=1e-8))
+    True
+    """
+    t, x = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    first, second = np.full(x.shape, np.nan), np.full(x.shape, np.nan)
+    patterns, member = np.unique(np.isfinite(x), axis=1, return_inverse=True)
+    for k in range(patterns.shape[1]):
+        columns = np.flatnonzero(member.ravel() == k)
+        ends = [(order, np.zeros(len(columns))) for order in (3, 4)]  # natural (de Boor 2001, ch. V)
+        for start, stop in runs(patterns[:, k]).tolist():
+            if stop - start >= MIN_SAMPLES:
+                rows, part = slice(start, stop), np.ix_(np.arange(start, stop), columns)
+                spline = make_interp_spline(t[rows], x[part], k=DEGREE, bc_type=(ends, ends))
+                first[part], second[part] = spline(t[rows], 1), spline(t[rows], 2)
+    return first, second

@@ -29,25 +29,15 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quadratic:
-    """``value + 2 gradient . d + d . matrix d`` of coefficients and shared numbers moved by d.
-
-    Parameters
-    ----------
-    value : float
-    gradient : ndarray, shape (n_coefficients, m)
-    blocks : ndarray, shape (ORDER, n_coefficients, m, m)
-        ``blocks[lag, a]`` stands at block row ``a + lag``, block column ``a``.
-    shared_gradient : ndarray, shape (k,)
-    border : ndarray, shape (n_coefficients, m, k)
-    corner : ndarray, shape (k, k)
-    """
+    """``value + 2 gradient . d + d . matrix d`` of coefficients and shared numbers moved by d."""
 
     value: float
-    gradient: Array
+    gradient: Array  # (n_coefficients, m)
+    # (ORDER, n_coefficients, m, m): ``blocks[lag, a]`` stands at block row ``a + lag``, block column ``a``
     blocks: Array
-    shared_gradient: Array
-    border: Array
-    corner: Array
+    shared_gradient: Array  # (k,)
+    border: Array  # (n_coefficients, m, k)
+    corner: Array  # (k, k)
 
     def at(self, step: Step) -> float:
         """The value after a step."""
@@ -69,15 +59,9 @@ class Quadratic:
 def gathered(basis: SplineBasis, rows: slice, blocks: Array, curvature: Array) -> None:
     """Add what frames say to blocks of the coefficients.
 
-    Parameters
-    ----------
-    basis : SplineBasis
-    rows : slice
-        Which frames.
-    blocks : ndarray, shape (ORDER, n_coefficients, m, m)
-        Changed in place.
-    curvature : ndarray, shape (n_rows, 3, 3, m, m)
-        ``[:, i, j]`` couples the i-th derivative of q to the j-th.
+    ``rows``: which frames.
+    ``blocks`` (ORDER, n_coefficients, m, m): changed in place.
+    ``curvature`` (n_rows, 3, 3, m, m): ``[:, i, j]`` couples the i-th derivative of q to the j-th.
     """
     first, weights = basis.first[rows], basis.weights[rows]
     start, last = int(first[0]), int(first[-1])
@@ -125,21 +109,11 @@ def banded(blocks: Array) -> Array:
 def solve_band(band: Array, right: Array, held: NDArray[np.bool_]) -> Array:
     """Solve for the coefficients that are not held; held ones are zero.
 
-    Parameters
-    ----------
-    band : ndarray, shape (u + 1, size)
-        Lower band of a symmetric matrix; not changed.
-    right : ndarray, shape (size, columns)
-    held : ndarray of bool, shape (size,)
-
-    Returns
-    -------
-    ndarray, shape (size, columns)
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        The matrix is not positive definite.
+    ``band`` (u + 1, size): lower band of a symmetric matrix; not changed.
+    ``right``: (size, columns).
+    ``held``: bool (size,).
+    Returns (size, columns).
+    Raises scipy.linalg.LinAlgError: the matrix is not positive definite.
     """
     if held.any():
         band, right = band.copy(), np.where(held[:, None], 0.0, right)

@@ -74,12 +74,9 @@ def agreement(
 
     The reference may be the known truth, under a name of its own.
 
-    Raises
-    ------
-    ValueMissing
-        A subject lacks the method or the reference, or a value is not finite; both are named.
-    ComparisonImpossible
-        Fewer than three subjects.
+    Raises ValueMissing: a subject lacks the method or the reference, or a value is not finite; both are
+        named.
+    Raises ComparisonImpossible: fewer than three subjects.
 
     Examples
     --------
@@ -116,24 +113,14 @@ def agreement(
 def bland_altman(values: ArrayLike, reference: ArrayLike, *, confidence: float = 0.95) -> BlandAltman:
     """Bias and limits of agreement of paired values.
 
-    Parameters
-    ----------
-    values, reference : array_like, shape (n_subjects,)
-    confidence : float
-        Of the intervals.
+    ``values``, ``reference``: (n_subjects,).
+    ``confidence``: of the intervals.
+    Raises ValueMissing: a value that is not finite.
+    Raises ComparisonImpossible: fewer than three pairs, or shapes that differ.
 
-    Raises
-    ------
-    ValueMissing
-        A value that is not finite.
-    ComparisonImpossible
-        Fewer than three pairs, or shapes that differ.
-
-    Notes
-    -----
-    Bland & Altman 1986 (Lancet 327:307-310) with the standard error of a limit from Bland & Altman
-    1999 (Stat Methods Med Res 8:135-160, section 2.1), s² (1/n + z² / (2 (n - 1))), of which the earlier
-    paper's 3 s²/n is the rounded form.
+    Bland & Altman 1986 (Lancet 327:307-310) with the standard error of a limit from Bland & Altman 1999 (Stat
+    Methods Med Res 8:135-160, section 2.1), s² (1/n + z² / (2 (n - 1))), of which the earlier paper's 3 s²/n
+    is the rounded form.
     """
     ours, theirs = _finite(values), _finite(reference)
     if ours.ndim != 1 or ours.shape != theirs.shape:
@@ -160,24 +147,11 @@ def bland_altman(values: ArrayLike, reference: ArrayLike, *, confidence: float =
 def intraclass_correlations(table: ArrayLike, *, confidence: float = 0.95) -> tuple[Estimate, Estimate]:
     """ICC(2,1), of absolute agreement, and ICC(3,1), of consistency.
 
-    Parameters
-    ----------
-    table : array_like, shape (n_subjects, n_methods)
+    ``table``: (n_subjects, n_methods).
+    Returns ``absolute``, ``consistent``: of single measurements; NaN where all values are one.
+    Raises ValueMissing: a value that is not finite.
+    Raises ComparisonImpossible: fewer than three subjects or two methods.
 
-    Returns
-    -------
-    absolute, consistent : Estimate
-        Of single measurements; NaN where all values are one.
-
-    Raises
-    ------
-    ValueMissing
-        A value that is not finite.
-    ComparisonImpossible
-        Fewer than three subjects or two methods.
-
-    Notes
-    -----
     Shrout & Fleiss 1979 (Psychol Bull 86:420-428); intervals from McGraw & Wong 1996 (Psychol Methods
     1:30-46, table 7, ICC(A,1) and ICC(C,1)), that of ICC(2,1) with Satterthwaite's degrees of freedom.
     """

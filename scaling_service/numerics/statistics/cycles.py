@@ -24,25 +24,16 @@ FEWEST = 4
 class Curves:
     """One curve per subject and method.
 
-    Parameters
-    ----------
-    quantity : str
-        What the curves are, such as a coordinate's name.
-    subjects, methods : tuples of str
-    values : ndarray, shape (n_subjects, n_methods, n_nodes)
-        The first node is 0 % and the last 100 % of the cycle; any unit, the tests have none.
-
-    Raises
-    ------
-    ValueMissing
-        A node that is not finite; subject, method and node are named.
-    ComparisonImpossible
-        Fewer than two subjects, methods or nodes, or a shape that does not fit the names.
+    Raises ValueMissing: a node that is not finite; subject, method and node are named.
+    Raises ComparisonImpossible: fewer than two subjects, methods or nodes, or a shape that does not fit the
+        names.
     """
 
-    quantity: str
+    quantity: str  # What the curves are, such as a coordinate's name
     subjects: tuple[str, ...]
     methods: tuple[str, ...]
+    # (n_subjects, n_methods, n_nodes): the first node is 0 % and the last 100 % of the cycle; any unit, the
+    # tests have none
     values: Array
 
     def __post_init__(self) -> None:
@@ -63,28 +54,16 @@ def normalised_cycles(
 ) -> Array:
     """Cut cycles out of a recording and put each on the same nodes, by a cubic spline.
 
-    Parameters
-    ----------
-    times : (n_frames,), s, increasing
-    values : (n_frames, n_curves)
-    cycles : sequence of (start_s, end_s)
-        They may overlap and need not fall on frames.
-    names : sequence of str, length n_curves
-    trial : str
-        Its name, for messages.
-    nodes : int
-        From 0 to 100 % of the cycle, both included.
-
-    Returns
-    -------
-    ndarray, shape (n_cycles, n_curves, nodes)
-        The first two axes batch; units as given.
-
-    Raises
-    ------
-    TrialUnusable
-        A cycle that ends before it starts, leaves the recording or has fewer than four frames, or a
-        value within it (or in the frame at either side of it) that is not finite: gaps are not bridged.
+    ``times``: (n_frames,), s, increasing.
+    ``values``: (n_frames, n_curves).
+    ``cycles`` sequence of (start_s, end_s): they may overlap and need not fall on frames.
+    ``names``: sequence of str, length n_curves.
+    ``trial``: its name, for messages.
+    ``nodes``: from 0 to 100 % of the cycle, both included.
+    Returns (n_cycles, n_curves, nodes): the first two axes batch; units as given.
+    Raises TrialUnusable: a cycle that ends before it starts, leaves the recording or has fewer than four
+        frames, or a value within it (or in the frame at either side of it) that is not finite: gaps are not
+        bridged.
 
     Examples
     --------

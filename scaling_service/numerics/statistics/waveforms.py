@@ -29,24 +29,16 @@ from scaling_service.numerics.statistics.permutation_tests import (
 
 @dataclass(frozen=True, slots=True)
 class WaveformSettings:
-    """How curves are compared.
+    """How curves are compared."""
 
-    Parameters
-    ----------
-    alpha : float
-        Chance of any false finding along a curve; shared by the pairs.
-    rearrangements : int
-        All are taken where they are no more than this, else so many are drawn. Chosen: with 10,000 the
-        level reached has a standard error of 0.2 % at 5 %.
-    exchange : 'labels' or 'signs'
-        What the analysis of variance exchanges within subjects. ``labels`` supposes, like the parametric
-        test, that methods scatter alike; where one scatters three times as much as four others it finds
-        a difference of means that is not there in 25 % of cohorts (the parametric test: 23 %). ``signs``
-        holds there too, but offers few rearrangements: 2^(n - 1). The paired tests always exchange signs.
-    """
-
-    alpha: float = 0.05
+    alpha: float = 0.05  # Chance of any false finding along a curve; shared by the pairs
+    # All are taken where they are no more than this, else so many are drawn. Chosen: with 10,000 the level
+    # reached has a standard error of 0.2 % at 5 %.
     rearrangements: int = 10_000
+    # What the analysis of variance exchanges within subjects. ``labels`` supposes, like the parametric test,
+    # that methods scatter alike; where one scatters three times as much as four others it finds a difference
+    # of means that is not there in 25 % of cohorts (the parametric test: 23 %). ``signs`` holds there too,
+    # but offers few rearrangements: 2^(n - 1). The paired tests always exchange signs.
     exchange: Literal["labels", "signs"] = "labels"
 
     def __post_init__(self) -> None:
@@ -107,20 +99,11 @@ def compare_waveforms(
 ) -> WaveformComparison:
     """Compare curves between methods: analysis of variance, then paired tests where it is significant.
 
-    Parameters
-    ----------
-    curves : Curves
-        One per subject and method: several cycles of a subject are averaged before, for they are not
+    ``curves``: one per subject and method: several cycles of a subject are averaged before, for they are not
         independent.
-    rng : numpy.random.Generator
-        Used only where rearrangements are too many to take all.
-    reference : str, optional
-        Only the pairs with this method are tested, and alpha is shared by those; else all pairs.
-
-    Raises
-    ------
-    ComparisonImpossible
-        A reference that is not among the methods.
+    ``rng``: used only where rearrangements are too many to take all.
+    ``reference``: only the pairs with this method are tested, and alpha is shared by those; else all pairs.
+    Raises ComparisonImpossible: a reference that is not among the methods.
 
     Examples
     --------
@@ -152,10 +135,7 @@ def repeated_measures_anova(
 ) -> CurveTest:
     """One-way analysis of variance with repeated measures along curves, by exchange within subjects.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_subjects, n_conditions, n_nodes)
-        Complete: use ``Curves`` to make sure.
+    ``values`` (n_subjects, n_conditions, n_nodes): complete: use ``Curves`` to make sure.
     """
     chosen = settings or WaveformSettings()
     _refuse_gaps(values)
@@ -178,11 +158,8 @@ def paired_t_test(
 ) -> CurveTest:
     """Paired two-tailed t test along curves, by exchange of signs.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (n_subjects, n_nodes)
-    n_tests : int
-        Alpha is divided by it (Bonferroni).
+    ``first``, ``second``: (n_subjects, n_nodes).
+    ``n_tests``: alpha is divided by it (Bonferroni).
     """
     chosen = settings or WaveformSettings()
     _refuse_gaps(first)

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.spatial import Moving, moving, point_acceleration
+from scaling_service.numerics.multibody.motion import LinkMotion, Motion, move_links, point_acceleration
 from scaling_service.numerics.multibody.tree import cross
 
 GRAVITY = np.array([0.0, -9.80665, 0.0])
@@ -57,7 +56,7 @@ def moment_about(wrench: Array, point: Array) -> Array:
     return result
 
 
-def link_wrenches(mechanism: Mechanism, state: Moving, gravity: Array = GRAVITY) -> Array:
+def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAVITY) -> Array:
     """The wrench beside gravity that moves each link as it moves.
 
     Force and moment about the ground origin, ground axes, (n_links, 6, n).
@@ -84,26 +83,16 @@ def root_wrench(
 ) -> tuple[Array, Array]:
     """The net wrench that moves the whole body, without the forces in the joints.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time.
-
-    Returns
-    -------
-    wrench : ndarray, shape (6, n)
-        Force (N) and moment about the *ground origin* (N m). Subtract the loads and use
-        :func:`moment_about` for the residual.
-    root : ndarray, shape (3, n), m
-        The origin of the first link.
+    ``p``: (n_parameters,).
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time.
+    Returns ``wrench`` (6, n): force (N) and moment about the *ground origin* (N m). Subtract the loads and
+        use :func:`moment_about` for the residual.
+    ``root`` (3, n), m: the origin of the first link.
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in blocks(motion.n, size):
-        state = moving(mechanism, motion.block(rows), p)
+        state = move_links(mechanism, motion.block(rows), p)
         link_wrenches(mechanism, state, gravity).sum(axis=0, out=wrench[:, rows])
         root[:, rows] = state.poses.origins[0]
     return wrench, root
@@ -120,21 +109,15 @@ def inverse_dynamics(
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    loads : Loads, optional
-        None: nothing touches the body.
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time; the result does not depend on it.
+    ``p``: (n_parameters,).
+    ``loads``: None: nothing touches the body.
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time; the result does not depend on it.
     """
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
     for rows in blocks(motion.n, size):
-        state = moving(mechanism, motion.block(rows), p)
+        state = move_links(mechanism, motion.block(rows), p)
         wrenches = link_wrenches(mechanism, state, gravity)
         if loads is not None:
             np.subtract.at(wrenches, loads.links, loads.wrenches[..., rows])
@@ -144,7 +127,7 @@ def inverse_dynamics(
     return Dynamics(forces, residual, root)
 
 
-def joint_forces(mechanism: Mechanism, state: Moving, wrenches: Array) -> Array:
+def joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Array) -> Array:
     """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.numerics.multibody.law_rates import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Mechanism
-from scaling_service.numerics.multibody.spatial import Moving, moving, point_acceleration
+from scaling_service.numerics.multibody.motion import LinkMotion, Motion, move_links, point_acceleration
 from scaling_service.numerics.multibody.tree import cross
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY, blocks
 
@@ -36,29 +35,20 @@ def regressor_blocks(
 ) -> Iterator[RegressorBlock]:
     """Regressors of the ground wrench.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Its inertias are not used.
-    motion : Motion
-    p : ndarray, shape (n_parameters,)
-    gravity : ndarray, shape (3,), m/s2
-    size : int
-        Frames at a time: bounds the memory.
-
-    Yields
-    ------
-    RegressorBlock
-        In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
+    ``mechanism``: its inertias are not used.
+    ``p``: (n_parameters,).
+    ``gravity``: (3,), m/s2.
+    ``size``: frames at a time: bounds the memory.
+    In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
     """
     for rows in blocks(motion.n, size):
-        state = moving(mechanism, motion.block(rows), p)
+        state = move_links(mechanism, motion.block(rows), p)
         links = _link_regressors(state, gravity).reshape(-1, 6, rows.stop - rows.start)
         links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
         yield RegressorBlock(rows, np.ascontiguousarray(np.moveaxis(links, -1, 0).transpose(0, 2, 1)))
 
 
-def _link_regressors(state: Moving, gravity: Array) -> Array:
+def _link_regressors(state: LinkMotion, gravity: Array) -> Array:
     """Wrench of each link about the ground origin per parameter, (n_links, 10, 6, n)."""
     axes, origins = state.poses.axes, state.poses.origins
     spin, pace = state.twists[:, 3:], state.accelerations[:, 3:]

@@ -13,8 +13,8 @@ import numpy as np
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
+from scaling_service.numerics.multibody.motion import LinkMotion
 from scaling_service.numerics.multibody.screws import Screws, force_cross, motion_cross
-from scaling_service.numerics.multibody.spatial import Moving
 from scaling_service.numerics.multibody.tree import cross
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY, link_wrenches
 
@@ -31,14 +31,9 @@ class WrenchRates:
 def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY) -> WrenchRates:
     """Derivatives of the net wrench.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    screws : Screws
-        Of its free coordinates.
-    m : int
-        The number of free coordinates.
-    gravity : ndarray, shape (3,), m/s2
+    ``screws``: of its free coordinates.
+    ``m``: the number of free coordinates.
+    ``gravity``: (3,), m/s2.
     """
     state, n = screws.state, screws.rates.shape[-1]
     inertia = spatial_inertias(mechanism, state)
@@ -67,7 +62,7 @@ def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = 
     return WrenchRates(forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0)))
 
 
-def spatial_inertias(mechanism: Mechanism, state: Moving) -> Array:
+def spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
     """Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist."""
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins

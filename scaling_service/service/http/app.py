@@ -9,6 +9,8 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
+from scaling_service.capabilities.playback.document import ResidualScene, SceneDocument
+from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
     documentation,
@@ -63,8 +65,12 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     ):
         app.include_router(router)
     problems.install(app)
-    bodies = (*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS)
-    documentation.install(app, jobs.models(service.kinds).union(bodies))
+    documentation.install(
+        app,
+        service.kinds,
+        bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
+        answers=(Problem, SceneDocument, ResidualScene),
+    )
     app.add_middleware(problems.Shield)
     app.add_middleware(monitoring.Watching, registry=app.state.registry)
     return app

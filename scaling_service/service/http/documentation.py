@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from html import escape
 from typing import Any
 
@@ -12,9 +12,9 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel
-from pydantic.json_schema import models_json_schema
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode, models_json_schema
 
-from scaling_service.documents.service import Problem
+from scaling_service.service.jobs.kinds import Kind
 
 router = APIRouter(include_in_schema=False)
 
@@ -44,30 +44,67 @@ _ANYWHERE: list[dict[str, list[str]]] = [{"key": []}, {}]
 """A key, or nothing: on the machine itself, while the service has no key."""
 
 
+_REFERENCE = "#/components/schemas/{model}"
+
+
+def _reference(name: str) -> dict[str, str]:
+    return {"$ref": _REFERENCE.format(model=name)}
+
+
+RESULT = _reference("JobResult")
+"""The schema of what a job finds: one of the kinds' results."""
+
+
 def json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
     """The part of a route's description that tells of its body, which the route reads itself.
 
     The example runs as it stands; the body follows one of the models, which :func:`install` is told, too.
     """
-    choices = [{"$ref": f"#/components/schemas/{model.__name__}"} for model in models]
+    choices = [_reference(model.__name__) for model in models]
     schema = choices[0] if len(choices) == 1 else {"anyOf": choices}
     content = {"schema": schema, "examples": {"example": {"value": example}}}
     return {"requestBody": {"required": True, "content": {"application/json": content}}}
 
 
-def install(app: FastAPI, models: Iterable[type[BaseModel]]) -> None:
-    """Have the application describe itself, once; models are beyond what the routes' signatures tell."""
-    described: list[type[BaseModel]] = sorted({Problem, *models}, key=lambda model: model.__name__)
+class _Schema(GenerateJsonSchema):
+    """What the service sends has every field, also those with a default."""
+
+    def field_is_required(self, field: Any, total: bool) -> bool:
+        return self.mode == "serialization" or super().field_is_required(field, total)
+
+
+def install(
+    app: FastAPI,
+    kinds: Mapping[str, Kind],
+    bodies: Iterable[type[BaseModel]],
+    answers: Iterable[type[BaseModel]],
+) -> None:
+    """Have the application describe itself, once.
+
+    What is asked of the kinds of jobs and what they find is described, and the models of bodies and answers
+    that no route's signature tells of.
+    """
 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
-            app.openapi_schema = _made(app, described)
+            app.openapi_schema = _described(app, kinds, bodies, answers)
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign]
 
 
-def _made(app: FastAPI, models: Sequence[type[BaseModel]]) -> dict[str, Any]:
+def _described(
+    app: FastAPI,
+    kinds: Mapping[str, Kind],
+    bodies: Iterable[type[BaseModel]],
+    answers: Iterable[type[BaseModel]],
+) -> dict[str, Any]:
+    asked = {*bodies, *(kind.request for kind in kinds.values() if kind.route is not None)}
+    results = {kind.result for kind in kinds.values() if kind.result is not None}
+    models: list[tuple[type[BaseModel], JsonSchemaMode]] = [(model, "validation") for model in asked]
+    models += [(model, "serialization") for model in results.union(answers)]
+    models.sort(key=lambda entry: entry[0].__name__)
+    _, more = models_json_schema(models, ref_template=_REFERENCE, schema_generator=_Schema)
     found = get_openapi(
         title=app.title,
         version=app.version,
@@ -75,11 +112,10 @@ def _made(app: FastAPI, models: Sequence[type[BaseModel]]) -> dict[str, Any]:
         routes=app.routes,
         tags=app.openapi_tags,
     )
-    _, more = models_json_schema(
-        [(model, "validation") for model in models], ref_template="#/components/schemas/{model}"
-    )
     components = found.setdefault("components", {})
     components["schemas"] = _merged(components.get("schemas", {}), more["$defs"])
+    names = sorted(model.__name__ for model in results)
+    components["schemas"]["JobResult"] = {"anyOf": [_reference(name) for name in names]} if names else {}
     components["securitySchemes"] = _SECURITY
     for name in ("HTTPValidationError", "ValidationError"):  # problems take their place
         components["schemas"].pop(name, None)

@@ -19,11 +19,11 @@ from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.jobs import State
-from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress
+from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
 from scaling_service.service.http.bodies import read_json, writing
 from scaling_service.service.http.callers import Asked, Desk, Owner
 from scaling_service.service.http.contents import archive, file_responses, stored_file, unless_known
-from scaling_service.service.http.documentation import json_body
+from scaling_service.service.http.documentation import RESULT, json_body
 from scaling_service.service.http.problems import described
 from scaling_service.service.http.subjects import Cursor, Size, entries, moment
 from scaling_service.service.jobs.kinds import Kind
@@ -166,7 +166,7 @@ async def get_events(
     response_class=Response,
     responses=described(404)
     | {
-        200: {"description": "The result", "content": {"application/json": {"schema": {}}}},
+        200: {"description": "The result", "content": {"application/json": {"schema": RESULT}}},
         304: {"description": "Unchanged"},
     },
 )
@@ -185,7 +185,7 @@ def get_origin(job: JobId, owner: Owner, service: Desk) -> Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
     return Origin(
-        specification=json.loads(service.specification(owner, job)),
+        specification=Specification.model_validate_json(service.specification(owner, job)),
         provenance=None if made is None else json.loads(made),
     )
 
@@ -256,13 +256,6 @@ def asking_routes(kinds: Mapping[str, Kind]) -> APIRouter:
             openapi_extra=json_body(example_of(kind.request), kind.request),
         )(_asking(name))
     return router
-
-
-def models(kinds: Mapping[str, Kind]) -> set[type[BaseModel]]:
-    """What requests and results of the kinds follow."""
-    return {kind.request for kind in kinds.values() if kind.route is not None} | {
-        kind.result for kind in kinds.values() if kind.result is not None
-    }
 
 
 def example_of(model: type[BaseModel]) -> dict[str, Any]:

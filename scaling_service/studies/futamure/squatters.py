@@ -18,10 +18,10 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.derivatives import SplineRates
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 from scaling_service.virtual.motion import wander
 
@@ -186,7 +186,7 @@ def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
 def _squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
     times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
     q = _posture(seed, name, model, times)
-    qdot, qddot = SplineRates(times).rates(q)
+    qdot, qddot = spline_rates(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
     wrench = root_wrench(mechanism_of(model), truth.rates, parameter_values(model))[0].T
     return Squats(

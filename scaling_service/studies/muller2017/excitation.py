@@ -23,12 +23,12 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.derivatives import spline_rates
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 from scaling_service.virtual.motion import wander
 from scaling_service.virtual.sequence import sequence

@@ -30,9 +30,9 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.derivatives import spline_rates
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import forward, positions
+from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY, root_wrench
 from scaling_service.recording.plates_feet import assign_plates, foot_loads
 from scaling_service.recording.synchronise import synchronise

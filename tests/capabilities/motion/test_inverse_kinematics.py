@@ -14,7 +14,7 @@ from scaling_service.model.body import BodyModel, Joint, Law, Marker
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.losses import Huber
+from scaling_service.numerics.least_squares.problem import Huber
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.numerics.bodies import Array
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from scaling_service.numerics.multibody.derivatives import SplineRates
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth, butterworth_sections
+from scaling_service.numerics.signals.splines import spline_rates
 
 CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
@@ -23,7 +23,7 @@ def pulled(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2, in six frames or more."""
     flat = places.reshape(len(places), -1)
     smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=_cutoff(step), order=2 * _PASS).values
-    return np.asarray(-_splines(len(flat), step).rates(smooth)[1].reshape(places.shape))
+    return np.asarray(-spline_rates(step * np.arange(len(flat)), smooth)[1].reshape(places.shape))
 
 
 def _cutoff(step: float) -> float:
@@ -46,11 +46,6 @@ def pulled_taps(step: float) -> tuple[Array, Array]:
 def oscillator_taps(step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
     """What :func:`oscillate` is once begun: taps of the pull and of the place, from each frame backwards."""
     return _filters(step, frequency_hz, damping)[0]
-
-
-@lru_cache(maxsize=32)
-def _splines(count: int, step: float) -> SplineRates:
-    return SplineRates(step * np.arange(count, dtype=float))
 
 
 def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

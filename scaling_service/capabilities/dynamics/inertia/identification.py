@@ -79,36 +79,18 @@ def identify_inertia(
 ) -> InertialIdentification:
     """Identify the inertia of a model's segments.
 
-    Parameters
-    ----------
-    model : BodyModel
-        Its inertia is the prior: a table's, or the model's own.
-    fitted : sequence of ForceRecording
-        Motions of this model with all external loads.
-    held_out : sequence of ForceRecording
-        Never fitted; they say whether it helped.
-    supported : (6,) bool, optional
-        Components of the ground wrench (fx, fy, fz, mx, my, mz) whose residual exceeds the uncertainty of
-        the measurement, so that it may be blamed on the inertia. Only these are used. A planar model has
-        fx, fy, mz. All by default.
-    noise : (6,), N and N m, optional
-        Standard deviation of the error of each component that inertia is not to blame for. Unless given, the
-        most likely size, with ``ARM_M`` between forces and moments.
-    settings : IdentificationSettings
+    ``model``: its inertia is the prior: a table's, or the model's own.
+    ``fitted``: motions of this model with all external loads.
+    ``held_out``: never fitted; they say whether it helped.
+    ``supported`` (6,) bool: components of the ground wrench (fx, fy, fz, mx, my, mz) whose residual exceeds
+        the uncertainty of the measurement, so that it may be blamed on the inertia. Only these are used. A
+        planar model has fx, fy, mz. All by default.
+    ``noise`` (6,), N and N m: standard deviation of the error of each component that inertia is not to blame
+        for. Unless given, the most likely size, with ``ARM_M`` between forces and moments.
+    Raises TrialUnusable: no component is supported (unless ``despite_verdict``), or no frame has motion and
+        forces.
+    Raises InputError: no recording is given to fit.
 
-    Returns
-    -------
-    InertialIdentification
-
-    Raises
-    ------
-    TrialUnusable
-        No component is supported (unless ``despite_verdict``), or no frame has motion and forces.
-    InputError
-        No recording is given to fit.
-
-    Notes
-    -----
     Minimises ``sum |(Y phi - w) / noise|^2 / repeats + |z|^2``, where ``phi = phi_0 + S z`` with the prior's
     spread S, over the eigenvectors of the whitened information that exceed ``DECIDES``, so that
     pseudo-inertias stay positive definite and centres of mass in their boxes. ``repeats`` is how many frames

@@ -24,12 +24,12 @@ from scaling_service.capabilities.dynamics.uncertainty.linear import (
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import inertias_of, mechanism_of
-from scaling_service.numerics.multibody.derivatives import spline_rates
-from scaling_service.numerics.multibody.law_rates import Motion as Rates
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import jacobian, marker_positions, positions
 from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.regressor import regressor_blocks
 
 SHARED = 0.75

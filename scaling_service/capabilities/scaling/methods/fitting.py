@@ -22,12 +22,16 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.estimator import Outcome, Solution, solve, solve_parameters
-from scaling_service.numerics.least_squares.losses import SQUARED, Huber
+from scaling_service.numerics.least_squares.estimator import (
+    Outcome,
+    Solution,
+    repetition,
+    residual_variance,
+    solve,
+)
 from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.least_squares.problem import Problem, total_cost
+from scaling_service.numerics.least_squares.problem import SQUARED, Huber, Problem, total_cost
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.noise import repetition, residual_variance
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
 
@@ -160,7 +164,7 @@ def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) 
     cost, outcome, loop = total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
     while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
-        p = solve_parameters(fit.problem, q, fit.p0, p).p
+        p = solve(fit.problem.holding_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
         before, cost = cost, total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:

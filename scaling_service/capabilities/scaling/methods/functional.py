@@ -52,8 +52,6 @@ class Cluster:
 
         NaN in frames that show fewer than three of its markers, or markers that do not fit each other.
 
-        References
-        ----------
         Soderkvist & Wedin 1993, J Biomech 26:1473-1477.
         """
         measured = trial.selected(self.labels).markers

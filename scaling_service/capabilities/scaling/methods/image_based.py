@@ -216,10 +216,8 @@ class ImageBased:
         The marker-based model stays where nothing was imaged. Where the image shows no marker, those of
         imaged segments are placed from the standing trial.
 
-        Raises
-        ------
-        SubjectInvalid
-            There are no images, the model is not of the built-in leg's kind, or no leg is imaged whole.
+        Raises SubjectInvalid: there are no images, the model is not of the built-in leg's kind, or no leg is
+            imaged whole.
         """
         assert start is not None
         evidence, standing = session.images, session.static

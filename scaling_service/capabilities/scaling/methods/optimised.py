@@ -217,10 +217,7 @@ class Optimised:
     ) -> Calibration:
         """Free what the method frees on the start's model, and fit it to the calibration trials.
 
-        Raises
-        ------
-        TrialUnusable
-            No calibration trial shows a marker of the model.
+        Raises TrialUnusable: no calibration trial shows a marker of the model.
         """
         assert start is not None
         clock = time.perf_counter()

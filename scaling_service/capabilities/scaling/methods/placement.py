@@ -122,8 +122,6 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     ``model``: already scaled.
     ``trial``: the static trial.
 
-    References
-    ----------
     OpenSim 4 documentation, "How Scaling Works"; compared with its ScaleTool in the tests.
     """
     pose = _average(trial, placement.time_range)

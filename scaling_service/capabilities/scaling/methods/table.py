@@ -85,19 +85,11 @@ def calibrate(
 ) -> Calibration:
     """Scale a session's model by one method.
 
-    Parameters
-    ----------
-    method : str
-        A key of :data:`METHODS`.
-    known : dict, optional
-        Calibrations done already; a method's first guess is taken from here, and what is done is added.
-    progress : callable, optional
-        Called with the step's number and the cumulative kinematic error (m2).
-
-    Raises
-    ------
-    SubjectInvalid
-        There is no such method.
+    ``method``: a key of :data:`METHODS`.
+    ``known``: calibrations done already; a method's first guess is taken from here, and what is done is
+        added.
+    ``progress``: called with the step's number and the cumulative kinematic error (m2).
+    Raises SubjectInvalid: there is no such method.
     """
     check_method(method)
     done = {} if known is None else known

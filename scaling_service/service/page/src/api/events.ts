@@ -1,10 +1,9 @@
 /** A job's progress as server-sent events, read with fetch, for EventSource cannot carry a key. */
 
 import { pause, recovered } from "./connection.ts";
-import type { Job } from "./documents.ts";
-import { isOver } from "./documents.ts";
 import { getJson, send } from "./http.ts";
 import { isAbort, Problem } from "./problem.ts";
+import type { JobDocument } from "./schema.ts";
 
 /** Browsers open six connections to a server, for all tabs together; other requests need some of them. */
 const MOST_STREAMS = 2;
@@ -13,12 +12,17 @@ const LOOK_MS = 1500;
 
 let streams = 0;
 
+/** Whether nothing more happens to a job by itself. */
+export function isOver(job: JobDocument): boolean {
+  return job.state === "done" || job.state === "failed" || job.state === "cancelled";
+}
+
 /** The job each time that it changes, until it is over.
  *
  * A stream that breaks is opened again. Where many jobs are followed at once, those without a stream are
  * looked at every now and then until one is free.
  */
-export async function* jobsOf(id: string, known: number, signal: AbortSignal): AsyncGenerator<Job> {
+export async function* jobsOf(id: string, known: number, signal: AbortSignal): AsyncGenerator<JobDocument> {
   let seen = known;
   for (;;) {
     for await (const job of streams < MOST_STREAMS ? streamed(id, seen, signal) : looked(id, seen, signal)) {
@@ -31,24 +35,24 @@ export async function* jobsOf(id: string, known: number, signal: AbortSignal): A
   }
 }
 
-async function* looked(id: string, seen: number, signal: AbortSignal): AsyncGenerator<Job> {
+async function* looked(id: string, seen: number, signal: AbortSignal): AsyncGenerator<JobDocument> {
   await pause(LOOK_MS);
   signal.throwIfAborted();
-  const job = await getJson<Job>(`/v1/jobs/${id}`, signal);
+  const job = await getJson<JobDocument>(`/v1/jobs/${id}`, signal);
   if (job.revision > seen) yield job;
 }
 
-async function* streamed(id: string, seen: number, signal: AbortSignal): AsyncGenerator<Job> {
+async function* streamed(id: string, seen: number, signal: AbortSignal): AsyncGenerator<JobDocument> {
   streams += 1;
   try {
     const answer = await send(`/v1/jobs/${id}/events`, { headers: { "Last-Event-ID": String(seen) }, signal });
     if (answer.status === 204 || answer.body === null) {
-      yield await getJson<Job>(`/v1/jobs/${id}`, signal);
+      yield await getJson<JobDocument>(`/v1/jobs/${id}`, signal);
       return;
     }
     for await (const event of eventsOf(answer.body)) {
       if (event.name === "gone") throw new Problem({ problem: "The job was deleted" }, 404);
-      yield JSON.parse(event.data) as Job;
+      yield JSON.parse(event.data) as JobDocument;
     }
   } catch (error) {
     if (isAbort(error) || error instanceof Problem) throw error;

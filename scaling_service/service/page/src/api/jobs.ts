@@ -1,14 +1,13 @@
 /** Jobs: ask, look, follow, cancel, fetch. */
 
-import type { FileEntry, Job, Origin, Page } from "./documents.ts";
-import { isOver } from "./documents.ts";
-import { jobsOf } from "./events.ts";
+import { isOver, jobsOf } from "./events.ts";
 import { getJson, send, sendJson } from "./http.ts";
 import { Problem } from "./problem.ts";
+import type { FileEntry, FileList, JobDocument, JobPage, Origin } from "./schema.ts";
 
-export const ask = (route: string, request: unknown): Promise<Job> => sendJson(`/v1/${route}`, request);
+export const ask = (route: string, request: unknown): Promise<JobDocument> => sendJson(`/v1/${route}`, request);
 
-export const getJob = (id: string, signal?: AbortSignal): Promise<Job> => getJson(`/v1/jobs/${id}`, signal);
+export const getJob = (id: string, signal?: AbortSignal): Promise<JobDocument> => getJson(`/v1/jobs/${id}`, signal);
 
 export const getOrigin = (id: string): Promise<Origin> => getJson(`/v1/jobs/${id}/origin`);
 
@@ -16,7 +15,7 @@ export const getResult = <Result>(id: string, signal?: AbortSignal): Promise<Res
   getJson(`/v1/jobs/${id}/result`, signal);
 
 export const listFiles = async (id: string): Promise<FileEntry[]> =>
-  (await getJson<{ items: FileEntry[] }>(`/v1/jobs/${id}/files`)).items;
+  (await getJson<FileList>(`/v1/jobs/${id}/files`)).items;
 
 export const filePath = (id: string, name: string): string =>
   `/v1/jobs/${id}/files/${name.split("/").map(encodeURIComponent).join("/")}`;
@@ -29,7 +28,7 @@ export interface Chosen {
   limit?: string;
 }
 
-export function listJobs(chosen: Chosen = {}, signal?: AbortSignal): Promise<Page<Job>> {
+export function listJobs(chosen: Chosen = {}, signal?: AbortSignal): Promise<JobPage> {
   return getJson(`/v1/jobs?${new URLSearchParams({ ...chosen })}`, signal);
 }
 
@@ -42,7 +41,7 @@ export async function end(id: string): Promise<void> {
  *
  * @throws Problem if it ends without a result.
  */
-export async function finished(job: Job, changed: (job: Job) => void, signal: AbortSignal): Promise<Job> {
+export async function finished(job: JobDocument, changed: (job: JobDocument) => void, signal: AbortSignal): Promise<JobDocument> {
   let latest = job;
   changed(latest);
   if (!isOver(latest)) {
@@ -59,9 +58,9 @@ export async function finished(job: Job, changed: (job: Job) => void, signal: Ab
 export async function resultOf<Result>(
   route: string,
   request: unknown,
-  changed: (job: Job) => void,
+  changed: (job: JobDocument) => void,
   signal: AbortSignal,
-): Promise<{ job: Job; result: Result }> {
+): Promise<{ job: JobDocument; result: Result }> {
   const job = await finished(await ask(route, request), changed, signal);
   return { job, result: await getResult<Result>(job.id, signal) };
 }

@@ -1,7 +1,7 @@
 /** Subjects: their documents and their files. */
 
-import type { FileEntry, Page, SubjectDetail, SubjectDocument, SubjectSummary } from "./documents.ts";
 import { getJson, send, sendJson } from "./http.ts";
+import type { FileEntry, SubjectDetail, SubjectDocument, SubjectPage, SubjectSummary } from "./schema.ts";
 
 const subjectPath = (id: string): string => `/v1/subjects/${encodeURIComponent(id)}`;
 
@@ -15,7 +15,7 @@ export async function listSubjects(signal?: AbortSignal): Promise<SubjectSummary
   const found: SubjectSummary[] = [];
   let cursor: string | null = "";
   while (cursor !== null) {
-    const page: Page<SubjectSummary> = await getJson(`/v1/subjects?limit=200&cursor=${cursor}`, signal);
+    const page: SubjectPage = await getJson(`/v1/subjects?limit=200&cursor=${cursor}`, signal);
     found.push(...page.items);
     cursor = page.next;
   }

@@ -1,6 +1,8 @@
 /** A subject's document while it is corrected: what each file is for, who it is, which label is which marker. */
 
-import type { SubjectDocument } from "../api/documents.ts";
+import type { Bones, SubjectDocument } from "../api/schema.ts";
+
+
 
 /** What a file is for, as the proof names it, such as `calibration` or `bones.femur_r`. */
 export type Role = string;
@@ -53,8 +55,8 @@ export class Draft {
     this.change();
   }
 
-  units(unit: string): void {
-    this.document.bones = { ...this.document.bones, units: unit };
+  units(units: Bones["units"]): void {
+    this.document.bones = { ...this.document.bones, units };
     this.change();
   }
 

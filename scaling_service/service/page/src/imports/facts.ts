@@ -1,9 +1,9 @@
 /** What is known of the person and the marker set before anything is computed, in words. */
 
+import type { MarkerSetProof, ProofDocument, SizesProof } from "../api/schema.ts";
 import { h } from "../ui/dom.ts";
 import { sentence } from "../ui/problem.ts";
 import { number } from "../ui/words.ts";
-import type { MarkerSet, ProofDocument, Sizes } from "./proof.ts";
 
 export function facts({ marker_set, consequences, sizes, model, model_why }: ProofDocument): HTMLElement {
   const lines = [
@@ -15,12 +15,12 @@ export function facts({ marker_set, consequences, sizes, model, model_why }: Pro
   return h("ul", { class: "quiet" }, ...lines.map((text) => h("li", null, text)));
 }
 
-function setInWords({ title, additions, share, lacks }: MarkerSet): string {
+function setInWords({ title, additions, share, lacks }: MarkerSetProof): string {
   const missing = lacks.length === 0 ? "" : `, not ${lacks.join(", ")}`;
   return `Marker set: ${[title, ...additions].join(" with ")}; ${number(100 * share, 0)} % of its labels are there${missing}.`;
 }
 
-function measured({ sizes_mm, source }: Sizes): string[] {
+function measured({ sizes_mm, source }: SizesProof): string[] {
   const told = Object.entries(sizes_mm).map(([name, value]) => `${name.replaceAll("_", " ")} ${number(value, 0)} mm`);
   return told.length === 0 ? [] : [`Measured by hand: ${told.join(", ")} (from ${source.join(", ")}).`];
 }

@@ -1,5 +1,6 @@
 /** What each file is, and what it is for. */
 
+import type { FileRole, ProofDocument } from "../api/schema.ts";
 import { removeFile } from "../api/subjects.ts";
 import { again } from "../routes.ts";
 import { select, type Option } from "../ui/choice.ts";
@@ -7,9 +8,8 @@ import { h } from "../ui/dom.ts";
 import { guarded, sentence } from "../ui/problem.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import type { Draft } from "./draft.ts";
-import type { FileKind, FileRole, ProofDocument } from "./proof.ts";
 
-const KINDS: Record<FileKind, string> = {
+const KINDS: Record<FileRole["kind"], string> = {
   recording: "recording", forces: "forces", model: "model", mesh: "bone", image_markers: "markers on the image",
   setup: "OpenSim set-up", subject: "subject file", other: "other",
 };
@@ -40,7 +40,7 @@ export function fileTable(proof: ProofDocument, draft: Draft, bones: readonly st
   );
 }
 
-function optionsOf(kind: FileKind, recordings: readonly string[], bones: readonly string[]): Option[] {
+function optionsOf(kind: FileRole["kind"], recordings: readonly string[], bones: readonly string[]): Option[] {
   const none = { value: "", text: "not used" };
   const plain = (value: string, text = value): Option => ({ value, text });
   switch (kind) {

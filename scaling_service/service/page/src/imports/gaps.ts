@@ -1,9 +1,9 @@
 /** When each marker was seen: a row for each label, open where it was lost. */
 
+import type { LabelEntry, RecordingProof } from "../api/schema.ts";
 import { h, svg } from "../ui/dom.ts";
 import { csv, saveText } from "../ui/save.ts";
 import { number, percent } from "../ui/words.ts";
-import type { LabelEntry, RecordingProof } from "./proof.ts";
 
 const WIDTH = 1000;
 const ROW = 12;

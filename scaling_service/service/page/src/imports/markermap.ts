@@ -1,20 +1,15 @@
 /** Which label is which marker of the model: proposed, corrected by a click, saved for the laboratory. */
 
 import { getJson, sendJson } from "../api/http.ts";
+import type { MarkerMapDocument, MarkerProof, ProofDocument } from "../api/schema.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, table, type Cell, type Tone } from "../ui/table.ts";
 import { number, percent } from "../ui/words.ts";
 import type { Draft } from "./draft.ts";
-import type { MarkerProof, ProofDocument } from "./proof.ts";
 
-export interface LaboratoryMap {
-  labels: Record<string, string>;
-  updated_at: string | null;
-}
-
-export const laboratoryMap = (): Promise<LaboratoryMap> => getJson("/v1/marker-map");
+export const laboratoryMap = (): Promise<MarkerMapDocument> => getJson("/v1/marker-map");
 
 const SURE = 0.85;
 const LIKELY = 0.5;
@@ -31,7 +26,7 @@ export class MarkerMap {
   constructor(
     private readonly proof: ProofDocument,
     private readonly draft: Draft,
-    private readonly laboratory: LaboratoryMap,
+    private readonly laboratory: MarkerMapDocument,
   ) {
     this.labels = [...new Set(proof.recordings.flatMap(({ labels }) => labels.map(({ label }) => label)))].sort();
     this.draw();

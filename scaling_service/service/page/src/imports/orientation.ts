@@ -1,11 +1,11 @@
 /** The axes, unit and rate that were found in a recording, how sure they are, and how to say otherwise. */
 
+import type { ProofDocument, RecordingProof } from "../api/schema.ts";
 import { link, type Place } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
 import { problemBox, sentence } from "../ui/problem.ts";
 import { number, plural } from "../ui/words.ts";
-import type { ProofDocument, RecordingProof } from "./proof.ts";
 
 const AXES = ["+x", "-x", "+y", "-y", "+z", "-z"];
 

@@ -1,6 +1,6 @@
 /** Who was recorded, and the model that is scaled. */
 
-import type { Vocabulary } from "../api/vocabulary.ts";
+import type { Vocabulary } from "../api/schema.ts";
 import { select } from "../ui/choice.ts";
 import { h, newId } from "../ui/dom.ts";
 import type { Draft } from "./draft.ts";
@@ -18,14 +18,14 @@ export function personForm(draft: Draft, { models }: Vocabulary): HTMLElement {
     select("sex", SEXES, subject.sex ?? "", (sex) => draft.person({ sex: sex === "F" || sex === "M" ? sex : undefined } as Partial<typeof subject>)),
     quantity("height, m", subject.height_m, { min: "0.3", max: "2.8", step: "0.001" }, (height_m) => draft.person({ height_m } as Partial<typeof subject>)),
     quantity("mass, kg", subject.mass_kg, { min: "1", max: "400", step: "0.1" }, (mass_kg) => draft.person({ mass_kg } as Partial<typeof subject>)),
-    bones !== undefined &&
-      select("bones are in", ["mm", "m"].map((value) => ({ value, text: value })), bones.units ?? "mm", (unit) => draft.units(unit)),
+    bones &&
+      select("bones are in", ["mm", "m"].map((value) => ({ value, text: value })), bones.units ?? "mm", (unit) => draft.units(unit === "m" ? "m" : "mm")),
   );
 }
 
 function quantity(
   label: string,
-  value: number | undefined,
+  value: number | null | undefined,
   limits: Record<string, string>,
   changed: (value: number | undefined) => void,
 ): HTMLElement {

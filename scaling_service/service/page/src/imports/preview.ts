@@ -1,12 +1,12 @@
 /** One recording in space as it was read: markers, plates, forces, and where the person walks. */
 
+import type { RecordingProof } from "../api/schema.ts";
 import { Player } from "../space/player.ts";
 import { arrow, triad } from "../space/signs.ts";
 import { Theatre } from "../space/theatre.ts";
 import { h } from "../ui/dom.ts";
 import { problemBox } from "../ui/problem.ts";
 import { gapTimeline } from "./gaps.ts";
-import type { RecordingProof } from "./proof.ts";
 
 export class Preview {
   readonly element = h("div");

@@ -1,7 +1,7 @@
 /** Bringing subjects in: the document first, then file after file. */
 
-import type { SubjectDocument } from "../api/documents.ts";
 import { Problem } from "../api/problem.ts";
+import type { SubjectDocument } from "../api/schema.ts";
 import { putSubject, upload } from "../api/subjects.ts";
 import { leave } from "../ui/flash.ts";
 import { baseName, type Entry } from "./entries.ts";

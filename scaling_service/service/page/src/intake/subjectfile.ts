@@ -1,7 +1,7 @@
 /** Subject files among what was dropped, as the documents that the service takes. */
 
-import type { SubjectDocument } from "../api/documents.ts";
 import { Problem } from "../api/problem.ts";
+import type { SubjectDocument } from "../api/schema.ts";
 import { folderOf, type Entry } from "./entries.ts";
 import { keptName } from "./names.ts";
 
@@ -50,8 +50,8 @@ function isSubject(found: unknown): found is SubjectDocument {
 
 /** The same with plain names: uploaded files lie in no folders. */
 function flat(document: SubjectDocument): SubjectDocument {
-  const plain = (found: Record<string, string> | undefined): Record<string, string> | undefined =>
-    found && Object.fromEntries(Object.entries(found).map(([name, path]) => [keptName(name), name === "units" ? path : keptName(path)]));
+  const plain = (found: object | null | undefined): Record<string, string> | null | undefined =>
+    found && Object.fromEntries(Object.entries(found as Record<string, string>).map(([name, path]) => [keptName(name), name === "units" ? path : keptName(path)]));
   const { trials } = document;
   return withoutUndefined({
     ...document,

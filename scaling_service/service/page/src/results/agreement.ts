@@ -1,14 +1,14 @@
 /** How methods agree with what images show: bias, limits of agreement, intraclass correlation. */
 
+import type { AgreementEntry, StatisticsDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { intervalsOption } from "../charts/intervals.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { number, words } from "../ui/words.ts";
-import type { AgreementEntry, Statistics } from "./cohortdocument.ts";
 
-export function agreement({ agreement: entries }: Statistics, signal: AbortSignal, place: HTMLElement): void {
+export function agreement({ agreement: entries }: StatisticsDocument, signal: AbortSignal, place: HTMLElement): void {
   if (entries.length === 0) {
     place.append(h("p", null, "No method rests on images here, so there is nothing to agree with."));
     return;

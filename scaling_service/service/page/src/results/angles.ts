@@ -1,9 +1,9 @@
 /** Joint angles of all methods: over the gait cycle with their spread and where they differ, or over time. */
 
+import type { CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { linesOption, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
-import type { Cycle, GaitDocument, SceneDocument, TrialDocument } from "../scene/documents.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn, sceneOf } from "../scene/scene.ts";
 import { box, group, select } from "../ui/choice.ts";
@@ -53,7 +53,7 @@ export async function angles({ job, place: at, signal }: Finished, place: HTMLEl
   draw();
 }
 
-function cycles(gait: GaitDocument, methods: readonly string[], signal: AbortSignal): HTMLElement {
+function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal): HTMLElement {
   const known = styles(methods);
   const x = Array.from({ length: 101 }, (_, k) => k);
   const all = Object.entries(gait.angles);
@@ -84,14 +84,14 @@ function cycles(gait: GaitDocument, methods: readonly string[], signal: AbortSig
   );
 }
 
-const tested = (cycle: Cycle): string => (cycle.can_decide ? `p ${chance(cycle.p)}` : "too few cycles to test");
+const tested = (cycle: CycleScene): string => (cycle.can_decide ? `p ${chance(cycle.p)}` : "too few cycles to test");
 
-function whereInWords({ differ_percent }: Cycle): string {
+function whereInWords({ differ_percent }: CycleScene): string {
   if (differ_percent.length === 0) return "The methods do not differ significantly anywhere.";
   return `The methods differ ${differ_percent.map(([from, to]) => `from ${from} to ${to} %`).join(", ")}.`;
 }
 
-function pairTable(gait: GaitDocument): HTMLElement {
+function pairTable(gait: GaitScene): HTMLElement {
   const rows = Object.entries(gait.angles).flatMap(([name, cycle]) =>
     Object.entries(cycle.pairs).map(([method, test]) => [
       cell(words(name)),
@@ -130,14 +130,14 @@ interface Values {
   step: number;
 }
 
-async function valuesOf(trial: TrialDocument, method: string, job: string, signal: AbortSignal): Promise<Values> {
+async function valuesOf(trial: SceneTrial, method: string, job: string, signal: AbortSignal): Promise<Values> {
   const motion = trial.motions[method];
   if (motion === undefined) return { method, coordinates: [], values: new Float32Array(), step: 1 };
   const whole = await new Frames(motion.angles, pathIn(job), signal, () => undefined).whole();
   return { method, coordinates: motion.coordinates, ...whole };
 }
 
-function timeFigure(trial: TrialDocument, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
+function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Values[], signal: AbortSignal): HTMLElement {
   const known = styles(found.map(({ method }) => method));
   const unit = found.flatMap(({ coordinates }) => coordinates).find(({ name }) => name === coordinate)?.unit ?? "";
   const step = found[0]?.step ?? 1;

@@ -1,6 +1,7 @@
 /** A cohort: how each subject ended, and the methods compared over all of them. */
 
 import { ask, getResult } from "../api/jobs.ts";
+import type { CohortDocument, SubjectEntry } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { bullets } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
@@ -9,7 +10,6 @@ import { cell, table, type Cell } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
 import { agreement } from "./agreement.ts";
 import { cohortAngles } from "./cohortangles.ts";
-import type { CohortDocument, SubjectEntry } from "./cohortdocument.ts";
 import { quantities } from "./quantities.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";

@@ -1,12 +1,12 @@
 /** Joint angles over the gait cycle, mean over subjects, and where methods differ. */
 
+import type { CurveEntry, CurveTestEntry } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { linesOption, type Curve } from "../charts/lines.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
 import { chance, plural, words } from "../ui/words.ts";
-import type { CurveEntry, CurveTest } from "./cohortdocument.ts";
 
 export function cohortAngles(entries: readonly CurveEntry[], signal: AbortSignal, place: HTMLElement): void {
   if (entries.length === 0) {
@@ -40,7 +40,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
   }, signal).element;
 }
 
-const decided = (test: CurveTest | null): string =>
+const decided = (test: CurveTestEntry | null): string =>
   test === null ? "not tested" : test.can_decide ? `p ${chance(test.p)}` : "too few subjects to test";
 
 function pairs(entries: readonly CurveEntry[]): HTMLElement {

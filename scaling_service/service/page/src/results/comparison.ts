@@ -1,7 +1,7 @@
 /** Methods compared: the verdict, the models in space, sizes, errors, angles, forces. */
 
 import { getResult } from "../api/jobs.ts";
-import type { ComparisonDocument } from "./documents.ts";
+import type { ComparisonDocument } from "../api/schema.ts";
 import { errors } from "./errors.ts";
 import { sizes } from "./sizes.ts";
 import { parts, type ResultView } from "./result.ts";

@@ -1,6 +1,7 @@
 /** Motion that markers and ground forces agree on: what it costs at the markers, and what it gains at the forces. */
 
 import { getResult } from "../api/jobs.ts";
+import type { ConsistentDocument, GroundWrench } from "../api/schema.ts";
 import { bullets, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { cell, table } from "../ui/table.ts";
@@ -9,22 +10,6 @@ import { parts, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
 
 const WAYS = ["classical", "predicted", "consistent"] as const;
-type Way = (typeof WAYS)[number];
-
-interface ConsistentDocument {
-  trials: Record<string, {
-    held_out: boolean;
-    frames: number;
-    ground_wrench_rmse: Record<Way, Record<string, number | null>>;
-    marker_rms_mm: Record<Way, number>;
-  }>;
-  inertial: { segment: string; quantity: string; before: number; after: number; sd: number; moved: number; identifiable: boolean }[];
-  lengths_mm: Record<string, number>;
-  lengths_before_mm: Record<string, number>;
-  outer_iterations: number;
-  converged: boolean;
-  warnings: string[];
-}
 
 export const consistent: ResultView = async (found) => {
   const document = await getResult<ConsistentDocument>(found.job.id, found.signal);
@@ -37,7 +22,7 @@ export const consistent: ResultView = async (found) => {
 
 function forces({ trials, outer_iterations, converged, warnings }: ConsistentDocument): HTMLElement[] {
   const rows = Object.entries(trials).flatMap(([name, trial]) => [
-    ...Object.keys(trial.ground_wrench_rmse.classical)
+    ...(Object.keys(trial.ground_wrench_rmse.classical) as (keyof GroundWrench)[])
       .filter((component) => WAYS.some((way) => trial.ground_wrench_rmse[way][component] !== null))
       .map((component) => [cell(name), cell(trial.held_out ? "held out" : "fitted"), cell(`ground wrench, ${component.replace("_", ", ")}`),
         ...WAYS.map((way) => cell(number(trial.ground_wrench_rmse[way][component]), trial.ground_wrench_rmse[way][component] ?? null))]),

@@ -1,10 +1,10 @@
 /** The search for a missing effect as a story: where, what, with and without it, on unseen data. */
 
 import { getResult } from "../api/jobs.ts";
+import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { few, figures } from "../ui/words.ts";
-import type { DiscoveryDocument } from "./discoverydocument.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
 import { unseen } from "./unseen.ts";

@@ -1,7 +1,7 @@
 /** A check of the forces. */
 
 import { getResult } from "../api/jobs.ts";
-import type { DynamicsDocument } from "./dynamicsdocument.ts";
+import type { DynamicsDocument } from "../api/schema.ts";
 import { residuals } from "./residuals.ts";
 import { parts, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";

@@ -1,5 +1,6 @@
 /** How closely each method's model follows the markers: by trial and by marker. */
 
+import type { ComparisonDocument, MethodResult } from "../api/schema.ts";
 import { barsHeight, barsOption } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { select } from "../ui/choice.ts";
@@ -7,7 +8,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styleOf } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
-import { union, type ComparisonDocument, type MethodResult } from "./documents.ts";
+import { union } from "./result.ts";
 import type { Finished } from "./result.ts";
 import { methodColumns } from "./verdict.ts";
 

@@ -1,10 +1,10 @@
 /** The residual forces of a comparison's subject: of the latest check, or how to get one. */
 
 import { ask, getResult, listJobs } from "../api/jobs.ts";
+import type { DynamicsDocument } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
-import type { DynamicsDocument } from "./dynamicsdocument.ts";
 import { residuals } from "./residuals.ts";
 import type { Finished } from "./result.ts";
 

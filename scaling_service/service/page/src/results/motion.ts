@@ -1,22 +1,12 @@
 /** How a model follows recordings: errors trial by trial, and what the markers do not tell. */
 
 import { getResult } from "../api/jobs.ts";
+import type { MotionDocument } from "../api/schema.ts";
 import { h } from "../ui/dom.ts";
 import { cell, table } from "../ui/table.ts";
 import { few, number, words } from "../ui/words.ts";
 import { parts, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
-
-interface MotionDocument {
-  model: string;
-  warnings: string[];
-  trials: Record<string, {
-    kinematic_error_mm: { mean: number; rms: number; max: number };
-    not_determined: string[];
-    frames_not_determined: Record<string, number>;
-    frames: number;
-  }>;
-}
 
 export const motion: ResultView = async (found) => {
   const document = await getResult<MotionDocument>(found.job.id, found.signal);

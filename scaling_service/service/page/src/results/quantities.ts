@@ -1,17 +1,26 @@
 /** One number for each subject and method: means, tests, and a picture of all. */
 
+import type { QuantityEntry, StatisticsDocument } from "../api/schema.ts";
 import { dotsOption } from "../charts/dots.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { chance, number, signed, words } from "../ui/words.ts";
-import { QUANTITIES, type QuantityEntry, type Statistics } from "./cohortdocument.ts";
 import { methodColumns } from "./verdict.ts";
+
+const QUANTITIES = [
+  ["kinematic_error_mm", "Kinematic error", "mm"],
+  ["segment_lengths_mm", "Segment length", "mm"],
+  ["knee_axis_deg", "Turn of the knee axis", "deg"],
+  ["marker_shift_mm", "Marker shift", "mm"],
+  ["from_truth_mm", "Distance from the truth", "mm"],
+  ["from_truth_deg", "Distance from the truth", "deg"],
+] as const;
 
 type Key = (typeof QUANTITIES)[number][0];
 
-export function quantities(statistics: Statistics, keys: readonly Key[], signal: AbortSignal, place: HTMLElement): void {
+export function quantities(statistics: StatisticsDocument, keys: readonly Key[], signal: AbortSignal, place: HTMLElement): void {
   for (const [key, title, unit] of QUANTITIES) {
     const entries = statistics[key].filter(({ mean }) => Object.keys(mean).length > 0);
     if (!keys.includes(key) || entries.length === 0) continue;
@@ -88,7 +97,7 @@ function pairs(entries: readonly QuantityEntry[], key: string, unit: string): HT
   });
 }
 
-function limits({ opensim_limits: { methods, rms_below_mm, max_below_mm } }: Statistics): HTMLElement {
+function limits({ opensim_limits: { methods, rms_below_mm, max_below_mm } }: StatisticsDocument): HTMLElement {
   return table({
     caption: `OpenSim's limits: RMS below ${rms_below_mm} mm, at most ${max_below_mm} mm`,
     name: "opensim_limits",

@@ -5,17 +5,12 @@ import { linesOption, type Curve } from "../charts/lines.ts";
 import { getJson } from "../api/http.ts";
 import { filePath } from "../api/jobs.ts";
 import { Problem } from "../api/problem.ts";
-import type { Stored } from "../scene/documents.ts";
+import type { DynamicsDocument, ResidualScene, TrialDynamicsDocument } from "../api/schema.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn } from "../scene/scene.ts";
 import { h } from "../ui/dom.ts";
 import type { Style } from "../ui/palette.ts";
 import { number } from "../ui/words.ts";
-import type { DynamicsDocument, TrialDynamics } from "./dynamicsdocument.ts";
-
-interface CurvesDocument {
-  trials: Record<string, { start_s: number; rate_hz: number; residual: Stored }>;
-}
 
 const AXES: [string, Style][] = [
   ["x, forward", { colour: "#D55E00", dash: "solid" }],
@@ -28,7 +23,7 @@ const PARTS = [
 ] as const;
 
 export async function residualCurves(document: DynamicsDocument, job: string, signal: AbortSignal): Promise<HTMLElement> {
-  const found = await getJson<CurvesDocument>(filePath(job, "scene/residuals.json"), signal).catch((error: unknown) => {
+  const found = await getJson<ResidualScene>(filePath(job, "scene/residuals.json"), signal).catch((error: unknown) => {
     if (error instanceof Problem && error.status === 404) return null; // made by an older version
     throw error;
   });
@@ -46,7 +41,7 @@ function drawing(
   { what, unit, first }: (typeof PARTS)[number],
   x: Float64Array,
   values: Float32Array,
-  trial: TrialDynamics | undefined,
+  trial: TrialDynamicsDocument | undefined,
   signal: AbortSignal,
 ): HTMLElement {
   const curves = AXES.map(([axis, style], k): Curve => ({ name: axis, style, y: Float32Array.from(x, (_, row) => values[6 * row + first + k] ?? NaN) }));

@@ -1,12 +1,12 @@
 /** Residual forces against the published limits, and what errors of measurement explain of them. */
 
+import type { DynamicsDocument, TrialDynamicsDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
 import { figures, number, words } from "../ui/words.ts";
 import { residualCurves } from "./residualcurves.ts";
-import { SIX, type DynamicsDocument, type TrialDynamics } from "./dynamicsdocument.ts";
 
 export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
   const curves = await residualCurves(document, job, signal);
@@ -20,7 +20,9 @@ export async function residuals(document: DynamicsDocument, job: string, signal:
 const columns = (document: DynamicsDocument): { title: string }[] =>
   Object.entries(document.trials).map(([name, trial]) => ({ title: `${name}${trial.role === "evaluation" ? " (held out)" : ""}` }));
 
-const trialsOf = (document: DynamicsDocument): TrialDynamics[] => Object.values(document.trials);
+const SIX = ["fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"] as const;
+
+const trialsOf = (document: DynamicsDocument): TrialDynamicsDocument[] => Object.values(document.trials);
 
 function gates(document: DynamicsDocument): HTMLElement {
   const trials = trialsOf(document);

@@ -1,16 +1,21 @@
 /** What shows the result of a job. */
 
-import type { Job, Origin } from "../api/documents.ts";
+import type { JobDocument, Origin } from "../api/schema.ts";
 import type { Place } from "../routes.ts";
 import { toJob } from "../routes.ts";
 import { tabs } from "../ui/tabs.ts";
 
 export interface Finished {
-  job: Job;
+  job: JobDocument;
   origin: Origin;
   main: HTMLElement;
   place: Place;
   signal: AbortSignal;
+}
+
+/** All keys, in the order in which they first appear. */
+export function union(all: readonly Record<string, unknown>[]): string[] {
+  return [...new Set(all.flatMap((one) => Object.keys(one)))];
 }
 
 export type ResultView = (found: Finished) => Promise<void> | void;

@@ -1,9 +1,9 @@
 /** A model that a job made follows other recordings: those of its subject, or new ones. */
 
-import type { FileEntry } from "../api/documents.ts";
 import { send } from "../api/http.ts";
 import { ask, filePath } from "../api/jobs.ts";
 import { Problem } from "../api/problem.ts";
+import type { FileEntry } from "../api/schema.ts";
 import { getSubject, upload } from "../api/subjects.ts";
 import { toJob } from "../routes.ts";
 import { select } from "../ui/choice.ts";

@@ -1,10 +1,11 @@
 /** Segment lengths, joint centres, knee axes and marker shifts of all methods, with differences and intervals. */
 
+import type { ComparisonDocument, MethodResult } from "../api/schema.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { number, signed, words } from "../ui/words.ts";
-import { union, type ComparisonDocument, type MethodResult } from "./documents.ts";
+import { union } from "./result.ts";
 import { methodColumns } from "./verdict.ts";
 
 const NORMAL_95 = 1.96;

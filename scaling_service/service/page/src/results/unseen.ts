@@ -1,12 +1,12 @@
 /** The gap before and after, between what noise leaves and what a black box reaches: fitted, and unseen. */
 
+import type { DiscoveryDocument, GapDocument, LevelDocument } from "../api/schema.ts";
 import { barsHeight, barsOption, type Bar } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { AFTER, BEFORE, CEILING, FLOOR } from "../ui/palette.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { figures } from "../ui/words.ts";
-import type { DiscoveryDocument, Gap, LevelOf } from "./discoverydocument.ts";
 
 const QUANTITIES = [
   ["whitened", "all residuals over their floors", "times"],
@@ -25,7 +25,7 @@ export function unseen({ gap, held_out_trials }: DiscoveryDocument, signal: Abor
   place.append(h("div", { class: "grid" }, ...drawings), levels(gap), places(gap));
 }
 
-function drawn(title: string, unit: string, level: LevelOf, signal: AbortSignal): HTMLElement {
+function drawn(title: string, unit: string, level: LevelDocument, signal: AbortSignal): HTMLElement {
   const bars: Bar[] = [
     { name: "before", value: level.before, colour: BEFORE },
     { name: "after", value: level.after, colour: AFTER },
@@ -42,7 +42,7 @@ function drawn(title: string, unit: string, level: LevelOf, signal: AbortSignal)
   }, signal).element;
 }
 
-function cells(level: LevelOf): Cell[] {
+function cells(level: LevelDocument): Cell[] {
   const between = level.low === null || level.high === null ? "–" : `${figures(level.low)} to ${figures(level.high)}`;
   return [cell(figures(level.before), level.before), cell(figures(level.after), level.after), cell(between),
     cell(figures(level.floor), level.floor), cell(figures(level.ceiling), level.ceiling)];
@@ -50,7 +50,7 @@ function cells(level: LevelOf): Cell[] {
 
 const COLUMNS = ["before", "after", "95 % of after", "floor", "ceiling"].map((title) => ({ title }));
 
-function levels(gap: { fit: Gap; held_out: Gap }): HTMLElement {
+function levels(gap: { fit: GapDocument; held_out: GapDocument }): HTMLElement {
   const rows = (["held_out", "fit"] as const).flatMap((role) =>
     QUANTITIES.flatMap(([key, title, unit]) => {
       const level = gap[role][key];
@@ -59,7 +59,7 @@ function levels(gap: { fit: Gap; held_out: Gap }): HTMLElement {
   return table({ caption: "The gap", name: "gap", columns: [{ title: "of" }, ...COLUMNS], rows });
 }
 
-function places(gap: { held_out: Gap }): HTMLElement {
+function places(gap: { held_out: GapDocument }): HTMLElement {
   const rows = Object.entries(gap.held_out.places).map(([name, level]) => [cell(name), cell(level.unit), ...cells(level)]);
   return table({ caption: "At each place, held out", name: "gap_places", columns: [{ title: "place" }, { title: "unit" }, ...COLUMNS], rows, filter: true });
 }

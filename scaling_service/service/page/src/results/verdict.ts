@@ -1,12 +1,13 @@
 /** Which method to use for this person, why, and how far to trust it. */
 
+import type { ComparisonDocument } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
 import { number, plural } from "../ui/words.ts";
-import { union, type ComparisonDocument } from "./documents.ts";
+import { union } from "./result.ts";
 import type { Finished } from "./result.ts";
 
 const TONES = { decided: "good", leaning: "fair", undecided: "unknown" } as const;

@@ -1,5 +1,6 @@
 /** Which effects explain it, how large they are, what cannot be told from them, and what else was tried. */
 
+import type { DiscoveryDocument, EffectDocument, PlacedEffect, QuantityDocument } from "../api/schema.ts";
 import { barsHeight, barsOption } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { bullets, folded } from "../ui/blocks.ts";
@@ -8,7 +9,6 @@ import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
 import { chance, figures, percent } from "../ui/words.ts";
-import { placed, type DiscoveryDocument, type Effect, type Quantity } from "./discoverydocument.ts";
 
 const MOST_TRIED = 10;
 const TWINS = 6;
@@ -22,7 +22,7 @@ export function what(document: DiscoveryDocument, signal: AbortSignal, place: HT
   place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
 }
 
-function chapter(effect: Effect, count: number): HTMLElement[] {
+function chapter(effect: EffectDocument, count: number): HTMLElement[] {
   const twins = effect.confusable_with;
   return [
     h("h2", null, `${count}. ${placed(effect)}`),
@@ -36,13 +36,13 @@ function chapter(effect: Effect, count: number): HTMLElement[] {
   ];
 }
 
-function evidence({ evidence: { gain_held_out, p_held_out, p_family_wise, by_blocks } }: Effect): string {
+function evidence({ evidence: { gain_held_out, p_held_out, p_family_wise, by_blocks } }: EffectDocument): string {
   const unseen = by_blocks ? "blocks of time that did not fit it" : "recordings that did not fit it";
   return `It takes ${percent(gain_held_out)} off the squared disagreement of ${unseen} (by chance: ${chance(p_held_out)}). ` +
     `The chance of naming anything in the whole catalogue where nothing is: ${chance(p_family_wise)}.`;
 }
 
-function numbers({ parameters, smallest_nameable }: Effect): HTMLElement {
+function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement {
   return table({
     caption: "Its numbers",
     name: "effect",
@@ -57,9 +57,9 @@ function numbers({ parameters, smallest_nameable }: Effect): HTMLElement {
   });
 }
 
-const valueOf = ({ value }: Quantity): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
+const valueOf = ({ value }: QuantityDocument): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
 
-function interval({ value, sd }: Quantity): string {
+function interval({ value, sd }: QuantityDocument): string {
   if (sd === null || Array.isArray(value)) return "–";
   return `${figures(value - NORMAL_95 * sd)} to ${figures(value + NORMAL_95 * sd)}`;
 }
@@ -90,4 +90,10 @@ function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
     columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "floor" }],
     rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
+}
+
+/** An effect in a line: what, where, along with what, in which recording. */
+function placed({ kind, where, driver, trials, note }: PlacedEffect): string {
+  const following = driver.length === 0 ? "" : ` with ${driver.join(", ")}`;
+  return `${kind.replaceAll("_", " ")} at ${where.join(", ")}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
 }

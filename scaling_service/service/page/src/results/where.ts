@@ -1,12 +1,12 @@
 /** Where model and recordings disagree, against what noise alone would leave. */
 
+import type { DisagreementDocument, DiscoveryDocument } from "../api/schema.ts";
 import { barsHeight, barsOption } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { BEFORE } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
 import { chance, figures, percent } from "../ui/words.ts";
-import type { DiscoveryDocument, Disagreement } from "./discoverydocument.ts";
 
 const OBSERVABLES = [
   ["marker", "Markers", "mm"],
@@ -24,7 +24,7 @@ export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal,
   place.append(all(disagreements));
 }
 
-function ranked(places: readonly Disagreement[], title: string, unit: string, signal: AbortSignal): HTMLElement {
+function ranked(places: readonly DisagreementDocument[], title: string, unit: string, signal: AbortSignal): HTMLElement {
   const order = [...places].sort((a, b) => b.rms - a.rms);
   const bars = order.map(({ where: name, rms, floor }) => ({ name, value: rms, mark: floor, colour: BEFORE }));
   return figure({
@@ -37,7 +37,7 @@ function ranked(places: readonly Disagreement[], title: string, unit: string, si
   }, signal).element;
 }
 
-function all(places: readonly Disagreement[]): HTMLElement {
+function all(places: readonly DisagreementDocument[]): HTMLElement {
   return table({
     caption: "Where, when, and along with what",
     name: "disagreements",

@@ -5,7 +5,7 @@
 
 import { send } from "../api/http.ts";
 import { asProblem, isAbort } from "../api/problem.ts";
-import type { Stored } from "./documents.ts";
+import type { ArrayEntry } from "../api/schema.ts";
 
 const BLOCK_BYTES = 1 << 20;
 /** Of one array: enough for a minute around the cursor, little enough for many arrays. */
@@ -25,7 +25,7 @@ export class Frames {
    * @param changed called when more is there.
    */
   constructor(
-    private readonly stored: Stored,
+    private readonly stored: ArrayEntry,
     private readonly path: (file: string) => string,
     private readonly signal: AbortSignal,
     private readonly changed: () => void,

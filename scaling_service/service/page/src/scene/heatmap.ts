@@ -1,10 +1,10 @@
 /** Marker × time of the error of one model in one recording; a click goes to that frame. */
 
+import type { SceneTrial } from "../api/schema.ts";
 import { darkest, HEAT_ABOVE, HEAT_BELOW, HEAT_SIDES, heatHeight, heatOption, type Heat } from "../charts/heat.ts";
 import { figure } from "../charts/figure.ts";
 import { h, vary } from "../ui/dom.ts";
 import { number } from "../ui/words.ts";
-import type { TrialDocument } from "./documents.ts";
 import { Frames } from "./frames.ts";
 
 /** Chosen: more columns than these are narrower than a finger, and slow to save as SVG. */
@@ -19,7 +19,7 @@ export interface ErrorMap {
 }
 
 export async function errorMap(
-  trial: TrialDocument,
+  trial: SceneTrial,
   method: string,
   path: (file: string) => string,
   signal: AbortSignal,
@@ -64,7 +64,7 @@ export async function errorMap(
 }
 
 /** The most of each marker within each column of time. */
-function binned(trial: TrialDocument, values: Float32Array, step: number): Heat {
+function binned(trial: SceneTrial, values: Float32Array, step: number): Heat {
   const names = trial.labels;
   const rows = Math.floor(values.length / names.length);
   const columns = Math.min(rows, MOST_COLUMNS);

@@ -1,5 +1,6 @@
 /** Playing one recording back: the stage, the controls, and the map of the error below. */
 
+import type { SceneDocument, SceneTrial } from "../api/schema.ts";
 import { note } from "../routes.ts";
 import { Player } from "../space/player.ts";
 import { Theatre } from "../space/theatre.ts";
@@ -10,13 +11,12 @@ import { guarded, problemBox } from "../ui/problem.ts";
 import { save } from "../ui/save.ts";
 import { chipOf } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
-import type { SceneDocument, TrialDocument } from "./documents.ts";
 import { Frames } from "./frames.ts";
 import { errorMap, type ErrorMap } from "./heatmap.ts";
 
 export interface PlaybackOptions {
   scene: SceneDocument;
-  trial: TrialDocument;
+  trial: SceneTrial;
   path: (file: string) => string;
   /** Bodies that are shown at first; the first of them has the map of its error. */
   shown: readonly string[];

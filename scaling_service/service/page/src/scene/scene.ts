@@ -3,7 +3,7 @@
 import { filePath } from "../api/jobs.ts";
 import { getJson } from "../api/http.ts";
 import { Problem } from "../api/problem.ts";
-import type { SceneDocument } from "./documents.ts";
+import type { SceneDocument } from "../api/schema.ts";
 
 const fetched = new Map<string, Promise<SceneDocument>>();
 

@@ -1,8 +1,8 @@
 /** One model in space: its bones, joint centres, knee axes and markers, moved by the poses of its segments. */
 
+import type { BodyEntry, PlacedEntry } from "../api/schema.ts";
 import { Color, Group, type BufferGeometry, Mesh, MeshLambertMaterial, Quaternion, Vector3, type Object3D } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
-import type { BodyDocument, Triple } from "../scene/documents.ts";
 import { BONE } from "../ui/palette.ts";
 import { coarsened } from "./coarse.ts";
 import { Dots } from "./dots.ts";
@@ -32,7 +32,7 @@ export class Body {
 
   /** @param labels of the measured markers, in their order. */
   constructor(
-    readonly told: BodyDocument,
+    readonly told: BodyEntry,
     private readonly colour: string,
     labels: readonly string[],
   ) {
@@ -113,7 +113,7 @@ export class Body {
     });
   }
 
-  private point(segment: string, at: Triple): number {
+  private point(segment: string, at: PlacedEntry["xyz_m"]): number {
     const place = this.told.segments.findIndex(({ name }) => name === segment);
     this.points.push({ segment: Math.max(place, 0), at: new Vector3(...at) });
     return this.points.length - 1;

@@ -1,7 +1,7 @@
 /** Force plates with their corners, and the force on each as an arrow. */
 
+import type { PlateEntry } from "../api/schema.ts";
 import { ArrowHelper, BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineLoop, Vector3 } from "three";
-import type { Plate } from "../scene/documents.ts";
 
 /** Chosen: an arrow of a standing person is as long as a leg. */
 const METRES_PER_NEWTON = 1 / 900;
@@ -12,7 +12,7 @@ export class Ground {
   readonly group = new Group();
   private readonly arrows: ArrowHelper[];
 
-  constructor(plates: readonly Plate[]) {
+  constructor(plates: readonly PlateEntry[]) {
     this.arrows = plates.map((_, k) => {
       const arrow = new ArrowHelper(new Vector3(0, 1, 0), new Vector3(), 1, new Color(colourOf(k)), 0.06, 0.035);
       arrow.visible = false;

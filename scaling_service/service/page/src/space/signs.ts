@@ -1,10 +1,11 @@
 /** Signs on the floor: the laboratory's own axes, and where the person walks. */
 
 import { ArrowHelper, CanvasTexture, Color, Group, Sprite, SpriteMaterial, Vector3 } from "three";
-import type { Triple } from "../scene/documents.ts";
 
 const AXES = [["x", "#D55E00"], ["y", "#009E73"], ["z", "#0072B2"]] as const;
 const WALK = "#E69F00";
+
+type Triple = [number, number, number];
 
 /** The laboratory's axes x, y, z, turned as the recording was. */
 export function triad(R_new_old: readonly Triple[]): Group {

@@ -1,8 +1,8 @@
 /** One recording in space: measured markers, the bodies that are shown, plates and forces, at one frame. */
 
+import type { ArrayEntry, BodyEntry, PlateEntry } from "../api/schema.ts";
 import { Raycaster, Vector2, Vector3, type Object3D } from "three";
 import { inkOf } from "../charts/ink.ts";
-import type { BodyDocument, Plate, Stored } from "../scene/documents.ts";
 import { Frames } from "../scene/frames.ts";
 import { onTheme, theme } from "../ui/theme.ts";
 import { Body } from "./body.ts";
@@ -16,12 +16,12 @@ const GOES_M = 1;
 
 export interface Play {
   labels: readonly string[];
-  measured: Stored;
-  plates: readonly Plate[];
-  force: Stored | null;
-  centre_of_pressure: Stored | null;
+  measured: ArrayEntry;
+  plates: readonly PlateEntry[];
+  force: ArrayEntry | null;
+  centre_of_pressure: ArrayEntry | null;
   /** Bodies with their poses, in the order of their drawing. */
-  bodies: readonly { told: BodyDocument; poses: Stored; placed: Stored | null; colour: string }[];
+  bodies: readonly { told: BodyEntry; poses: ArrayEntry; placed: ArrayEntry | null; colour: string }[];
 }
 
 interface Actor {
@@ -55,7 +55,7 @@ export class Theatre {
     private readonly signal: AbortSignal,
   ) {
     this.stage = new Stage(label, signal);
-    const frames = (stored: Stored): Frames => new Frames(stored, path, signal, () => this.show(this.frame));
+    const frames = (stored: ArrayEntry): Frames => new Frames(stored, path, signal, () => this.show(this.frame));
     this.measured = frames(play.measured);
     this.dots = new Dots(play.labels.length, 0.011, inkOf(theme()).measured);
     this.ground = new Ground(play.plates);

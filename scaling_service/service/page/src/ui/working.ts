@@ -1,14 +1,14 @@
 /** A job that is under way: what it does, how far it is, and how to stop it. */
 
-import type { Job } from "../api/documents.ts";
-import { isOver } from "../api/documents.ts";
+import { isOver } from "../api/events.ts";
 import { end } from "../api/jobs.ts";
+import type { JobDocument } from "../api/schema.ts";
 import { h } from "./dom.ts";
 import { kindInWords } from "./words.ts";
 
 export interface Working {
   element: HTMLElement;
-  show: (job: Job) => void;
+  show: (job: JobDocument) => void;
 }
 
 /** Shows a job until it is over, then goes away. */
@@ -16,7 +16,7 @@ export function working(title?: string): Working {
   const name = h("p");
   const bar = h("progress", { max: 1, "aria-label": "How far the job is" });
   const told = h("p", { class: "quiet", role: "status" });
-  let latest: Job | null = null;
+  let latest: JobDocument | null = null;
   const cancel: HTMLButtonElement = h("button", { class: "small", onclick: () => {
     cancel.disabled = true;
     if (latest !== null) void end(latest.id);
@@ -35,7 +35,7 @@ export function working(title?: string): Working {
   };
 }
 
-export function stateInWords(job: Job): string {
+export function stateInWords(job: JobDocument): string {
   const { what, share } = job.progress;
   switch (job.state) {
     case "waiting":

@@ -1,6 +1,5 @@
 /** The cohort: many subjects brought in at once, chosen, and compared. */
 
-import type { SubjectSummary } from "../api/documents.ts";
 import { ask, listJobs } from "../api/jobs.ts";
 import { listSubjects } from "../api/subjects.ts";
 import { vocabulary } from "../api/vocabulary.ts";
@@ -8,6 +7,7 @@ import { bring } from "../intake/bringing.ts";
 import { cohortOf, takeKept } from "../intake/cohort.ts";
 import type { Entry } from "../intake/entries.ts";
 import { Problem } from "../api/problem.ts";
+import type { SubjectSummary } from "../api/schema.ts";
 import { toJob, toSubject } from "../routes.ts";
 import { box, group } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";

@@ -1,17 +1,16 @@
 /** Import: proof of a subject's files before anything runs. */
 
-import type { SubjectDetail, SubjectDocument } from "../api/documents.ts";
 import { filePath, resultOf } from "../api/jobs.ts";
+import type { MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
 import { getSubject, putSubject } from "../api/subjects.ts";
-import { vocabulary, type Vocabulary } from "../api/vocabulary.ts";
+import { vocabulary } from "../api/vocabulary.ts";
 import { Draft } from "../imports/draft.ts";
 import { facts } from "../imports/facts.ts";
 import { fileTable } from "../imports/files.ts";
-import { laboratoryMap, MarkerMap, type LaboratoryMap } from "../imports/markermap.ts";
+import { laboratoryMap, MarkerMap } from "../imports/markermap.ts";
 import { orientation } from "../imports/orientation.ts";
 import { personForm } from "../imports/person.ts";
 import { Preview } from "../imports/preview.ts";
-import type { ProofDocument } from "../imports/proof.ts";
 import { again, link } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
@@ -34,7 +33,7 @@ async function checked(
   { main, place, signal }: Context,
   subject: SubjectDetail,
   known: Vocabulary,
-  laboratory: LaboratoryMap,
+  laboratory: MarkerMapDocument,
 ): Promise<void> {
   const progress = working("Looking at the files");
   const failed = h("div");
@@ -54,10 +53,10 @@ async function shown(
   proof: ProofDocument,
   job: string,
   known: Vocabulary,
-  laboratory: LaboratoryMap,
+  laboratory: MarkerMapDocument,
 ): Promise<void> {
   const complete = subject.document.model !== undefined && subject.document.trials !== undefined;
-  const given = structuredClone((complete ? subject.document : proof.proposal) ?? subject.document);
+  const given = structuredClone((complete ? subject.document : proof.proposal) ?? subject.document) as unknown as SubjectDocument;
   const saving = h("div", { class: "saving" });
   const draft = new Draft(given, () => tell());
   const next = link(["subjects", subject.id, "run"], Object.fromEntries(place.query));

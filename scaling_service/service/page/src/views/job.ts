@@ -1,7 +1,7 @@
 /** One job: its progress while it runs, then what it found. */
 
-import type { Job, Origin } from "../api/documents.ts";
 import { end, finished, getJob, getOrigin } from "../api/jobs.ts";
+import type { JobDocument, Origin } from "../api/schema.ts";
 import { link, toSubject } from "../routes.ts";
 import type { ResultView } from "../results/result.ts";
 import { confirmed } from "../ui/dialog.ts";
@@ -26,7 +26,7 @@ export const job: View = async ({ main, place, signal }) => {
   if (first.failure !== null && failed.childElementCount === 0) failed.append(problemBox(first.failure));
 };
 
-function head(job: Job, { specification }: Origin, failed: HTMLElement): HTMLElement {
+function head(job: JobDocument, { specification }: Origin, failed: HTMLElement): HTMLElement {
   const { subject } = specification.request;
   const remove = async (): Promise<void> => {
     if (!(await confirmed("Delete this job and all that it made, for good?", "Delete"))) return;

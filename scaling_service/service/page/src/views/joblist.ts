@@ -1,10 +1,10 @@
 /** A list of jobs that keeps itself up to date. */
 
-import type { Job, Specification } from "../api/documents.ts";
-import { isOver } from "../api/documents.ts";
+import { isOver } from "../api/events.ts";
 import { jobsOf } from "../api/events.ts";
 import { end, getOrigin } from "../api/jobs.ts";
 import { isAbort } from "../api/problem.ts";
+import type { JobDocument, Specification } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { fill, h } from "../ui/dom.ts";
 import { duration, kindInWords, moment } from "../ui/words.ts";
@@ -14,18 +14,18 @@ interface Options {
   compact?: boolean;
 }
 
-export function jobList(jobs: readonly Job[], signal: AbortSignal, { compact = false }: Options = {}): HTMLElement {
+export function jobList(jobs: readonly JobDocument[], signal: AbortSignal, { compact = false }: Options = {}): HTMLElement {
   return h("ul", { class: compact ? "jobs compact" : "jobs" }, ...jobs.map((job) => entry(job, signal, compact)));
 }
 
-function entry(job: Job, signal: AbortSignal, compact: boolean): HTMLElement {
+function entry(job: JobDocument, signal: AbortSignal, compact: boolean): HTMLElement {
   const state = h("span", { class: `state ${job.state}` });
   const bar = h("progress", { max: 1, "aria-label": "How far the job is" });
   const about = h("span", { class: "quiet" });
   const cancel = h("button", { class: "small", onclick: () => void end(job.id) }, "Cancel");
   cancel.setAttribute("aria-label", `Cancel: ${kindInWords(job.kind)}`);
   const failed = h("p", { class: "quiet" });
-  const show = (latest: Job): void => {
+  const show = (latest: JobDocument): void => {
     state.className = `state ${latest.state}`;
     state.textContent = isOver(latest) ? latest.state : stateInWords(latest);
     cancel.hidden = isOver(latest);
@@ -52,7 +52,7 @@ function entry(job: Job, signal: AbortSignal, compact: boolean): HTMLElement {
   );
 }
 
-async function follow(job: Job, show: (job: Job) => void, signal: AbortSignal): Promise<void> {
+async function follow(job: JobDocument, show: (job: JobDocument) => void, signal: AbortSignal): Promise<void> {
   try {
     for await (const latest of jobsOf(job.id, job.revision, signal)) show(latest);
   } catch (error) {
@@ -60,7 +60,7 @@ async function follow(job: Job, show: (job: Job) => void, signal: AbortSignal): 
   }
 }
 
-function tookOf({ started_at, finished_at }: Job): string {
+function tookOf({ started_at, finished_at }: JobDocument): string {
   if (started_at === null || finished_at === null) return "";
   return `, ${duration((Date.parse(finished_at) - Date.parse(started_at)) / 1000)}`;
 }

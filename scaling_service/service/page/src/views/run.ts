@@ -1,9 +1,9 @@
 /** Choose what is computed; what runs and what ran stands below. */
 
-import type { Job, SubjectDetail } from "../api/documents.ts";
 import { ask, listJobs } from "../api/jobs.ts";
+import type { JobDocument, MethodWord, SubjectDetail } from "../api/schema.ts";
 import { getSubject } from "../api/subjects.ts";
-import { vocabulary, type KnownMethod } from "../api/vocabulary.ts";
+import { vocabulary } from "../api/vocabulary.ts";
 import { toJob } from "../routes.ts";
 import { box, group, select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
@@ -19,7 +19,7 @@ export const run: View = async ({ main, place, signal }) => {
   const id = place.parts[1] ?? "";
   const [subject, known] = await Promise.all([getSubject(id, signal), vocabulary()]);
   const history = h("div");
-  const begin = (job: Job, follow: boolean): void => {
+  const begin = (job: JobDocument, follow: boolean): void => {
     if (follow) location.hash = toJob(job.id);
     else history.prepend(jobList([job], signal));
   };
@@ -37,9 +37,9 @@ export const run: View = async ({ main, place, signal }) => {
   history.append(jobs.items.length === 0 ? h("p", { class: "quiet" }, "Nothing yet.") : jobList(jobs.items, signal));
 };
 
-type Begin = (job: Job, follow: boolean) => void;
+type Begin = (job: JobDocument, follow: boolean) => void;
 
-function comparing(subject: SubjectDetail, methods: KnownMethod[], chosen: Chosen, begin: Begin): HTMLElement {
+function comparing(subject: SubjectDetail, methods: MethodWord[], chosen: Chosen, begin: Begin): HTMLElement {
   const picked = new Set(methods.map((method) => method.name));
   const failed = h("div");
   const boxes = methods.map(({ name, meaning }) => {
@@ -76,7 +76,7 @@ const OTHERS: Other[] = [
     about: "The motion, segment lengths and inertia that markers and ground forces agree on. Needs both feet on plates." },
 ];
 
-function others(subject: SubjectDetail, methods: KnownMethod[], chosen: Chosen, begin: Begin): HTMLElement[] {
+function others(subject: SubjectDetail, methods: MethodWord[], chosen: Chosen, begin: Begin): HTMLElement[] {
   return OTHERS.map(({ route, title, about }) => {
     const failed = h("div");
     let from = "";

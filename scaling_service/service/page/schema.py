@@ -1,0 +1,79 @@
+"""Makes the page's TypeScript types from the OpenAPI document: ``python schema.py`` writes them.
+
+They are committed, for Node bundles the page where the service is not installed; a test makes them anew.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+TARGET = Path(__file__).with_name("src") / "api" / "schema.ts"
+_HEAD = "/** What travels between service and page, made from the OpenAPI document by schema.py. */\n"
+_PLAIN = {"integer": "number", "number": "number", "string": "string", "boolean": "boolean", "null": "null"}
+
+
+def typescript(document: Mapping[str, Any]) -> str:
+    """An exported type for each schema of an OpenAPI document."""
+    schemas = document["components"]["schemas"]
+    return _HEAD + "".join(_declaration(name, schemas[name]) for name in sorted(schemas))
+
+
+def _declaration(name: str, schema: Mapping[str, Any]) -> str:
+    if "properties" not in schema:
+        return f"\nexport type {name} = {_type(schema)};\n"
+    return f"\nexport interface {name} {{\n{_fields(schema)}}}\n"
+
+
+def _fields(schema: Mapping[str, Any]) -> str:
+    always = schema.get("required", ())
+    return "".join(
+        f"  {name}{'' if name in always else '?'}: {_type(field)};\n"
+        for name, field in schema["properties"].items()
+    )
+
+
+def _type(schema: Mapping[str, Any]) -> str:
+    match schema:
+        case {"$ref": str(place)}:
+            return place.rpartition("/")[2]
+        case {"anyOf": choices}:
+            return " | ".join(dict.fromkeys(map(_type, choices)))
+        case {"const": value}:
+            return json.dumps(value)
+        case {"enum": values}:
+            return " | ".join(map(json.dumps, values))
+        case {"type": "array", "prefixItems": items}:
+            return f"[{', '.join(map(_type, items))}]"
+        case {"type": "array", "items": item}:
+            return f"Array<{_type(item)}>"
+        case {"type": "object", "additionalProperties": dict(value)}:
+            return f"Record<string, {_type(value)}>"
+        case {"type": "object", "patternProperties": dict(values)}:
+            return f"Record<string, {' | '.join(map(_type, values.values()))}>"
+        case {"type": "object"}:
+            return "Record<string, unknown>"
+        case {"type": str(kind)}:
+            return _PLAIN[kind]
+    return "unknown"
+
+
+def openapi() -> dict[str, Any]:
+    """The OpenAPI document of a service without anything in it."""
+    from scaling_service.service.http.app import create_app
+    from scaling_service.service.jobs.service import Service
+    from scaling_service.service.jobs.settings import ServiceSettings
+
+    with tempfile.TemporaryDirectory() as folder:
+        service = Service.open(ServiceSettings(data_directory=Path(folder) / "data"))
+        try:
+            return create_app(service, loopback=True).openapi()
+        finally:
+            service.close()
+
+
+if __name__ == "__main__":
+    TARGET.write_text(typescript(openapi()), encoding="utf-8")

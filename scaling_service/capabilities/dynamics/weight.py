@@ -7,18 +7,24 @@ the part of a recording in which a chair, or a foot beside the plates, bears som
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
+from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.numerics.multibody.laws import Array
 
 BLOCK_S = 0.5  # chosen: about a step; what the model misses of the acceleration alternates within one
 PLATES_SHARE = 0.003
-"""Standard deviation of a plate's gain (chosen: makers state a non-linearity of 0.2 % of full scale and crosstalk
-of as much again)."""
+"""Standard deviation of a plate's gain (chosen: makers state 0.2 % of full scale for non-linearity and as much
+for hysteresis)."""
+
+FAR_OFF = 1.5
+"""Ratio of the masses beyond which one of them must be wrong (chosen: no person errs so about a weight)."""
 
 NOTICED = 0.015
 """Share of the mass by which plates and declaration must differ to be told (chosen: clothes and shoes)."""
@@ -38,6 +44,16 @@ class Weight:
         """True over declared mass."""
         return self.plates_kg / self.declared_kg
 
+    def check(self) -> None:
+        """Refuse a model or forces of which one must be wrong: the residual would mean nothing."""
+        if not 1 / FAR_OFF <= self.factor <= FAR_OFF:
+            raise TrialUnusable(
+                f"the plates bear {self.plates_kg:.1f} kg, the model weighs {self.declared_kg:.1f} kg",
+                file=few(list(self.by_trial)),
+                field="subject.mass_kg",
+                remedy="Declare the right mass, use a model of the whole body, and give forces in N",
+            )
+
     @property
     def differs(self) -> bool:
         """Whether the declared mass is wrong beyond what plates and clothes explain."""
@@ -50,13 +66,13 @@ class Weight:
         said = []
         if self.differs:
             said.append(
-                f"the plates bear {self.plates_kg:.1f} kg (standard deviation {self.sd_kg:.1f}), the model "
-                f"weighs {self.declared_kg:.1f} kg: check subject.mass_kg, shoes and what the person carried"
+                f"The plates bear {self.plates_kg:.1f} kg (standard deviation {self.sd_kg:.1f}), the model "
+                f"weighs {self.declared_kg:.1f} kg: check subject.mass_kg, shoes and what the person carried."
             )
         kilograms = self.by_trial.values()
         if len(self.by_trial) > 1 and max(kilograms) - min(kilograms) > 2 * NOTICED * self.declared_kg:
             each = few([f"{kg:.1f} kg in {name}" for name, kg in self.by_trial.items()])
-            said.append(f"recordings disagree about the weight: the plates bear {each}")
+            said.append(f"Recordings disagree about the weight: the plates bear {each}.")
         return tuple(said)
 
 
@@ -68,8 +84,8 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
     declared_kg : float
         The model's mass.
     blocks : mapping
-        By recording, for each block of time: vertical force measured, and needed by the model's motion, of the
-        frames that count (n,), N.
+        By recording, for each block of time: vertical force measured and vertical force that the model's
+        motion needs, of the frames that count (n,), N.
 
     Returns
     -------
@@ -97,6 +113,25 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
     return Weight(
         declared_kg, middle * declared_kg, sd * declared_kg, {n: r * declared_kg for n, r in each.items()}
     )
+
+
+def weigh_motions(found: Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]) -> Weight | None:
+    """Mass from the dynamics of recordings with the frames (n,) that count in each; see :func:`weigh`."""
+    blocks = {}
+    for name, (dynamics, frames) in found.items():
+        borne = dynamics.external[:, 1]
+        needed = borne + dynamics.residual[:, 1]
+        spans = blocks_of(dynamics.used(frames), dynamics.motion.times, BLOCK_S)
+        blocks[name] = [(borne[rows], needed[rows]) for rows in spans]
+    first = next(iter(found.values()), None)
+    return None if first is None else weigh(first[0].mass, blocks)
+
+
+def blocks_of(used: NDArray[np.bool_], times: Array, length_s: float) -> Iterator[NDArray[np.intp]]:
+    """The frames that are used (n,), by blocks of time."""
+    number = np.floor((times - times[0]) / length_s)
+    for k in np.unique(number[used]):
+        yield np.flatnonzero(used & (number == k))
 
 
 def _median(values: Array, weights: Array) -> float:

@@ -1,8 +1,8 @@
-"""The first question about forces: is the declared mass right?
+"""The first question about forces: whether the declared mass is right.
 
-The momentum balance answers it from the vertical forces of all recordings, whatever else is wrong with the model.
-It is asked before the search, which would otherwise share the missing weight out among segments and plates, and
-its answer stays: an effect that is named later must not take it back.
+The momentum balance answers it from the vertical forces of all recordings, whatever else is wrong with the
+model. It is asked before the search, which would otherwise share the missing weight out among segments and
+plates, and its answer stays: an effect that is named later must not take it back.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
-from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, weigh
+from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, blocks_of, weigh
 
 
 def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidate | None:
-    """The declared mass as an effect, if the plates say clearly that it is wrong and no other effect is the cause.
+    """The declared mass as an effect, if the plates clearly contradict it and no other effect is the cause.
 
-    The cause is another one where that explains nearly all that the forces disagree by: a load in the hand weighs
-    as much as a heavier body, but its moments tell where it is.
+    Another one is, where it explains nearly all that the forces disagree by: a load in the hand weighs as much
+    as a heavier body, but its moments tell where it is.
     """
     weight = balance_weight(fit)
     if weight is None or not weight.differs:
@@ -50,7 +50,7 @@ def balance_weight(fit: Fit) -> Weight | None:
     blocks = {}
     for item in fit.wrenches:
         borne, needed = (item.smoothed(wrench)[:, 1] for wrench in (item.measured, item.needed))
-        spans = [np.flatnonzero(item.usable[rows]) + rows.start for rows in item.blocks(BLOCK_S)]
+        spans = blocks_of(item.usable, item.times, BLOCK_S)
         blocks[item.name] = [(borne[rows], needed[rows]) for rows in spans]
     return weigh(fit.wrenches[0].mass, blocks) if blocks else None
 

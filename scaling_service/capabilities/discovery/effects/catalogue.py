@@ -34,8 +34,8 @@ class Effect:
         The likely ones, fitted and tried; of an effect whose course is not known beforehand, so that no
         column can stand for it.
     question : callable, optional
-        Asked before the search, of the fit and of what was scored: the effect where the answer is yes. What it
-        names stays.
+        Asked before the search, of the fit and of what was scored: the effect where the answer is yes. It
+        stays, whatever is named later.
     seen_in : 'markers' or 'wrench'
         What that search looks at.
     details : callable, optional

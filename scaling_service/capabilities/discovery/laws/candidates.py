@@ -108,9 +108,9 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Reweighed:
-    """The whole body heavier or lighter, in proportion: true over declared mass, and its standard deviation."""
+    """The whole body heavier or lighter, in proportion."""
 
-    factor: float
+    factor: float  # true over declared mass
     sd: float
 
 
@@ -131,7 +131,8 @@ class Candidate:
     driver: tuple[str, ...] = ()  # the coordinates that it follows
     trials: tuple[str, ...] = ()  # those in which it is; all of them unless given
     note: str = ""  # what a person should know of this one: the frequency it was tried at
-    change: FreeMotion | Exchange | Contact | Reweighed | Masked | None = None  # for what is not a sum of columns
+    # for what is not a sum of columns
+    change: FreeMotion | Exchange | Contact | Reweighed | Masked | None = None
     # whether coefficients, each in its range, are plausible together
     together: Callable[[Array], bool] | None = None
 

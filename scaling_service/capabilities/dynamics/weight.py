@@ -20,8 +20,8 @@ from scaling_service.numerics.multibody.laws import Array
 
 BLOCK_S = 0.5  # chosen: about a step; what the model misses of the acceleration alternates within one
 PLATES_SHARE = 0.003
-"""Standard deviation of a plate's gain (chosen: makers state 0.2 % of full scale for non-linearity and as much
-for hysteresis)."""
+"""Standard deviation of a plate's gain (chosen: makers state 0.2 % of full scale for non-linearity and as
+much for hysteresis)."""
 
 FAR_OFF = 1.5
 """Ratio of the masses beyond which one of them must be wrong (chosen: no person errs so about a weight)."""

@@ -24,8 +24,8 @@ from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, blocks
 def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidate | None:
     """The declared mass as an effect, if the plates clearly contradict it and no other effect is the cause.
 
-    Another one is, where it explains nearly all that the forces disagree by: a load in the hand weighs as much
-    as a heavier body, but its moments tell where it is.
+    Another one is, where it explains nearly all that the forces disagree by: a load in the hand weighs as
+    much as a heavier body, but its moments tell where it is.
     """
     weight = balance_weight(fit)
     if weight is None or not weight.differs:

@@ -107,8 +107,8 @@ def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
 def _passing_fault(one: ScoredCandidate, fit: Fit) -> bool:
     """Whether it is a plate's fault in some recordings only that is not all that is wrong with these.
 
-    A model that is wrong looks like a fault of a plate in the recording that it was fitted to, and like another
-    one in the next.
+    A model that is wrong looks like a fault of a plate in the recording that it was fitted to, and like
+    another one in the next.
     """
     trials = one.candidate.trials
     if not trials or one.candidate.where[0] not in fit.scene.plates:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.cohort.run import batch
+    from scaling_service.capabilities.discovery.options import DiscoverSettings
     from scaling_service.capabilities.discovery.run import discover
     from scaling_service.capabilities.discovery.saving import save_discovery
-    from scaling_service.capabilities.discovery.settings import DiscoverSettings
     from scaling_service.capabilities.dynamics.inertia.identification import identify_inertia
     from scaling_service.capabilities.dynamics.run import dynamics
     from scaling_service.capabilities.dynamics.saving import save_dynamics
@@ -67,7 +67,7 @@ __all__ = [
 
 _HOMES = {
     "CalibrationSettings": "capabilities.shared.settings",
-    "DiscoverSettings": "capabilities.discovery.settings",
+    "DiscoverSettings": "capabilities.discovery.options",
     "DynamicsSettings": "capabilities.dynamics.settings",
     "InputError": "core.errors",
     "MotionOptions": "capabilities.motion.options",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = 400
 """Lines; a longer file asks to be split."""
+
+CHANGING = ("add", "append", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update")
+"""Methods that change a list, a set or a mapping."""
 
 CHECKS = {
     "lint": ["ruff", "check", "--no-cache", "."],
@@ -36,3 +41,44 @@ def test_files_are_short() -> None:
         if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST
     }
     assert long == {}
+
+
+def test_no_module_holds_state_that_changes() -> None:
+    """No ``global``, no function writes to what its module binds, and no cache grows without bound."""
+    assert list(changes(ast.parse("KNOWN = {}\ndef f(): KNOWN['a'] = 1"))) == [2]
+    files = (ROOT / "scaling_service").rglob("*.py")
+    found = [f"{path}:{line}" for path in files for line in changes(ast.parse(path.read_bytes()))]
+    assert found == []
+
+
+def changes(module: ast.Module) -> Iterator[int]:
+    """Lines at which a function changes what its module holds."""
+    assigned = [node for node in module.body if isinstance(node, ast.Assign | ast.AnnAssign)]
+    bound = {name for node in assigned for name in stored(node)}
+    functions = [
+        node for node in ast.walk(module) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+    for function in functions:
+        own = {node.arg for node in ast.walk(function) if isinstance(node, ast.arg)} | stored(function)
+        decorators = {ast.unparse(decorator) for decorator in function.decorator_list}
+        if function.args.args and decorators & {"cache", "lru_cache(None)", "lru_cache(maxsize=None)"}:
+            yield function.lineno
+        for node in ast.walk(function):
+            match node:
+                case ast.Global():
+                    yield node.lineno
+                case (
+                    ast.Subscript(value=ast.Name(id=name), ctx=ast.Store() | ast.Del())
+                    | ast.Attribute(value=ast.Name(id=name), ctx=ast.Store() | ast.Del())
+                ) if name in bound - own:
+                    yield node.lineno
+                case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=method)) if (
+                    name in bound - own and method in CHANGING
+                ):
+                    yield node.lineno
+
+
+def stored(tree: ast.AST) -> set[str]:
+    """Names that are given a value."""
+    names = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
+    return {name.id for name in names if isinstance(name.ctx, ast.Store)}

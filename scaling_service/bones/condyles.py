@@ -100,11 +100,7 @@ def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     height = height - height.min()
     distal = height < DISTAL_M
     block = surface.part(distal)
-    w = block.areas / block.areas.sum()
-    middle = w @ block.smooth
-    flat = block.smooth - middle
-    flat = flat - (flat @ up)[:, None] * up
-    z = np.linalg.eigh(flat.T @ (w[:, None] * flat))[1][:, 2]
+    z = block.widest_direction(across=up)
     width = float(np.ptp(block.smooth @ z))
     if not 0.05 <= width <= 0.12:  # bicondylar breadth 78.5 (3.0) to 88.6 (4.2) mm; a child's to a giant's
         return f"the distal end is {1e3 * width:.0f} mm wide; condyles are 50-120 mm"
@@ -112,8 +108,7 @@ def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     if int(shaft.sum()) < 50:
         return "there is too little shaft above the condyles to tell front from back"
     x = np.cross(up, z)
-    weight = surface.areas[shaft]
-    ahead = float((weight @ surface.smooth[shaft] / weight.sum() - middle) @ x)
+    ahead = float((surface.middle(shaft) - block.middle()) @ x)
     x = x * np.sign(ahead)
     z = np.cross(x, up)
     if abs(ahead) < 3e-3:

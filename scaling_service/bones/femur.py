@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip
+from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
 from scaling_service.bones.pieces import require_long, require_one_bone
 from scaling_service.bones.results import (
     BoneLandmarks,
@@ -92,10 +92,9 @@ def _side(
         return named, "name"
     level = knee.frame.height / float(knee.frame.height.max())
     shaft = (level > 0.3) & (level < 0.7)
-    middle = surface.areas[shaft] @ surface.smooth[shaft] / surface.areas[shaft].sum()
     # Across the shaft only: the knee axis is a few degrees off square, which is 30 mm at the hip.
     right = knee.frame.z - float(knee.frame.z @ knee.frame.y) * knee.frame.y
-    medial = float((head.centre - middle) @ right)
+    medial = float((head.centre - surface.middle(shaft)) @ right)
     if abs(medial) < 10e-3:  # chosen: a head stands 30-50 mm medial of the shaft
         raise MeshRefused(
             f"the head stands {1e3 * abs(medial):.0f} mm beside the shaft, so left and right are not clear",
@@ -119,13 +118,13 @@ def _collected(
     axes: dict[str, Array] = {}
     if head is not None:
         points["hip_centre"] = surface.to_image(head.centre)
-        balls["head"] = _sphere(surface, head, poor_cover=HEAD_COVERED, good_cover=0.6)
+        balls["head"] = place_sphere(surface, head, poor_cover=HEAD_COVERED, good_cover=0.6)
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
         axes["knee"] = surface.turned(knee.axis)
-        balls["condyle_medial"] = _sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
-        balls["condyle_lateral"] = _sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
+        balls["condyle_medial"] = place_sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
+        balls["condyle_lateral"] = place_sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
         outwards = knee.axis if side[0] == "r" else -knee.axis
         points["epicondyle_lateral"] = surface.to_image(find_tip(surface, outwards, knee.distal))
         points["epicondyle_medial"] = surface.to_image(find_tip(surface, -outwards, knee.distal))
@@ -166,14 +165,6 @@ def _axis_notes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) ->
     if apart <= AXES_APART_DEG:
         return []
     return [f"the axes through the spheres and of the cylinder differ by {apart:.1f} degrees"]
-
-
-def _sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cover: float) -> Sphere:
-    trust = min(
-        confidence(ball.covered, poor=poor_cover, good=good_cover),
-        confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
-    )
-    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
 
 
 HEAD_RADII_M = (0.015, 0.032)
@@ -246,5 +237,4 @@ def _set_off(surface: Surface, head: SphereOnBone) -> float:
     shaft = (far > 0.35 * far.max()) & (far < 0.75 * far.max())
     if int(shaft.sum()) < 20:
         return 0.0
-    middle = surface.areas[shaft] @ surface.smooth[shaft] / surface.areas[shaft].sum()
-    return float(np.linalg.norm((head.centre - middle)[1:]))
+    return float(np.linalg.norm((head.centre - surface.middle(shaft))[1:]))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones.results import Quality, Sphere, confidence
 from scaling_service.bones.surface import Surface
 from scaling_service.numerics.geometry.fits import across, fit_cylinder, fit_sphere
 
@@ -37,6 +38,15 @@ class SphereOnBone:
     rms: float
     covered: float  # share of the sphere's full solid angle
     support: Array  # (n,); weight of every vertex, 0 to 1
+
+
+def place_sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cover: float) -> Sphere:
+    """The sphere in the image, trusted by how much of it is covered and how well it fits."""
+    trust = min(
+        confidence(ball.covered, poor=poor_cover, good=good_cover),
+        confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
+    )
+    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
 
 
 def find_spheres(

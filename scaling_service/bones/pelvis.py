@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip
-from scaling_service.bones.results import BoneLandmarks, MeshRefused, Quality, Sphere, confidence
+from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 SOCKET_RADII_M = (0.017, 0.036)  # a socket is 1-3 mm wider than the head in it
 
@@ -88,7 +90,10 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         side=None,
         side_from="shape",
         points={name: surface.to_image(point) for name, point in points.items()},
-        spheres={"acetabulum_r": _sphere(surface, high), "acetabulum_l": _sphere(surface, low)},
+        spheres={
+            name: place_sphere(surface, ball, poor_cover=SOCKET_COVERED, good_cover=0.28)
+            for name, ball in (("acetabulum_r", high), ("acetabulum_l", low))
+        },
         axes={"asis": surface.turned(across / np.linalg.norm(across))},
         definitions=_DEFINITIONS,
         warnings=surface.notes,
@@ -180,9 +185,9 @@ def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
     for _ in range(_TURNS):
         for side, sign in _SIDES:
             near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
-            ilium = near & _ilium(surface, frame, sign)
-            spines[f"asis_{side}"] = _furthest(surface, level.x, ilium, "ASIS")
-            spines[f"psis_{side}"] = _furthest(surface, -level.x, _rear(surface, frame, sign), "PSIS")
+            regions = _regions(surface, frame, sign)
+            spines[f"asis_{side}"] = _furthest(surface, level.x, near & regions.ilium, "ASIS")
+            spines[f"psis_{side}"] = _furthest(surface, -level.x, regions.rear, "PSIS")
         level = _facing(frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"])
         lean = float(np.rad2deg(np.arccos(np.clip(level.x @ frame.x, -1.0, 1.0))))
         if lean > MOST_LEAN_DEG:
@@ -202,35 +207,33 @@ def _facing(frame: _Frame, forward: Array) -> _Frame:
 
 def _plane_tips(surface: Surface, frame: _Frame, side: str, sign: float) -> dict[str, Array]:
     """Where the anterior pelvic plane touches one side."""
-    pubis = _pubis(surface, frame, sign)
+    regions = _regions(surface, frame, sign)
     return {
-        f"asis_{side}": _furthest(surface, frame.x, _ilium(surface, frame, sign), "ASIS"),
-        f"pubic_tubercle_{side}": _furthest(surface, frame.x, pubis, "pubic tubercle"),
+        f"asis_{side}": _furthest(surface, frame.x, regions.ilium, "ASIS"),
+        f"pubic_tubercle_{side}": _furthest(surface, frame.x, regions.pubis, "pubic tubercle"),
     }
 
 
-def _ilium(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
-    out, height, _ = _shares(surface, frame, sign)
-    return np.asarray((out > _SPINE_OUT) & (height > 0.2))
+class _Regions(NamedTuple):
+    """Vertices of one side in which landmarks are looked for, each (n,)."""
+
+    ilium: Mask
+    pubis: Mask
+    rear: Mask
 
 
-def _pubis(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
-    out, height, _ = _shares(surface, frame, sign)
-    return np.asarray((out > 0.0) & (out < _PUBIS_IN) & (height < 0.2))
-
-
-def _rear(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
-    out, height, ahead = _shares(surface, frame, sign)
-    return np.asarray((out > 0.2) & (out < 1.0) & (height > 0.0) & (ahead < 0.0))
-
-
-def _shares(surface: Surface, frame: _Frame, sign: float) -> tuple[Array, Array, Array]:
-    """Outwards, up and ahead of the middle of the sockets, as shares of half their distance."""
+def _regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
+    """By places outwards, up and ahead of the middle of the sockets, as shares of half their distance."""
     offset = (surface.smooth - frame.middle) / frame.half
-    return sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
+    out, height, ahead = sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
+    return _Regions(
+        ilium=(out > _SPINE_OUT) & (height > 0.2),
+        pubis=(out > 0.0) & (out < _PUBIS_IN) & (height < 0.2),
+        rear=(out > 0.2) & (out < 1.0) & (height > 0.0) & (ahead < 0.0),
+    )
 
 
-def _furthest(surface: Surface, direction: Array, within: NDArray[np.bool_], name: str) -> Array:
+def _furthest(surface: Surface, direction: Array, within: Mask, name: str) -> Array:
     if int(within.sum()) < 10:
         raise MeshRefused(
             f"the part that holds the {name} is not in the surface", remedy="Give whole hip bones"
@@ -248,11 +251,3 @@ def _check(points: dict[str, Array], frame: _Frame) -> None:
                 f"both {name.upper()} stand unevenly by {1e3 * max(uneven):.0f} mm",
                 remedy="Give whole hip bones, not deformed",
             )
-
-
-def _sphere(surface: Surface, ball: SphereOnBone) -> Sphere:
-    trust = min(
-        confidence(ball.covered, poor=SOCKET_COVERED, good=0.28),
-        confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
-    )
-    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))

@@ -123,7 +123,7 @@ def _is_fibula(tibia: Surface, piece: Surface) -> bool:
         _FIBULA_LENGTH[0] < ratio < _FIBULA_LENGTH[1]
         and _FIBULA_AREA[0] < area < _FIBULA_AREA[1]
         and abs(float(axis @ direction)) > 0.95
-        and abs(float((_middle(piece) - _middle(tibia)) @ axis)) < 0.2 * length
+        and abs(float((piece.middle() - tibia.middle()) @ axis)) < 0.2 * length
     )
 
 
@@ -175,11 +175,5 @@ def _nearer_to_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: A
 
 
 def _long_axis(surface: Surface) -> tuple[float, Array]:
-    w = surface.areas / surface.areas.sum()
-    local = surface.smooth - w @ surface.smooth
-    axis = np.linalg.eigh(local.T @ (w[:, None] * local))[1][:, 2]
-    return float(np.ptp(local @ axis)), axis
-
-
-def _middle(surface: Surface) -> Array:
-    return np.asarray(surface.areas @ surface.smooth / surface.areas.sum())
+    axis = surface.widest_direction()
+    return float(np.ptp(surface.smooth @ axis)), axis

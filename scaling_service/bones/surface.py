@@ -60,6 +60,20 @@ class Surface:
         moved: Array = directions @ self.R_image_own.T
         return moved
 
+    def middle(self, chosen: NDArray[np.bool_] | slice = slice(None)) -> Array:
+        """Centroid of the chosen vertices of the smoothed surface, (3,), m."""
+        areas = self.areas[chosen]
+        return np.asarray(areas @ self.smooth[chosen] / areas.sum())
+
+    def widest_direction(
+        self, chosen: NDArray[np.bool_] | slice = slice(None), across: Array | None = None
+    ) -> Array:
+        """Along which the chosen vertices of the smoothed surface spread most, (3,); square to ``across``."""
+        local = self.smooth[chosen] - self.middle(chosen)
+        if across is not None:
+            local = local - (local @ across)[:, None] * across
+        return principal_axes(local, self.areas[chosen])[:, 2]
+
     def part(self, kept: NDArray[np.bool_]) -> Surface:
         """Only some vertices; faces go."""
         return replace(
@@ -71,6 +85,12 @@ class Surface:
             shell=self.shell[kept],
             faces=np.zeros((0, 3), dtype=np.intp),
         )
+
+
+def principal_axes(local: Array, areas: Array) -> Array:
+    """Principal directions of points about their centroid (n, 3) in columns, the least spread first."""
+    axes: Array = np.linalg.eigh(local.T @ ((areas / areas.sum())[:, None] * local))[1]
+    return axes
 
 
 def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
@@ -97,7 +117,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
     points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
-    label = shells_by_size(points, triangles)
+    label = _shells_by_size(points, triangles)
     origin, axes = _principal_frame(points, triangles)
     points = (points - origin) @ axes
     smooth = mesh.Smoother(points, triangles).smoothed(SMOOTHING_M)
@@ -139,23 +159,20 @@ def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]
 def _without_strays(
     points: Array, triangles: Faces, notes: list[str]
 ) -> tuple[Array, Faces, NDArray[np.intp]]:
-    label = mesh.label_pieces(len(points), triangles)
+    label = _shells_by_size(points, triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
-    order = np.argsort(-areas, kind="stable")
-    large = areas[order] >= STRAY_SHARE * areas[order[0]]
-    strays = int((~large & (areas[order] > 0)).sum())
+    large = areas >= STRAY_SHARE * areas[0]
+    strays = int((~large & (areas > 0)).sum())
     if strays:
-        share = float(areas[order[~large]].sum() / areas.sum())
+        share = float(areas[~large].sum() / areas.sum())
         notes.append(f"{strays} stray shells ({100 * share:.2g} % of the area) were dropped")
-    rank = np.full(len(areas), -1, dtype=np.intp)
-    rank[order[large]] = np.arange(int(large.sum()))
-    kept = rank[label] >= 0
+    kept = large[label]
     number = np.cumsum(kept) - 1
     triangles = number[triangles[kept[triangles[:, 0]]]]
-    return points[kept], triangles, rank[label][kept]
+    return points[kept], triangles, label[kept]
 
 
-def shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
+def _shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
     label = mesh.label_pieces(len(points), triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
@@ -193,8 +210,7 @@ def _principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
     w = areas / areas.sum()
     origin = w @ points
     local = points - origin
-    _, vectors = np.linalg.eigh(local.T @ (w[:, None] * local))
-    axes = vectors[:, ::-1].copy()
+    axes = principal_axes(local, areas)[:, ::-1].copy()
     skewness = w @ (local @ axes) ** 3
     axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])

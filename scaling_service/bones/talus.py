@@ -114,7 +114,7 @@ def _circle(
     corner, size = low.min(axis=0) - RADII_M[1], np.ptp(low, axis=0) + 2 * RADII_M[1]
     n = int(np.ceil(size.max() / _CELL_M)) + 1
     best = (0.0, np.zeros(3), direction, RADII_M[0])
-    middle = surface.areas @ surface.smooth / surface.areas.sum()
+    middle = surface.middle()
     for radius in np.arange(RADII_M[0], RADII_M[1], 1.5e-3):
         cell = ((points - radius * normals - corner) / _CELL_M).astype(np.intp)
         votes = np.bincount(cell[:, 0] * n + cell[:, 1], areas, n * n).reshape(n, n)

@@ -152,9 +152,7 @@ def _add_fibula(
 
 def _proximal(tibia: Surface) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Unit vector to the plateau, heights above the other end, and the plateau's block."""
-    w = tibia.areas / tibia.areas.sum()
-    local = tibia.smooth - w @ tibia.smooth
-    axis = np.linalg.eigh(local.T @ (w[:, None] * local))[1][:, 2]
+    axis = tibia.widest_direction()
     along = tibia.smooth @ axis
     ends = {sign: sign * along > (sign * along).max() - PLATEAU_M for sign in (-1.0, 1.0)}
     widths = {sign: _width(tibia, axis, chosen) for sign, chosen in ends.items()}
@@ -187,11 +185,7 @@ def _frame(
     tibia: Surface, fibula: Surface | None, up: Array, plateau: NDArray[np.bool_], named: Side | None
 ) -> tuple[TibiaFrame, Side, str]:
     """Across the plateau lies medial-lateral; the fibula's head is lateral and behind."""
-    w = tibia.areas[plateau] / tibia.areas[plateau].sum()
-    middle = w @ tibia.smooth[plateau]
-    flat = tibia.smooth[plateau] - middle
-    flat = flat - (flat @ up)[:, None] * up
-    wide = np.linalg.eigh(flat.T @ (w[:, None] * flat))[1][:, 2]
+    middle, wide = tibia.middle(plateau), tibia.widest_direction(plateau, across=up)
     ahead = np.cross(up, wide)
     behind = _front(tibia, fibula, up, middle, ahead)
     if behind > 0:
@@ -227,9 +221,7 @@ def _front(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahe
 
 def _end(bone: Surface, up: Array, sign: float) -> Array:
     height = sign * (bone.smooth @ up)
-    chosen = height > height.max() - PLATEAU_M
-    w = bone.areas[chosen]
-    return np.asarray(w @ bone.smooth[chosen] / w.sum())
+    return bone.middle(height > height.max() - PLATEAU_M)
 
 
 def _medial(tibia: Surface, outwards: Array, ankle: NDArray[np.bool_]) -> NDArray[np.bool_]:

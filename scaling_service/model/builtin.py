@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, Literal
 
 from scaling_service.core.errors import InputError
@@ -66,7 +66,7 @@ def _known(name: str) -> str:
     return name
 
 
-@cache
+@lru_cache(maxsize=16)
 def _load(name: str) -> tuple[BodyModel, GenericPerson]:
     document = _read(name)
     base = document.get("extends")

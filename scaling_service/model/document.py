@@ -12,12 +12,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
-
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from typing import TYPE_CHECKING, Any
 
 from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.model.body import BodyModel, Law, Segment
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 SCHEMA_VERSION = 1
 """Raised when a document written before can no longer be read by the code after."""
@@ -65,16 +66,22 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
             field="schema_version",
             remedy="Write the model again with the present program",
         )
-    try:
-        (model,) = _MODELS.validate_json(json.dumps([_numbers(content)]))
-    except ValidationError as error:
-        raise _wrong_value(error, file) from None
+    model = _validated(content, file)
     _check_names(model, file)
     return model
 
 
-_MODELS = TypeAdapter(tuple[BodyModel], config=ConfigDict(extra="forbid", strict=True))
-"""In a tuple, so that the configuration holds for the standard library's dataclasses within."""
+def _validated(content: Mapping[str, Any], file: str | Path | None) -> BodyModel:
+    # Imported here: the processes that read OpenSim's models write documents only.
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+    # In a tuple, so that the configuration holds for the standard library's dataclasses within.
+    models = TypeAdapter(tuple[BodyModel], config=ConfigDict(extra="forbid", strict=True))
+    try:
+        (model,) = models.validate_json(json.dumps([_numbers(content)]))
+    except ValidationError as error:
+        raise _wrong_value(error, file) from None
+    return model
 
 
 def _numbers(value: Any) -> Any:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -76,7 +76,7 @@ class InertiaTable:
         return found
 
 
-@cache
+@lru_cache(maxsize=16)
 def inertia_table(name: str) -> InertiaTable:
     """A table by its name.
 

@@ -12,7 +12,6 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.report.methods import FAINT, INK, styles
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif"
@@ -105,18 +104,22 @@ def chart(
 
 
 def cycle_figure(
-    title: str, description: str, mean: Mapping[str, Array], sd: Mapping[str, Array], test: CurveTest | None
+    title: str,
+    description: str,
+    mean: Mapping[str, Array],
+    sd: Mapping[str, Array],
+    differ: Sequence[tuple[float, float]],
 ) -> Figure:
     """One angle over the gait cycle.
 
     ``mean``, ``sd``: method to its curve, (n_nodes,), degrees; methods without ``sd`` have no shade.
-    ``test``: its clusters are bars at the foot of the chart.
+    ``differ``: where methods differ, start and end in %: bars at the foot of the chart.
     """
     percent = np.linspace(0.0, 100.0, len(next(iter(mean.values()))))
     known = styles(list(mean))
     bands = [band(mean[name], spread, faded(known[name].colour)) for name, spread in sd.items()]
     drawn = chart(
-        [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(test)
+        [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(differ)
     )
     return Figure(drawn, title, description, 230)
 
@@ -124,11 +127,6 @@ def cycle_figure(
 def ranges(mean: Mapping[str, Array]) -> str:
     """The least and the largest value of each method, for readers who do not see the figure."""
     return "Ranges: " + ", ".join(f"{name} {m.min():.0f} to {m.max():.0f}" for name, m in mean.items())
-
-
-def stretches(test: CurveTest) -> str:
-    """Where along the cycle methods differ, %."""
-    return ", ".join(f"{c.start:.0f}–{c.end:.0f}" for c in test.clusters) or "nowhere"
 
 
 def band(mean: Array, sd: Array, colour: str) -> go.Scatter:
@@ -151,10 +149,9 @@ def faded(colour: str) -> str:
     return f"rgba({red},{green},{blue},0.15)"
 
 
-def _bars(test: CurveTest | None) -> list[dict[str, Any]]:
+def _bars(spans: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
     look = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0.0, "y1": 0.035, "fillcolor": "#52606d"}
-    clusters = () if test is None else test.clusters
-    return [{**look, "x0": c.start, "x1": c.end, "line": {"width": 0}} for c in clusters]
+    return [{**look, "x0": start, "x1": end, "line": {"width": 0}} for start, end in spans]
 
 
 def lines(x: Array, values: Mapping[str, Array], digits: int = 1) -> list[go.Scatter]:

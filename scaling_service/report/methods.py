@@ -75,6 +75,17 @@ def signed(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:+.{digits}f}"
 
 
+def percent_spans(spans: Iterable[tuple[float, float]]) -> str:
+    """Where along a cycle something holds.
+
+    Examples
+    --------
+    >>> percent_spans([(10.0, 32.0)]), percent_spans([])
+    ('10–32', 'nowhere')
+    """
+    return ", ".join(f"{start:.0f}–{end:.0f}" for start, end in spans) or "nowhere"
+
+
 def union(mappings: Iterable[Mapping[str, object]]) -> list[str]:
     """All keys, in the order in which they first appear."""
     return list(dict.fromkeys(name for mapping in mappings for name in mapping))

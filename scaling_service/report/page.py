@@ -15,7 +15,7 @@ import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from html import escape
 from importlib.resources import files
 
@@ -86,11 +86,11 @@ def _policy(scripts: Sequence[str]) -> str:
     )
 
 
-@cache
+@lru_cache(maxsize=8)
 def _digest(script: str) -> str:
     return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
-@cache
+@lru_cache(maxsize=8)
 def _asset(name: str) -> str:
     return files("scaling_service.report").joinpath("assets", name).read_text(encoding="utf-8")

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import Field
 
-from scaling_service.capabilities.cohort.document import Part
+from scaling_service.capabilities.cohort.executors import gathered
+from scaling_service.core.errors import InputError
+from scaling_service.core.threads import cores
+from scaling_service.documents.base import Part
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Row, Table, Text, Tone
+from scaling_service.report.blocks import Bullets, Callout, Cell, Row, Table, Text, Tone
 from scaling_service.report.page import Page, Section
 
 STUDY_SCHEMA_VERSION = 1
@@ -21,13 +24,17 @@ DOCUMENT = "study.json"
 
 _PERSONS = 1000  # chosen: cohorts of different seeds share nobody
 
+PersonDone = Callable[[str, int, int], None]
+"""Called with a person's name, how many are done, and of how many."""
+
+Study = TypeVar("Study", bound="StudyDocument")
+Person = TypeVar("Person", bound="PersonPart")
+
 _HOLDS: dict[bool | None, tuple[str, Tone]] = {
     True: ("holds", "good"),
     False: ("does not hold", "poor"),
     None: ("undecided", "unknown"),
 }
-
-Study = TypeVar("Study")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +47,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Claim(Generic[Study]):
-    """One claim of a paper: the paper's own figures for it, and the question that decides it here."""
+    """One claim of a paper: the paper's own figures for it, and the question to our study that decides it."""
 
     where: str  # section, table or figure; "truth" or "beyond" where the paper could not tell
     text: str
@@ -58,6 +65,12 @@ class ClaimEntry(Part):
     ours: str = Field(description="The figures that the answer rests on.")
 
 
+class PersonPart(Part):
+    """What is found of one virtual person."""
+
+    name: str
+
+
 class StudyDocument(Part):
     """What ``study.json`` says of every study."""
 
@@ -68,7 +81,7 @@ class StudyDocument(Part):
     code_version: str
     settings: dict[str, Any]
     seed: int
-    claims: list[ClaimEntry]
+    claims: list[ClaimEntry] = Field(default=[])
     notes: list[str] = Field(description="How this study is not the paper's.")
     wall_s: float
 
@@ -89,13 +102,36 @@ def person_seeds(seed: int, count: int) -> tuple[int, ...]:
     return tuple(_PERSONS * seed + k for k in range(1, count + 1))
 
 
-def answer_claims(claims: Sequence[Claim[Study]], study: Study) -> list[ClaimEntry]:
-    """Every claim with its answer."""
-    answered = [(claim, claim.ask(study)) for claim in claims]
-    return [
+def study_persons(
+    study: Callable[..., Person],
+    seed: int,
+    subjects: int,
+    *settings: object,
+    worker_count: int | None = None,
+    finished: PersonDone | None = None,
+) -> list[Person]:
+    """Every person of a cohort, each by one call of a module's function with the person's seed and settings.
+
+    ``worker_count``: processes; as many as there are cores unless given. InputError: no subject is asked for.
+    """
+    if subjects < 1:
+        raise InputError("no subject is asked for", field="--subjects", remedy="Take at least one")
+    return gathered(
+        study,
+        [(one, *settings) for one in person_seeds(seed, subjects)],
+        min(worker_count or cores(), subjects),
+        lambda person, done: None if finished is None else finished(person.name, done, subjects),
+    )
+
+
+def answer_claims(study: Study, claims: Sequence[Claim[Study]]) -> Study:
+    """The document with every claim's answer in it."""
+    answers = [(claim, claim.ask(study)) for claim in claims]
+    entries = [
         ClaimEntry(where=c.where, claim=c.text, paper=c.paper, holds=a.holds, ours=a.figures)
-        for c, a in answered
+        for c, a in answers
     ]
+    return study.model_copy(update={"claims": entries})
 
 
 def save_study(document: StudyDocument, page: Page, folder: str | Path) -> tuple[str, ...]:
@@ -108,24 +144,27 @@ def save_study(document: StudyDocument, page: Page, folder: str | Path) -> tuple
 
 def study_page(title: str, document: StudyDocument, sections: Sequence[Section]) -> Page:
     """The page of a study: first how many claims hold, what differs from the paper, and every claim."""
+    headline = f"{count_held(document)} claims hold on these {document.size} persons"
+    differences = Callout(headline, [Text("What differs, and why:"), Bullets(document.notes)])
     return Page(
         f"{title}, done again on virtual persons",
-        [Section("Do the paper's claims hold here?", list(_claims(document))), *sections],
+        [Section("Do the paper's claims hold here?", [differences, claims_table(document)]), *sections],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: {DOCUMENT}.",
     )
 
 
-def _claims(document: StudyDocument) -> Iterator[Block]:
-    held = sum(claim.holds is True for claim in document.claims)
-    yield Callout(
-        f"{held} of {len(document.claims)} claims hold on these {document.size} persons",
-        [Text("What differs, and why:"), Bullets(document.notes)],
-    )
+def count_held(document: StudyDocument) -> str:
+    """How many claims hold, of how many."""
+    return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"
+
+
+def claims_table(document: StudyDocument) -> Table:
+    """Every claim, and whether it holds here."""
     rows = []
     for claim in document.claims:
         word, tone = _HOLDS[claim.holds]
         rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
-    yield Table(
+    return Table(
         "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -76,54 +77,44 @@ def reproduce(
 
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
-    from scaling_service.capabilities.cohort.screen import watched
-    from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
     from scaling_service.documents.writing import check_folder
-    from scaling_service.studies.claims import save_study
-    from scaling_service.studies.futamure import report as futamure
-    from scaling_service.studies.futamure.run import reproduce_futamure
-    from scaling_service.studies.futamure.squatters import SUBJECTS as SQUATTERS
-    from scaling_service.studies.muller2017 import report as muller2017
-    from scaling_service.studies.muller2017.run import reproduce_muller2017
-    from scaling_service.studies.muller2017.study import SUBJECTS as MEN
-    from scaling_service.studies.puchaud2019 import report as puchaud2019
-    from scaling_service.studies.puchaud2019.persons import SUBJECTS as WALKERS
-    from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
-    from scaling_service.studies.screen import counting, show_study
+    from scaling_service.studies.claims import StudyDocument, save_study
+    from scaling_service.studies.screen import show_person, show_study
 
     check_folder(out)
-    if study == "muller2017":
-        count = subjects or MEN
-        men = reproduce_muller2017(
-            UncertaintySettings(samples=samples, seed=settings.seed),
-            subjects=count,
-            recordings=recording or (),
-            worker_count=workers,
-            finished=counting(count),
-        )
-        show_study(men, [muller2017.table(men)], out, save_study(men, muller2017.page(men), out))
-    elif study == "futamure":
-        count = subjects or SQUATTERS
-        squats = reproduce_futamure(
-            seed=settings.seed,
-            subjects=count,
-            recordings=recording or (),
-            worker_count=workers,
-            finished=counting(count),
-        )
-        files = save_study(squats, futamure.page(squats), out)
-        show_study(squats, [futamure.table(squats)], out, files, figures=True)
-    else:
+    report = import_module(f"scaling_service.studies.{study}.report")
+    document: StudyDocument
+    if study == "puchaud2019":
+        from scaling_service.capabilities.cohort.screen import watched
+        from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
+
         with watched() as watcher:
-            walks = reproduce_puchaud2019(
-                settings,
-                subjects=subjects or WALKERS,
-                generic=generic,
-                worker_count=workers,
-                watcher=watcher,
+            document = reproduce_puchaud2019(
+                settings, subjects=subjects, generic=generic, worker_count=workers, watcher=watcher
             )
-        files = save_study(walks.document, puchaud2019.page(walks.document, walks.study), out)
-        show_study(walks.document, puchaud2019.tables(walks.document), out, files)
+    elif study == "muller2017":
+        from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
+        from scaling_service.studies.muller2017.run import reproduce_muller2017
+
+        document = reproduce_muller2017(
+            UncertaintySettings(samples=samples, seed=settings.seed),
+            subjects=subjects,
+            recordings=recording or (),
+            worker_count=workers,
+            finished=show_person,
+        )
+    else:
+        from scaling_service.studies.futamure.run import reproduce_futamure
+
+        document = reproduce_futamure(
+            seed=settings.seed,
+            subjects=subjects,
+            recordings=recording or (),
+            worker_count=workers,
+            finished=show_person,
+        )
+    files = save_study(document, report.page(document), out)
+    show_study(document, report.tables(document), out, files)
 
 
 COMMANDS = (reproduce,)

@@ -92,7 +92,7 @@ def test_demo_shows_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     shown = capsys.readouterr().out
     truth = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))["truth"]
     assert f"{truth['segment_lengths_mm']['femur_r']:.1f}" in shown
-    assert "hip_centre_mm" in shown
+    assert "hip centre, mm" in shown
 
 
 @pytest.mark.parametrize(

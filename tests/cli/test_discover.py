@@ -11,10 +11,9 @@ import pytest
 import yaml
 
 from scaling_service.capabilities.discovery import demo as discover_demo
+from scaling_service.capabilities.discovery.command import show
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
-from scaling_service.capabilities.discovery.documents import discovery_document
-from scaling_service.capabilities.discovery.run import DiscoverResults
-from scaling_service.capabilities.discovery.screen import show
+from scaling_service.capabilities.discovery.result import DiscoverResults, discovery_document
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
@@ -45,7 +44,7 @@ def test_effects_sizes_and_the_gap_are_shown(
     assert "RLFE" in row
     assert "mm/deg" in row
     assert "→" in row
-    assert "held out: times the floor" in out
+    assert "held out: all together, times the noise floor" in out
     assert "Verdict  2 missing effects were found" in out
 
 
@@ -115,7 +114,7 @@ def test_one_short_recording_says_what_cannot_be_decided(
     assert main(["discover", str(file), "--start", "none", "--no-report", "--out", str(out)]) == 0
     content = json.loads((out / "discovery.json").read_text(encoding="utf-8"))
     assert content["held_out_trials"] == []
-    assert any("0.8 s to fit are 2 stretches" in note for note in content["notes"])
+    assert any("0.8 s to fit are 2 blocks" in note for note in content["notes"])
     assert any("no recording has forces" in note for note in content["notes"])
     assert "report.html" not in content["files"]
     assert "0.8 s to fit" in capsys.readouterr().out

@@ -202,7 +202,7 @@ def test_what_is_written_follows_the_contract(folder: Path, capsys: pytest.Captu
     assert max(sway["residual_rms"].values()) < 5.0
     assert all(gate["passed"] for gate in sway["gates"])
     shown = capsys.readouterr().out
-    for part in ("sway", "swing", "RMS force, N (Hicks 2015)", "Verdict", "dynamics.json"):
+    for part in ("sway", "swing", "Hicks 2015: RMS force, N", "Verdict", "dynamics.json"):
         assert part in shown
 
 

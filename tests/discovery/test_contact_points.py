@@ -11,7 +11,7 @@ from scaling_service.capabilities.discovery.effects.external_contact import find
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.numerics.multibody.laws import Array
 from tests.jobs.force_laboratory import force_laboratory

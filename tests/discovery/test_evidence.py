@@ -14,7 +14,7 @@ from scaling_service.capabilities.discovery.laws.loads import columns_of
 from scaling_service.capabilities.discovery.laws.profiles import values_of
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import choice, person, recorded

@@ -13,10 +13,10 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.search.estimation import estimate, misfit
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.rivals import better_rival, rename
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.model.body import Vector
 from tests.discovery.hidden import passed

@@ -13,10 +13,10 @@ from scaling_service.capabilities.discovery.effects.catalogue import candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.search.estimation import estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.testing import Outcome, try_in_full
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.model.body import BodyModel
 from tests.discovery.hidden import passed

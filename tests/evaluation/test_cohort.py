@@ -65,70 +65,59 @@ def statistics(cohort):
 
 
 def test_lengths_have_the_mean_sd_and_friedman_of_other_libraries(cohort, statistics):
-    found = statistics.scalar("segment_length", "femur_r")
-    table = np.array([[s.methods[m].lengths["femur_r"] for m in METHODS] for s in cohort])
-    np.testing.assert_allclose([found.mean[m] for m in METHODS], table.mean(axis=0))
-    np.testing.assert_allclose([found.sd[m] for m in METHODS], table.std(axis=0, ddof=1))
-    assert found.test is not None
+    found = statistics.quantity("segment_lengths_mm", "femur_r")
+    table = np.array([[1e3 * s.methods[m].lengths["femur_r"] for m in METHODS] for s in cohort])
+    np.testing.assert_allclose([found.mean[m] for m in METHODS], table.mean(axis=0), atol=1e-4)
+    np.testing.assert_allclose([found.sd[m] for m in METHODS], table.std(axis=0, ddof=1), atol=1e-4)
+    assert found.friedman is not None
     expected = friedmanchisquare(*table.T)
     np.testing.assert_allclose(
-        [found.test.chi_square, found.test.p], [expected.statistic, expected.pvalue], rtol=1e-9
+        [found.friedman.chi_square, found.friedman.p], [expected.statistic, expected.pvalue], rtol=1e-9
     )
-    assert found.panel.excluded == {}
+    assert found.compared.excluded == {}
 
 
 def test_errors_are_means_over_the_trials_of_a_role(cohort, statistics):
     trials = cohort[3].methods["EB"].trials
-    fitted = statistics.scalar("kinematic_error", "calibration").values["S03"]["EB"]
-    held_out = statistics.scalar("kinematic_error", "evaluation").values["S03"]["EB"]
-    assert fitted == pytest.approx((trials["hip"].mean + trials["knee"].mean) / 2)
-    assert held_out == trials["walk"].mean
+    fitted = statistics.quantity("kinematic_error_mm", "calibration").values["S03"]["EB"]
+    held_out = statistics.quantity("kinematic_error_mm", "evaluation").values["S03"]["EB"]
+    assert fitted == pytest.approx(1e3 * (trials["hip"].mean + trials["knee"].mean) / 2, abs=1e-4)
+    assert held_out == pytest.approx(1e3 * trials["walk"].mean, abs=1e-4)
 
 
 def test_axes_and_shifts_are_of_the_methods_that_fit_them(statistics):
-    fitting = ("MB_lam", "MB_am", "EB_am")
-    axis = statistics.scalar("knee_axis", "r_x")
-    shift = statistics.scalar("marker_shift", "mean_over_markers")
-    assert axis.panel.methods == shift.panel.methods == fitting
-    assert shift.mean == pytest.approx(dict.fromkeys(fitting, 0.006))
-    assert axis.mean == pytest.approx(dict.fromkeys(fitting, 0.055))
-    assert axis.test is not None
-    assert axis.test.p == 1.0  # all methods tie in every subject
+    fitting = ["MB_lam", "MB_am", "EB_am"]
+    axis = statistics.quantity("knee_axis_deg", "r_x")
+    shift = statistics.quantity("marker_shift_mm", "mean_over_markers")
+    assert axis.compared.methods == shift.compared.methods == fitting
+    assert shift.mean == pytest.approx(dict.fromkeys(fitting, 6.0))
+    assert axis.mean == pytest.approx(dict.fromkeys(fitting, np.degrees(0.055)), abs=1e-4)
+    assert axis.friedman is not None
+    assert axis.friedman.p == 1.0  # all methods tie in every subject
 
 
 def test_the_order_of_subjects_changes_nothing(cohort, statistics):
     turned = cohort_statistics(cohort[::-1], METHODS, settings=QUICK)
-    for ours, theirs in zip(statistics.scalars, turned.scalars, strict=True):
-        assert (ours.quantity, ours.mean, ours.sd, ours.test) == (
-            theirs.quantity,
-            theirs.mean,
-            theirs.sd,
-            theirs.test,
-        )
-    ours, theirs = statistics.curve("knee_angle_r"), turned.curve("knee_angle_r")
-    assert ours.test is not None
-    assert theirs.test is not None
-    assert ours.test.anova.p == theirs.test.anova.p
-    assert ours.test.anova.threshold == theirs.test.anova.threshold
+    assert turned == statistics
 
 
 def test_a_known_difference_along_the_cycle_is_found_where_it_is(statistics):
     found = statistics.curve("knee_angle_r")
     assert found.reference == "EB_am"
-    assert found.test is not None
-    assert found.test.anova.significant
-    assert {pair.methods for pair in found.test.pairs} == {(m, "EB_am") for m in METHODS[:-1]}
-    cluster = found.test.pair("MB", "EB_am").test.clusters
-    assert len(cluster) == 1
-    assert 25 < cluster[0].start < 50 < cluster[0].end < 75
-    assert not found.test.pair("EB", "EB_am").test.significant
-    np.testing.assert_allclose((found.mean["MB"] - found.mean["EB_am"])[50], 0.1, atol=0.04)
+    assert found.anova is not None
+    assert found.anova.significant
+    assert {pair.methods for pair in found.pairs} == {(m, "EB_am") for m in METHODS[:-1]}
+    ((start, end),) = found.pair("MB", "EB_am").test.spans
+    assert 25 < start < 50 < end < 75
+    assert not found.pair("EB", "EB_am").test.significant
+    apart = np.subtract(found.mean_deg["MB"], found.mean_deg["EB_am"])
+    np.testing.assert_allclose(np.radians(apart[50]), 0.1, atol=0.04)
 
 
 def test_without_images_angles_are_compared_to_mb_am_and_that_is_said():
     some = [_subject(k, METHODS[:3]) for k in range(6)]
     found = cohort_statistics(some, METHODS, settings=QUICK)
-    assert found.methods == METHODS[:3]
+    assert [gate.method for gate in found.opensim_limits.methods] == list(METHODS[:3])
     assert found.curve("knee_angle_r").reference == "MB_am"
     assert any("compared to MB_am" in note for note in found.notes)
 
@@ -136,15 +125,15 @@ def test_without_images_angles_are_compared_to_mb_am_and_that_is_said():
 def test_those_who_lack_methods_are_named_and_counted_where_they_can_be(cohort):
     mixed = [*cohort, *(_subject(k, METHODS[:3]) for k in (20, 21))]
     found = cohort_statistics(mixed, METHODS, settings=QUICK)
-    five, three = (s for s in found.scalars if s.quantity == "femur_r")
-    assert five.panel.methods == METHODS
-    assert five.panel.excluded == {"S20": "no EB, EB_am", "S21": "no EB, EB_am"}
-    assert (len(five.panel.subjects), len(three.panel.subjects)) == (12, 14)
-    assert three.panel.methods == METHODS[:3]
-    assert three.panel.excluded == {}
+    five, three = found.segment_lengths_mm
+    assert five.compared.methods == list(METHODS)
+    assert five.compared.excluded == {"S20": "no EB, EB_am", "S21": "no EB, EB_am"}
+    assert (len(five.compared.subjects), len(three.compared.subjects)) == (12, 14)
+    assert three.compared.methods == list(METHODS[:3])
+    assert three.compared.excluded == {}
     own = np.mean([s.methods["MB"].lengths["femur_r"] for s in mixed])
-    assert three.mean["MB"] == pytest.approx(own)
-    assert {(g.method, g.subjects) for g in found.gates} == {
+    assert three.mean["MB"] == pytest.approx(1e3 * own, abs=1e-4)
+    assert {(g.method, g.subjects) for g in found.opensim_limits.methods} == {
         (m, 14 if m in METHODS[:3] else 12) for m in METHODS
     }
 
@@ -153,7 +142,7 @@ def test_those_who_did_not_walk_are_left_out_with_the_reason(cohort):
     sat = {m: replace(method, curves={}) for m, method in cohort[0].methods.items()}
     resting = replace(cohort[0], methods=sat, strides={"r": 0}, no_strides={"r": "walk: the person sat"})
     found = cohort_statistics([resting, *cohort[1:]], METHODS, settings=QUICK).curve("knee_angle_r")
-    assert found.panel.excluded == {"S00": "walk: the person sat"}
+    assert found.compared.excluded == {"S00": "walk: the person sat"}
     assert set(found.strides) == {f"S{k:02d}" for k in range(1, 12)}
 
 
@@ -163,19 +152,19 @@ def test_nobody_walked():
         for s in (_subject(k) for k in range(3))
     ]
     found = cohort_statistics(still, METHODS, settings=QUICK)
-    assert found.curves == ()
+    assert found.joint_angles == []
     assert any("not compared" in note for note in found.notes)
 
 
 def test_one_subject_has_means_and_no_test_and_that_is_said():
     found = cohort_statistics([_subject(0)], METHODS, settings=QUICK)
-    length = found.scalar("segment_length", "femur_r")
-    assert length.test is None
+    length = found.quantity("segment_lengths_mm", "femur_r")
+    assert length.friedman is None
     assert length.sd == {}
     assert set(length.mean) == set(METHODS)
     assert "no test" in length.note
-    assert found.curve("knee_angle_r").test is None
-    assert found.agreements == ()
+    assert found.curve("knee_angle_r").anova is None
+    assert found.agreement == []
 
 
 def test_too_few_subjects_to_decide_is_said():
@@ -202,19 +191,20 @@ def test_agreement_with_images_and_with_the_truth():
             )
         )
     found = {
-        (a.quantity, a.result.method, a.result.reference): a
-        for a in cohort_statistics(people, METHODS, settings=QUICK).agreements
+        (a.quantity, a.method, a.reference): a
+        for a in cohort_statistics(people, METHODS, settings=QUICK).agreement
     }
-    femur = found["femur_r", "MB", "EB"].result
-    assert femur.bland_altman.bias.value == pytest.approx(0.005)
+    femur = found["femur_r", "MB", "EB"]
+    assert femur.bias_mm.value == pytest.approx(5.0)
     assert femur.icc_consistency.value == pytest.approx(1.0)
     assert femur.icc_agreement.value < 1.0
-    assert found["femur_r", "EB", TRUTH].result.bland_altman.bias.value == pytest.approx(0.002)
+    assert found["femur_r", "EB", TRUTH].bias_mm.value == pytest.approx(2.0)
     hip = found["hip_r.z", "MB", "EB"]
-    assert hip.result.bland_altman.bias.value == pytest.approx(-0.01)
-    assert hip.reference_sd == pytest.approx(np.std(places, ddof=1))
-    assert found["hip_r.x", "MB", "EB"].reference_sd == 0.0
-    assert found["hip_r.x", "MB", "EB"].result.rmse == pytest.approx(0.001)
+    assert hip.bias_mm.value == pytest.approx(-10.0)
+    assert hip.icc_agreement is not None
+    still = found["hip_r.x", "MB", "EB"]  # zero in every image
+    assert still.icc_agreement is None
+    assert still.rmse_mm == pytest.approx(1.0)
     assert not any(method == reference for _, method, reference in found)
 
 
@@ -222,7 +212,7 @@ def test_too_few_for_agreement_are_named():
     two = [_subject(k) for k in range(2)]
     others = [_subject(k, METHODS[:3]) for k in range(2, 6)]
     found = cohort_statistics([*two, *others], METHODS, settings=QUICK)
-    assert found.agreements == ()
+    assert found.agreement == []
     assert any("only S00, S01 can be compared with EB" in note for note in found.notes)
 
 
@@ -232,7 +222,7 @@ def test_opensims_limits_count_subjects_and_trials():
         SubjectSummary("A", {"MB": MethodSummary(trials={"one": good, "two": good})}),
         SubjectSummary("B", {"MB": MethodSummary(trials={"one": good, "two": bad})}),
     ]
-    (gate,) = cohort_statistics(people, METHODS, settings=QUICK).gates
+    (gate,) = cohort_statistics(people, METHODS, settings=QUICK).opensim_limits.methods
     assert (gate.subjects, gate.subjects_passed, gate.trials, gate.trials_passed) == (2, 1, 4, 3)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from scaling_service.capabilities.discovery.run import DiscoverResults, run
-from scaling_service.capabilities.discovery.settings import DiscoverSettings
+from scaling_service.capabilities.discovery.options import DiscoverSettings
+from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.model.subject import Session
 from scaling_service.virtual.example import RECORDED, hidden_session

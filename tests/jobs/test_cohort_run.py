@@ -15,7 +15,7 @@ from os import _exit
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import StatisticsDocument, statistics_document
+from scaling_service.capabilities.cohort.document import StatisticsDocument
 from scaling_service.capabilities.cohort.executors import tell, workers
 from scaling_service.capabilities.cohort.outcomes import (
     Done,
@@ -73,14 +73,7 @@ def run_cohort(members, executor, methods, **watched) -> BatchResult:
 
 
 def _numbers(found):
-    statistics = found.statistics
-    return (
-        [(o.name, o.status) for o in found.outcomes],
-        [(s.kind, s.quantity, s.panel, s.values, s.mean, s.sd, s.test) for s in statistics.scalars],
-        [(c.coordinate, c.test.anova.p, [list(v) for v in c.mean.values()]) for c in statistics.curves],
-        statistics.agreements,
-        statistics.gates,
-    )
+    return [(o.name, o.status) for o in found.outcomes], found.document.statistics
 
 
 @pytest.fixture(scope="module")
@@ -96,17 +89,17 @@ def alone(people):
 def test_virtual_people_are_measured_against_the_truth(people, alone):
     assert [o.status for o in alone.outcomes] == ["done"] * 3
     assert [o.groups for o in alone.outcomes] == [{"site": "north"}] * 3
-    assert alone.statistics.subjects == ("virtual_3", "virtual_1", "virtual_2")
+    assert [s.id for s in alone.document.subjects] == ["virtual_3", "virtual_1", "virtual_2"]
     truth = segment_lengths(virtual_subject(1, SHORT).model)
     summary = alone.outcomes[1].summary
     assert summary is not None
     assert summary.true_lengths == truth
-    found = {(a.quantity, a.result.method): a.result for a in alone.statistics.agreements}
+    found = {(a.quantity, a.method): a for a in alone.document.statistics.agreement}
     gaps = [
         s.methods["MB"].lengths["femur_l"] - s.true_lengths["femur_l"]
         for s in (o.summary for o in alone.outcomes)
     ]
-    assert found["femur_l", "MB"].bland_altman.bias.value == pytest.approx(np.mean(gaps))
+    assert found["femur_l", "MB"].bias_mm.value == pytest.approx(1e3 * np.mean(gaps), abs=1e-4)
     centre = summary.centres[TRUTH]["MB_am"]["hip_r"]
     true = summary.centres[TRUTH][TRUTH]["hip_r"]
     # The mean place is no further from the truth than the mean distance of the places.
@@ -130,17 +123,17 @@ def test_the_table_of_angles_has_every_curve_in_degrees(alone):
 
 
 def test_the_document_is_in_mm_and_degrees_and_is_json(alone):
-    document = statistics_document(alone.statistics)
+    document = alone.document.statistics
     assert StatisticsDocument.model_validate_json(document.model_dump_json()) == document
-    axis = alone.statistics.scalar("knee_axis", "r_x")
-    assert document.knee_axis_deg[0].mean["MB_am"] == pytest.approx(np.degrees(axis.mean["MB_am"]), abs=1e-4)
-    curve, written = alone.statistics.curves[0], document.joint_angles[0]
-    np.testing.assert_allclose(written.mean_deg["MB"], np.degrees(curve.mean["MB"]), atol=1e-4)
-    agreed = {(a.quantity, a.method): a for a in document.agreement}
-    femur = alone.statistics.agreements[0].result
-    assert agreed[femur.quantity, femur.method].bias_mm.value == pytest.approx(
-        1e3 * femur.bland_altman.bias.value, abs=1e-4
+    methods = [o.summary.methods["MB_am"] for o in alone.outcomes]
+    axis = np.mean([method.knee_axes["r"][0] for method in methods])
+    assert document.quantity("knee_axis_deg", "r_x").mean["MB_am"] == pytest.approx(
+        np.degrees(axis), abs=1e-4
     )
+    written = document.joint_angles[0]
+    curve = np.mean([method.curves[written.coordinate] for method in methods], axis=0)
+    np.testing.assert_allclose(written.mean_deg["MB_am"], np.degrees(curve), atol=1e-4)
+    agreed = {(a.quantity, a.method): a for a in document.agreement}
     assert agreed["hip_r.z", "MB"].icc_agreement is not None
     # An ankle lies on the y axis of every true shank: its x does not vary, and no correlation is told.
     assert agreed["ankle_r.x", "MB"].icc_agreement is None
@@ -175,8 +168,9 @@ def test_every_end_has_its_reason_and_stops_nobody():
     assert found.outcomes[2].reason == "EB: no bones"
     assert "defect" in found.outcomes[3].reason
     assert "ZeroDivisionError" in found.outcomes[3].reason
-    assert found.statistics.subjects == ("S0", "S4xxxx")
-    assert found.statistics.scalar("segment_length", "femur_r").mean["MB"] == pytest.approx(0.44)
+    length = found.document.statistics.quantity("segment_lengths_mm", "femur_r")
+    assert length.compared.subjects == ["S0", "S4xxxx"]
+    assert length.mean["MB"] == pytest.approx(440.0)
 
 
 def test_a_worker_that_dies_is_told():

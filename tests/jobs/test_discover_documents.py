@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, QuantityDocument
-from scaling_service.capabilities.discovery.documents import discovery_document
+from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.result import discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.words import known_kinds, meaning, shown
+from scaling_service.capabilities.discovery.text import meaning, shown
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -87,8 +88,8 @@ def test_effects_without_columns_have_their_own_numbers() -> None:
 
 
 def test_every_kind_has_a_meaning() -> None:
-    assert set(known_kinds()) == KINDS
-    assert all(len(meaning(kind)) > 10 for kind in known_kinds())
+    assert set(known_effects()) == KINDS
+    assert all(len(meaning(kind)) > 10 for kind in known_effects())
 
 
 def test_a_mass_has_its_unit_once() -> None:

@@ -15,9 +15,9 @@ from scaling_service.capabilities.discovery.laws.apply import corrected_forces
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Contact, Estimate
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
 from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
 from scaling_service.capabilities.discovery.search.naming import find_separating_movement
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.files.forces import read_forces, read_forces_from_table
 from scaling_service.files.sto import read_sto
@@ -33,16 +33,17 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     return prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
 
 
-def test_recordings_with_forces_are_weighed(prepared: Prepared) -> None:
-    assert set(prepared.forces.by_trial) == {r.trial.name for r in prepared.recordings if r.contacts}
-    assert len(prepared.forces.by_trial) == 2
-    for name, footing in prepared.forces.by_trial.items():
-        np.testing.assert_array_equal(footing.usable, prepared.forces.sources[name].contacts.supported)
-        assert footing.usable.mean() > 0.8
+def test_recordings_with_forces_have_contacts(prepared: Prepared) -> None:
+    found = {r.trial.name: r.contacts for r in prepared.recordings if r.contacts}
+    assert found.keys() == prepared.forces.keys()
+    assert len(found) == 2
+    for name, contacts in found.items():
+        np.testing.assert_array_equal(contacts.usable, prepared.forces[name].contacts.supported)
+        assert contacts.usable.mean() > 0.8
 
 
 def test_forces_come_back_as_they_were_written(prepared: Prepared) -> None:
-    ground = next(iter(prepared.forces.by_trial.values())).ground
+    ground = next(iter(prepared.forces.values())).ground
     again = read_forces_from_table(forces_table("again", ground), "again.mot")
     np.testing.assert_allclose(again.force, ground.force, atol=1e-9)
     np.testing.assert_allclose(again.moment, ground.moment, atol=1e-9)
@@ -89,7 +90,7 @@ def test_a_load_that_is_nobodys_does_not_count() -> None:
 
 def test_folders_without_forces_say_so(tmp_path: Path) -> None:
     prepared = prepare(read(laboratory(tmp_path)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    assert not prepared.forces.by_trial
+    assert not prepared.forces
 
 
 GAIN = Estimate(

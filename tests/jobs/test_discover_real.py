@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import Prepared, prepare, read
 from scaling_service.files.sto import read_sto, write_sto
 from scaling_service.model.subject import Subject

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.document import DiscoveryDocument
-from scaling_service.capabilities.discovery.pictures import pictures
-from scaling_service.capabilities.discovery.report.page import discovery_page, headline
-from scaling_service.capabilities.discovery.report.what import what_section
-from scaling_service.capabilities.discovery.saving import FILE_NAME, save_discovery
+from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
+from scaling_service.capabilities.discovery.figures import draw_candidates, heat_maps
+from scaling_service.capabilities.discovery.report import discovery_page
+from scaling_service.capabilities.discovery.saving import save_discovery
+from scaling_service.capabilities.discovery.scene import draw_largest_change
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.files.trc import read_trc
 from scaling_service.model.document import from_document
-from scaling_service.report.figures import Figure
 from scaling_service.virtual.example import SLIDING, SWAPPED
 from tests.jobs.hidden_case import found, session
 
@@ -97,9 +96,8 @@ def test_what_an_earlier_search_wrote_goes(tmp_path: Path) -> None:
     assert (tmp_path / "model.json").is_file()
 
 
-def test_the_heat_maps_show_the_exchange_and_its_end(document: DiscoveryDocument) -> None:
-    data = pictures(found(), document)
-    maps = {m.trial: m for m in data.maps}
+def test_the_heat_maps_show_the_exchange_and_its_end() -> None:
+    maps = {m.trial: m for m in heat_maps(found())}
     assert maps.keys() == {"knee_r", "knee_l", "gait_1"}
     swapped = maps["knee_l"]
     row = list(swapped.places).index("LLM")
@@ -107,13 +105,13 @@ def test_the_heat_maps_show_the_exchange_and_its_end(document: DiscoveryDocument
     assert np.nanmin(swapped.before[row, during]) > 30.0
     assert np.nanmax(swapped.before[row, swapped.times < 1.9]) < 5.0
     assert np.nanmax(swapped.after[row]) < 5.0
-    assert all(list(m.places) == list(swapped.places) for m in data.maps)
+    assert all(list(m.places) == list(swapped.places) for m in maps.values())
     assert maps["gait_1"].held_out
 
 
-def test_the_scene_stands_where_the_models_differ_most(document: DiscoveryDocument) -> None:
+def test_the_scene_stands_where_the_models_differ_most() -> None:
     """There the skin slid farthest, and the given model follows worst."""
-    scene = pictures(found(), document).scene
+    scene = draw_largest_change(found())
     assert scene is not None
     assert [body.name for body in scene.bodies] == ["as given", "with what was named"]
     middle = len(scene.times) // 2
@@ -131,7 +129,7 @@ def test_the_report_tells_the_story(folder: Path, document: DiscoveryDocument) -
     html = (folder / "report.html").read_text(encoding="utf-8")
     for title in ("1. Where", "2. What", "3. After", "4. On unseen data"):
         assert f">{title}" in html
-    assert headline(document) in html
+    assert document.headline in html
     assert document.effects[0].name.split(":")[0] in html
     assert "http://" not in html.split("<script>")[0]
 
@@ -140,9 +138,7 @@ def test_every_candidate_is_labelled(document: DiscoveryDocument) -> None:
     """A bar without length has no name beside it."""
     gains = [-0.02, 0.0, 1e-7]
     tried = [document.tried[0].model_copy(update={"gain": gain}) for gain in gains]
-    data = pictures(found(), document.model_copy(update={"tried": tried}))
-    (figure,) = (block.figure for block in what_section(data).blocks if isinstance(block, Figure))
-    (bars,) = figure.data
+    (bars,) = draw_candidates(document.model_copy(update={"tried": tried})).figure.data
     assert len(bars.x) == len(bars.text) == len(gains) + len(document.effects)
     assert min(bars.x) > 0.0
     assert bars.customdata[0].endswith(": -2 %")
@@ -152,8 +148,6 @@ def test_nothing_found_is_a_page_too(document: DiscoveryDocument) -> None:
     empty = document.model_copy(
         update={"verdict": "nothing", "effects": [], "held_out_trials": [], "unexplained": []}
     )
-    data = pictures(found(), empty)
-    assert data.scene is None
-    html = discovery_page(data).html()
-    assert "Nothing stands above the noise" in html
+    html = discovery_page(found(), empty).html()
+    assert "Nothing was named, so nothing changed" in html
     assert "No recording was held out" in html

@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.discovery.checks import (
+    LARGEST_M,
+    check_fits,
+    check_lengths,
+    describe_limits,
+    mirrored,
+    typical_distance,
+)
 from scaling_service.capabilities.discovery.evidence.fit import Recording
-from scaling_service.capabilities.discovery.fit import LARGEST_M, check_fits, mirrored, typical_distance
-from scaling_service.capabilities.discovery.free import free_of
-from scaling_service.capabilities.discovery.limits import check_lengths, limits
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.start import free_parameters, prepare, read
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import TrialUnusable
@@ -57,19 +62,19 @@ def test_without_held_out_recordings_all_fit() -> None:
 def test_what_the_calibration_freed_is_free() -> None:
     """MB_am frees knee axes and all coordinates of the markers seen; MB_lam sizes, too, and fewer markers."""
     model, trials = session().model, session().calibration
-    every = {s.candidate.kind: 0 for s in free_of("MB_am", model, trials, CalibrationSettings())}
-    free = free_of("MB_am", model, trials, CalibrationSettings())
+    every = {s.candidate.kind: 0 for s in free_parameters("MB_am", model, trials, CalibrationSettings())}
+    free = free_parameters("MB_am", model, trials, CalibrationSettings())
     for sized in free:
         every[sized.candidate.kind] += len(sized.size)
         assert not sized.size.any()
     assert every == {"joint_axis_tilt": 4, "marker_offset": 3 * 14}
-    lam = free_of("MB_lam", model, trials, CalibrationSettings())
+    lam = free_parameters("MB_lam", model, trials, CalibrationSettings())
     sizes = {s.candidate.where[0] for s in lam if s.candidate.kind == "segment_length"}
     assert sizes == {"pelvis", "femur_r", "femur_l", "tibia_r", "tibia_l"}
     columns = {s.candidate.where[0]: [c.name for c in s.candidate.columns] for s in lam}
     assert columns["RASIS"] == ["x_mm", "z_mm"]
     assert "RLFE" not in columns
-    assert free_of("MB", model, trials, CalibrationSettings()) == ()
+    assert free_parameters("MB", model, trials, CalibrationSettings()) == ()
 
 
 def test_a_model_of_the_person_fits() -> None:
@@ -109,5 +114,5 @@ def test_short_recordings_say_so() -> None:
         times = np.arange(round(seconds * 100)) / 100.0
         return Recording(Trial("t", times, ("A",), np.zeros((len(times), 1, 3)), 100.0), "fit")
 
-    assert "2.0 s" in limits([recording(2.01)], 0.5)[0]
-    assert limits([recording(6.0)], 0.5) == ()
+    assert "2.0 s" in describe_limits([recording(2.01)], 0.5)[0]
+    assert describe_limits([recording(6.0)], 0.5) == ()

@@ -52,8 +52,9 @@ def test_numbers_are_those_of_the_document(demo: tuple[Results, TruthDocument]) 
     by_trial = {row[0]: row[1:] for row in errors if len(row) > 1}
     for k, method in enumerate(document.methods.values()):
         for trial, error in method.kinematic_error_mm.items():
-            assert by_trial[trial][k] == f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
-    lengths = found["Segment lengths between joint centres, mm"]
+            role = "held out" if error.role == "evaluation" else "used to fit"
+            assert by_trial[f"{trial} ({role})"][k] == f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
+    lengths = found["Segment lengths, mm"]
     row = next(row for row in lengths if row[0] == "femur, right")
     for k, method in enumerate(document.methods.values()):
         value, estimate = method.segment_lengths_mm["femur_r"], method.length_estimates.get("femur_r")
@@ -62,7 +63,7 @@ def test_numbers_are_those_of_the_document(demo: tuple[Results, TruthDocument]) 
     shifts = {row[0]: row[1:] for row in next(r for c, r in found.items() if c.startswith("Marker shifts"))}
     assert f"{document.methods['MB_am'].marker_shift_mm['RASIS']:.1f}" in shifts["RASIS"]
     assert document.truth is not None
-    truth = next(rows for caption, rows in found.items() if "distance from the truth" in caption)
+    truth = next(rows for caption, rows in found.items() if caption == "Distance from the truth")
     assert truth[1] == ["lengths, mm", *(f"{document.truth.errors[m]['lengths_mm']:.1f}" for m in methods)]
 
 

@@ -8,9 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry, statistics_document
+from scaling_service.capabilities.cohort.document import (
+    CohortDocument,
+    StatisticsDocument,
+    SubjectEntry,
+)
 from scaling_service.capabilities.cohort.report import cohort_page
-from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
+from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
 from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.report.reading import Node, read
@@ -38,7 +42,7 @@ def someone(k: int, methods: Mapping[str, float] = ERRORS) -> SubjectSummary:
     )
 
 
-def page_of(people: list[SubjectSummary]) -> tuple[Node, CohortStatistics]:
+def page_of(people: list[SubjectSummary]) -> tuple[Node, StatisticsDocument]:
     found = cohort_statistics(people, tuple(ERRORS), settings=QUICK)
     document = CohortDocument(
         code_version="0",
@@ -63,15 +67,15 @@ def page_of(people: list[SubjectSummary]) -> tuple[Node, CohortStatistics]:
             )
             for p in people
         ],
-        statistics=statistics_document(found),
+        statistics=found,
         notes=[],
         wall_s=1.0,
     )
-    return read(cohort_page(document, found).html()), found
+    return read(cohort_page(document).html()), found
 
 
 @pytest.fixture(scope="module")
-def cohort() -> tuple[Node, CohortStatistics]:
+def cohort() -> tuple[Node, StatisticsDocument]:
     return page_of([someone(k) for k in range(9)])
 
 
@@ -80,16 +84,18 @@ def rows(page: Node, caption: str) -> list[list[str]]:
     return [[cell.text for cell in (*row.all("th"), *row.all("td"))] for row in table.all("tr")]
 
 
-def test_numbers_are_those_of_the_statistics(cohort: tuple[Node, CohortStatistics]) -> None:
+def test_numbers_are_those_of_the_statistics(cohort: tuple[Node, StatisticsDocument]) -> None:
     page, found = cohort
-    scalar = found.scalar("kinematic_error", "evaluation")
+    scalar = found.quantity("kinematic_error_mm", "evaluation")
     head, row = rows(page, "Kinematic error")
     assert head[1:] == ["subjects", "MB", "MB_am", "EB", "Friedman p"]
-    shown = [f"{1e3 * scalar.mean[m]:.1f} ± {1e3 * scalar.sd[m]:.1f}" for m in head[2:5]]
+    shown = [f"{scalar.mean[m]:.1f} ± {scalar.sd[m]:.1f}" for m in head[2:5]]
     assert row[:5] == ["held-out trials", "9", *shown]
 
 
-def test_the_summary_ranks_by_the_error_and_names_the_nearest(cohort: tuple[Node, CohortStatistics]) -> None:
+def test_the_summary_ranks_by_the_error_and_names_the_nearest(
+    cohort: tuple[Node, StatisticsDocument],
+) -> None:
     page, _ = cohort
     assert re.search(
         r"smallest first: MB_am [45]\.\d, EB [67]\.\d, MB 1[12]\.\d\. The methods differ", page.text
@@ -99,14 +105,14 @@ def test_the_summary_ranks_by_the_error_and_names_the_nearest(cohort: tuple[Node
     assert "Joint angles differ between methods in the gait cycle for knee angle, right" in page.text
 
 
-def test_agreement_is_there(cohort: tuple[Node, CohortStatistics]) -> None:
+def test_agreement_is_there(cohort: tuple[Node, StatisticsDocument]) -> None:
     page, found = cohort
-    item = next(a for a in found.agreements if a.result.method == "MB" and "." not in a.quantity)
+    item = next(a for a in found.agreement if a.method == "MB" and "." not in a.quantity)
     row = next(r for r in rows(page, "Segment lengths against the image") if r[0] == "femur, right, MB")
-    assert row[2].startswith(f"{1e3 * item.result.bland_altman.bias.value:+.1f}")
+    assert row[2].startswith(f"{item.bias_mm.value:+.1f}")
 
 
-def test_names_are_shown_as_they_are(cohort: tuple[Node, CohortStatistics]) -> None:
+def test_names_are_shown_as_they_are(cohort: tuple[Node, StatisticsDocument]) -> None:
     page, _ = cohort
     assert [r[0] for r in rows(page, "How every subject ended")[1:]] == [f"S<{k}>" for k in range(9)]
     assert "a <cohort>.csv" in page.text

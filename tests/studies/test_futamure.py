@@ -11,7 +11,7 @@ from scaling_service.studies.futamure.claims import less
 from scaling_service.studies.futamure.report import page as study_page
 from scaling_service.studies.futamure.run import reproduce_futamure
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter
-from scaling_service.studies.futamure.study import study_squatter
+from scaling_service.studies.futamure.study import WAYS, study_squatter
 
 
 def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:
@@ -53,5 +53,6 @@ def test_the_signed_rank_test_is_one_sided() -> None:
 
 def test_faults_are_what_costs_the_angles() -> None:
     clean, usual = (study_squatter(1, faults=size) for size in (0.0, 1.0))
-    for ours, theirs in zip(clean.fitted, usual.fitted, strict=True):
-        assert ours.angles.mean() < theirs.angles.mean()
+    for way in WAYS:
+        ours, theirs = (getattr(person.fitted, way).angle_rmse_deg for person in (clean, usual))
+        assert np.mean(ours) < np.mean(theirs)

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
-from scaling_service.studies.claims import Answer
-from scaling_service.studies.puchaud2019.claims import CLAIMS, Study
+from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.studies.claims import ClaimEntry
+from scaling_service.studies.puchaud2019.claims import CLAIMS
 from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, paper
+from scaling_service.studies.puchaud2019.run import build_document
 
 NODES = 101
 COORDINATES = [f"{joint}_{side}" for joint in ("hip_flexion", "knee_angle") for side in "rl"]
@@ -44,25 +45,26 @@ def subject(k: int, *, like_the_paper: bool) -> SubjectSummary:
 def _lengths(
     method: str, size: Mapping[str, float], rng: np.random.Generator, noise: float
 ) -> dict[str, float]:
-    row = paper().lengths[method]
+    row = paper().lengths_mm[method]
     wide = {"inter_hip": 4.0}  # the paper's inter-hip distances scatter most
     return {
-        name: row[name].mean + size[name] + float(rng.normal(0.0, noise * wide.get(name, 1.0)))
+        name: 1e-3 * row[name][0] + size[name] + float(rng.normal(0.0, noise * wide.get(name, 1.0)))
         for name in LENGTHS
     }
 
 
 def _error(method: str, rng: np.random.Generator) -> float:
-    return paper().errors[method].mean + float(rng.normal(0.0, paper().errors[method].sd))
+    mean, sd = paper().errors_mm[method]
+    return 1e-3 * (mean + float(rng.normal(0.0, sd)))
 
 
 def _shift(method: str, rng: np.random.Generator) -> float:
-    return paper().shifts[method].mean + float(rng.normal(0.0, 1e-4))
+    return 1e-3 * paper().shifts_mm[method][0] + float(rng.normal(0.0, 1e-4))
 
 
 def _axes(method: str, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
-    spread = paper().knee_axes[method]  # half the scatter, so that 26 draws have the paper's means
-    turns = [rng.normal(spread[a].mean, 0.5 * spread[a].sd) for a in AXES]
+    spread = paper().knee_axes_deg[method]  # half the scatter, so that 26 draws have the paper's means
+    turns = [np.radians(rng.normal(spread[a][0], 0.5 * spread[a][1])) for a in AXES]
     return {"r": (turns[0], turns[1]), "l": (turns[2], turns[3])}
 
 
@@ -70,10 +72,10 @@ def _angle(coordinate: str, method: str) -> float:
     return ANGLE_OFF_DEG[coordinate.rpartition("_")[0]][method]
 
 
-def asked(*, like_the_paper: bool, seconds: float = 9.0) -> dict[str, Answer]:
-    people = [subject(k, like_the_paper=like_the_paper) for k in range(26)]
-    study = Study(cohort_statistics(people, METHODS), cohort_statistics(people[:6], METHODS), seconds)
-    return {claim.text: claim.ask(study) for claim in CLAIMS}
+def asked(*, like_the_paper: bool, seconds: float = 9.0, count: int = 26) -> dict[str, ClaimEntry]:
+    people = [subject(k, like_the_paper=like_the_paper) for k in range(count)]
+    study = build_document(people, Settings(), slowest_s=seconds, started=0.0)
+    return {claim.claim: claim for claim in study.claims}
 
 
 def test_a_cohort_with_the_papers_numbers_bears_its_claims_out() -> None:
@@ -104,24 +106,22 @@ def test_slow_work_fails_the_claim_of_four_minutes() -> None:
 def test_every_claim_gives_figures() -> None:
     found = asked(like_the_paper=True)
     assert len(found) == len(CLAIMS)
-    assert all(any(ch.isdigit() for ch in answer.figures) for answer in found.values())
+    assert all(any(ch.isdigit() for ch in answer.ours) for answer in found.values())
 
 
 def test_six_subjects_cannot_decide_a_pair_of_curves() -> None:
-    few = [subject(k, like_the_paper=True) for k in range(6)]
-    statistics = cohort_statistics(few, METHODS)
-    answer = {c.text: c.ask(Study(statistics, statistics, 1.0)) for c in CLAIMS}
+    answer = asked(like_the_paper=True, count=6)
     found = answer["Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait"]
     assert found.holds is None
-    assert "too few" in found.figures
+    assert "too few" in found.ours
 
 
 def test_the_papers_numbers_are_those_of_its_tables() -> None:
     known = paper()
-    assert known.lengths["MB_am"] == known.lengths["MB"]  # one column of table 2
-    assert known.lengths["EB"]["inter_hip"].mean == pytest.approx(0.1735)
-    assert np.degrees(known.knee_axes["EB_am"]["r_y"].mean) == pytest.approx(-2.02)
-    for method, row in known.length_differences.items():  # figure 4 and table 2 are of the same people
-        for name, gap in row.items():
-            apart = known.lengths[method][name].mean - known.lengths["EB"][name].mean
-            assert gap.mean == pytest.approx(apart, abs=1.1e-4)  # both rounded to 0.1 mm
+    assert known.lengths_mm["MB_am"] == known.lengths_mm["MB"]  # one column of table 2
+    assert known.lengths_mm["EB"]["inter_hip"][0] == 173.5
+    assert known.knee_axes_deg["EB_am"]["r_y"][0] == -2.02
+    for method, row in known.length_differences_mm.items():  # figure 4 and table 2 are of the same people
+        for name, (gap, _) in row.items():
+            apart = known.lengths_mm[method][name][0] - known.lengths_mm["EB"][name][0]
+            assert gap == pytest.approx(apart, abs=0.11)  # both rounded to 0.1 mm

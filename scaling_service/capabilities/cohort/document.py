@@ -2,45 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Any, Literal
 
-import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import Field
 
-if TYPE_CHECKING:  # they bring scipy, which a service that only passes documents on does not need
-    from scaling_service.capabilities.cohort.groups import GroupComparison, ScalarComparison
-    from scaling_service.capabilities.cohort.statistics import (
-        CohortAgreement,
-        CohortStatistics,
-        CurveComparison,
-    )
-    from scaling_service.numerics.statistics.agreement import Estimate
-    from scaling_service.numerics.statistics.permutation_tests import CurveTest
+from scaling_service.documents.base import Part, Rounded
 
 COHORT_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
-
-Rounded = Annotated[float, AfterValidator(lambda value: round(value, 4))]
-"""A tenth of a micrometre, or less than a second of arc."""
-
-GATE_RMS_M, GATE_MAX_M = 0.02, 0.04
-"""OpenSim's guideline for inverse kinematics: marker errors below 2 cm RMS and 2 to 4 cm at most (Hicks et
-al. 2015, J Biomech Eng 137:020905; the larger limit is taken). Necessary, not sufficient: fitted
-numbers absorb errors."""
-
-_MM, _DEG = 1e3, 180.0 / math.pi
-
-
-class Part(BaseModel):
-    """A part of a document: frozen, checked on the way out, refusing what JSON has no number for.
-
-    It also reads from results that have the same names.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, from_attributes=True)
 
 
 class SubjectEntry(Part):
@@ -87,7 +56,11 @@ class FriedmanEntry(Part):
     kendall_w: float = Field(description="0: subjects rank methods without agreement; 1: all alike.")
     alpha: float
     significant: bool
-    pairs: list[RankedPairEntry]
+    pairs: list[RankedPairEntry] = Field(description="All; none is significant unless the test is.")
+
+    def pair(self, method: str, reference: str) -> RankedPairEntry:
+        """The pair of two methods, in either order (StopIteration if there is none)."""
+        return next(pair for pair in self.pairs if set(pair.methods) == {method, reference})
 
 
 class QuantityEntry(Part):
@@ -123,6 +96,11 @@ class CurveTestEntry(Part):
     exact: bool = Field(description="Whether these are all.")
     can_decide: bool = Field(description="False where there are too few subjects for alpha.")
 
+    @property
+    def spans(self) -> list[tuple[float, float]]:
+        """Where along the cycle methods differ, %."""
+        return [(cluster.start_percent, cluster.end_percent) for cluster in self.clusters]
+
 
 class CurvePairEntry(Part):
     """Two methods along the gait cycle, by a paired t test."""
@@ -144,6 +122,10 @@ class CurveEntry(Part):
     anova: CurveTestEntry | None
     pairs: list[CurvePairEntry] = Field(description="Empty unless the analysis of variance is significant.")
     note: str
+
+    def pair(self, method: str, reference: str) -> CurvePairEntry:
+        """The pair of two methods, in either order (StopIteration if it was not tested)."""
+        return next(pair for pair in self.pairs if set(pair.methods) == {method, reference})
 
 
 class Interval(Part):
@@ -207,6 +189,18 @@ class StatisticsDocument(Part):
     opensim_limits: Gates
     notes: list[str]
 
+    def quantity(self, kind: str, name: str) -> QuantityEntry:
+        """The first comparison of a quantity, that of most methods (StopIteration if there is none).
+
+        ``kind``: one of the lists above, such as ``segment_lengths_mm``.
+        """
+        entries: list[QuantityEntry] = getattr(self, kind)
+        return next(entry for entry in entries if entry.quantity == name)
+
+    def curve(self, coordinate: str) -> CurveEntry:
+        """The first comparison of a joint angle (StopIteration if there is none)."""
+        return next(entry for entry in self.joint_angles if entry.coordinate == coordinate)
+
 
 class CohortDocument(Part):
     """``cohort.json``."""
@@ -222,116 +216,3 @@ class CohortDocument(Part):
     statistics: StatisticsDocument
     notes: list[str]
     wall_s: float
-
-
-def statistics_document(found: CohortStatistics) -> StatisticsDocument:
-    """The statistics as they are written, in mm and degrees."""
-
-    def quantities(kind: str, unit: float) -> list[QuantityEntry]:
-        return [_quantity(scalar, unit) for scalar in found.scalars if scalar.kind == kind]
-
-    return StatisticsDocument(
-        segment_lengths_mm=quantities("segment_length", _MM),
-        kinematic_error_mm=quantities("kinematic_error", _MM),
-        knee_axis_deg=quantities("knee_axis", _DEG),
-        marker_shift_mm=quantities("marker_shift", _MM),
-        from_truth_mm=quantities("from_truth_m", _MM),
-        from_truth_deg=quantities("from_truth_rad", _DEG),
-        joint_angles=[_curve(curve) for curve in found.curves],
-        agreement=[_agreement(item) for item in found.agreements],
-        opensim_limits=Gates(
-            rms_below_mm=GATE_RMS_M * _MM,
-            max_below_mm=GATE_MAX_M * _MM,
-            methods=[GateEntry.model_validate(gate) for gate in found.gates],
-        ),
-        notes=list(found.notes),
-    )
-
-
-def _quantity(scalar: ScalarComparison, unit: float) -> QuantityEntry:
-    return QuantityEntry(
-        quantity=scalar.quantity,
-        compared=Compared.model_validate(scalar.panel),
-        mean=_scaled(scalar.mean, unit),
-        sd=_scaled(scalar.sd, unit),
-        values={subject: _scaled(by_method, unit) for subject, by_method in scalar.values.items()},
-        friedman=None if scalar.test is None else _friedman(scalar.test, unit),
-        note=scalar.note,
-    )
-
-
-def _friedman(test: GroupComparison, unit: float) -> FriedmanEntry:
-    pairs = [
-        replace(p, difference_mean=unit * p.difference_mean, difference_sd=unit * p.difference_sd)
-        for p in test.pairs
-    ]
-    return FriedmanEntry.model_validate(replace(test, pairs=tuple(pairs)))
-
-
-def _curve(curve: CurveComparison) -> CurveEntry:
-    test = curve.test
-    return CurveEntry(
-        coordinate=curve.coordinate,
-        compared=Compared.model_validate(curve.panel),
-        strides=dict(curve.strides),
-        reference=curve.reference,
-        mean_deg={method: np.degrees(values).tolist() for method, values in curve.mean.items()},
-        sd_deg={method: np.degrees(values).tolist() for method, values in curve.sd.items()},
-        anova=None if test is None else _curve_test(test.anova),
-        pairs=[
-            CurvePairEntry(
-                methods=pair.methods,
-                difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
-                test=_curve_test(pair.test),
-            )
-            for pair in (() if test is None else test.pairs)
-        ],
-        note=curve.note,
-    )
-
-
-def _curve_test(test: CurveTest) -> CurveTestEntry:
-    return CurveTestEntry(
-        statistic=test.statistic.tolist(),
-        threshold=_finite(test.threshold),
-        p=test.p,
-        alpha=test.alpha,
-        significant=test.significant,
-        clusters=[ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters],
-        rearrangements=test.rearrangements,
-        exact=test.exact,
-        can_decide=test.can_decide,
-    )
-
-
-def _agreement(item: CohortAgreement) -> AgreementEntry:
-    found, limits = item.result, item.result.bland_altman
-    return AgreementEntry(
-        quantity=item.quantity,
-        method=found.method,
-        reference=found.reference,
-        subjects=list(item.subjects),
-        excluded=list(item.excluded),
-        bias_mm=_interval(limits.bias, _MM),
-        sd_mm=_MM * limits.sd,
-        lower_mm=_interval(limits.lower, _MM),
-        upper_mm=_interval(limits.upper, _MM),
-        rmse_mm=_MM * found.rmse,
-        icc_agreement=_interval(found.icc_agreement, 1.0) if item.varies else None,
-        icc_consistency=_interval(found.icc_consistency, 1.0) if item.varies else None,
-        confidence=found.confidence,
-    )
-
-
-def _interval(estimate: Estimate, unit: float) -> Interval:
-    return Interval(
-        value=unit * estimate.value, low=_finite(unit * estimate.low), high=_finite(unit * estimate.high)
-    )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _scaled(values: Mapping[str, float], unit: float) -> dict[str, float]:
-    return {name: unit * value for name, value in values.items()}

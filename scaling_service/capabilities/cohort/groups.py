@@ -9,18 +9,28 @@ Wolfe 1999, Nonparametric Statistical Methods, 2nd ed., section 7.3).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from scaling_service.capabilities.cohort.document import (
+    Compared,
+    FriedmanEntry,
+    QuantityEntry,
+    RankedPairEntry,
+)
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, Panel, checked, panels, rows
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, Panel, checked, panels
+
+if TYPE_CHECKING:
+    import pandas
 
 SAME = 1e-9
 """Relative to the largest value: chosen. Two methods that must give one length (marker-based scaling,
@@ -28,84 +38,29 @@ and its optimisation of axes and markers only) reach it by different sums; nine 
 where rounding errors would be ranked otherwise."""
 
 
-@dataclass(frozen=True, slots=True)
-class RankedPair:
-    """Two methods after Friedman's test; differences are the first's minus the second's over the subjects."""
-
-    methods: tuple[str, str]
-    difference_mean: float
-    difference_sd: float
-    difference_median: float
-    rank_difference: float  # of mean ranks; rank 1 is the smallest value
-    q: float  # the studentized range statistic of that difference
-    p: float  # family-wise over all pairs (Tukey's HSD)
-    significant: bool  # p < alpha, and Friedman's test itself significant: it gates the post hoc test
-
-
-@dataclass(frozen=True, slots=True)
-class GroupComparison:
-    """A quantity compared between methods over a cohort; mappings are of method to value over subjects."""
-
-    quantity: str
-    subjects: tuple[str, ...]
-    methods: tuple[str, ...]
-    mean: Mapping[str, float]
-    sd: Mapping[str, float]  # n - 1
-    median: Mapping[str, float]
-    mean_rank: Mapping[str, float]
-    chi_square: float  # Friedman's statistic, corrected for ties
-    degrees_of_freedom: int
-    p: float  # from the chi-square distribution, as in MATLAB; approximate for few subjects
-    kendall_w: float  # 0 where subjects rank the methods without agreement, 1 where all rank them alike
-    rank_difference_critical: float  # mean ranks further apart differ; 0 where all subjects tie all methods
-    alpha: float
-    pairs: tuple[RankedPair, ...]  # all, in the methods' order
-
-    @property
-    def significant(self) -> bool:
-        """Whether Friedman's test finds a difference between any methods."""
-        return self.p < self.alpha
-
-    def pair(self, method: str, reference: str) -> RankedPair:
-        """The pair of two methods, in either order (KeyError if there is none)."""
-        for pair in self.pairs:
-            if set(pair.methods) == {method, reference}:
-                return pair
-        raise KeyError((method, reference))
-
-    def against(self, reference: str) -> dict[str, RankedPair]:
-        """Each other method's pair with a reference."""
-        return {m: self.pair(m, reference) for m in self.methods if m != reference}
-
-
 def compare_groups(
-    values: Mapping[str, Mapping[str, float]], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
-) -> GroupComparison:
-    """Compare a quantity between methods, given as ``{subject: {method: value}}``.
+    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
+) -> FriedmanEntry:
+    """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_subjects, n_methods)
 
     Raises
     ------
     ValueMissing
-        A subject lacks a method, or its value is not finite; both are named.
+        A value is not finite; subject and method are named.
     ComparisonImpossible
         Fewer than two subjects or methods.
 
     Examples
     --------
-    >>> lengths = {f"S{k}": {"MB": 0.43 + k / 100, "EB": 0.42 + k / 90, "MB_lam": 0.44 + k / 80}
-    ...            for k in range(9)}
-    >>> found = compare_groups(lengths, ("MB", "EB", "MB_lam"), quantity="femur_r")
+    >>> lengths = [[0.43 + k / 100, 0.42 + k / 90, 0.44 + k / 80] for k in range(9)]
+    >>> found = compare_groups(lengths, "abcdefghi", ("MB", "EB", "MB_lam"), quantity="femur_r")
     >>> round(found.chi_square, 6), found.significant, found.pair("EB", "MB_lam").significant
     (18.0, True, True)
     """
-    subjects, table = rows(values, methods, quantity=quantity)
-    return compare_columns(table, subjects, methods, quantity=quantity, alpha=alpha)
-
-
-def compare_columns(
-    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
-) -> GroupComparison:
-    """As :func:`compare_groups`, from an array of shape (n_subjects, n_methods)."""
     if not 0.0 < alpha < 1.0:
         raise ComparisonImpossible(f"a significance level of {alpha:g} is not between 0 and 1", field="alpha")
     table = checked(values, subjects, methods, quantity=quantity, dimensions=2)
@@ -117,71 +72,42 @@ def compare_columns(
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
     p = float(scipy.stats.chi2.sf(statistic, k - 1))
-    error = float(np.sqrt(variance / n))
-    return GroupComparison(
-        quantity=quantity,
-        subjects=tuple(subjects),
-        methods=tuple(methods),
-        mean=_named(methods, table.mean(axis=0)),
-        sd=_named(methods, table.std(axis=0, ddof=1)),
-        median=_named(methods, np.median(table, axis=0)),
-        mean_rank=_named(methods, mean_rank),
+    return FriedmanEntry(
         chi_square=statistic,
         degrees_of_freedom=k - 1,
         p=p,
         kendall_w=statistic / (n * (k - 1)),
-        rank_difference_critical=float(scipy.stats.studentized_range.isf(alpha, k, np.inf)) * error,
         alpha=alpha,
-        pairs=_pairs(table, mean_rank, error, methods, alpha, gate=p < alpha),
+        significant=p < alpha,
+        pairs=_pairs(table, mean_rank, math.sqrt(variance / n), methods, alpha, gate=p < alpha),
     )
 
 
 def _pairs(
     table: Array, mean_rank: Array, error: float, methods: Sequence[str], alpha: float, *, gate: bool
-) -> tuple[RankedPair, ...]:
+) -> list[RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
-    apart = mean_rank[first] - mean_rank[second]
-    q = np.abs(apart) / error if error > 0.0 else np.zeros(len(first))
+    apart = np.abs(mean_rank[first] - mean_rank[second])
+    q = apart / error if error > 0.0 else np.zeros(len(first))
     p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
     differences = table[:, first] - table[:, second]
-    return tuple(
-        RankedPair(
+    return [
+        RankedPairEntry(
             methods=(methods[first[i]], methods[second[i]]),
             difference_mean=float(differences[:, i].mean()),
             difference_sd=float(differences[:, i].std(ddof=1)),
-            difference_median=float(np.median(differences[:, i])),
-            rank_difference=float(apart[i]),
-            q=float(q[i]),
             p=float(p[i]),
             significant=bool(gate and p[i] < alpha),
         )
         for i in range(len(first))
-    )
+    ]
 
 
 def _without_noise(table: Array) -> Array:
     """Values rounded so that equal results reached by different routes are ties."""
     step = SAME * float(np.abs(table).max())
     return np.round(table / step) if step > 0.0 else table
-
-
-def _named(methods: Sequence[str], values: Array) -> dict[str, float]:
-    return {method: float(value) for method, value in zip(methods, values, strict=True)}
-
-
-@dataclass(frozen=True, slots=True)
-class ScalarComparison:
-    """One number per subject and method, m or rad, over those who have all of a panel's methods."""
-
-    kind: str  # a key of KINDS
-    quantity: str  # femur_r, evaluation …
-    panel: Panel
-    values: Mapping[str, Mapping[str, float]]  # subject to method to value, of the panel
-    mean: Mapping[str, float]
-    sd: Mapping[str, float]  # n - 1; empty for a single subject
-    test: GroupComparison | None  # Friedman's with Tukey's HSD
-    note: str = ""  # why there is no test
 
 
 def _errors(method: MethodSummary) -> dict[str, float]:
@@ -209,23 +135,24 @@ def _shift(method: MethodSummary) -> dict[str, float]:
     return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
 
 
-KINDS: Mapping[str, Callable[[MethodSummary], Mapping[str, float]]] = MappingProxyType(
+_MM, _DEG = 1e3, 180.0 / math.pi
+
+KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]] = MappingProxyType(
     {
-        "segment_length": lambda method: method.lengths,
-        "kinematic_error": _errors,
-        "knee_axis": _axes,
-        "marker_shift": _shift,
-        "from_truth_m": lambda method: method.from_truth_m,
-        "from_truth_rad": lambda method: method.from_truth_rad,
+        "segment_lengths_mm": (_MM, lambda method: method.lengths),
+        "kinematic_error_mm": (_MM, _errors),
+        "knee_axis_deg": (_DEG, _axes),
+        "marker_shift_mm": (_MM, _shift),
+        "from_truth_mm": (_MM, lambda method: method.from_truth_m),
+        "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
     }
 )
-"""Kind of quantity to where a method's summary holds it; ``knee_axis`` and ``from_truth_rad`` are in rad, the
-others in m."""
+"""Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it."""
 
 
-def compare_scalars(
+def compare_quantities(
     subjects: Sequence[SubjectSummary], methods: Sequence[str], alpha: float
-) -> Iterator[ScalarComparison]:
+) -> dict[str, list[QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 
     ``alpha`` is of each test: quantities are not corrected for each other, as in Puchaud 2019 (section 2.3).
@@ -234,34 +161,42 @@ def compare_scalars(
 
     long = pandas.DataFrame(
         (
-            (kind, quantity, s.subject, name, value)
-            for kind, read in KINDS.items()
+            (kind, quantity, s.subject, name, factor * value)
+            for kind, (factor, read) in KINDS.items()
             for s in subjects
             for name, method in s.methods.items()
             for quantity, value in read(method).items()
         ),
         columns=["kind", "quantity", "subject", "method", "value"],
     )
+    entries: dict[str, list[QuantityEntry]] = {kind: [] for kind in KINDS}
     for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
         has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
         for panel in panels(has, methods):
             part = table.loc[list(panel.subjects), list(panel.methods)]
-            values, note = part.to_dict("index"), too_few(panel)
-            yield ScalarComparison(
-                kind=kind,
-                quantity=quantity,
-                panel=panel,
-                values=values,
-                mean=part.mean().to_dict(),
-                sd=part.std().to_dict() if len(part) > 1 else {},
-                test=None if note else compare_groups(values, panel.methods, quantity=quantity, alpha=alpha),
-                note=note,
-            )
+            entries[kind].append(_compare_panel(part, panel, quantity, alpha))
+    return entries
 
 
-def too_few(panel: Panel) -> str:
+def _compare_panel(table: pandas.DataFrame, panel: Panel, quantity: str, alpha: float) -> QuantityEntry:
+    note = explain_too_few(panel)
+    tested = None
+    if not note:
+        tested = compare_groups(table, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
+    return QuantityEntry(
+        quantity=quantity,
+        compared=Compared.model_validate(panel),
+        mean=table.mean().to_dict(),
+        sd=table.std().to_dict() if len(table) > 1 else {},
+        values=table.to_dict("index"),
+        friedman=tested,
+        note=note,
+    )
+
+
+def explain_too_few(panel: Panel) -> str:
     """Why a panel cannot be tested; empty where it can."""
     if len(panel.methods) < 2:
         return f"only {panel.methods[0]} gives a value: nothing to compare"

@@ -1,46 +1,55 @@
-"""The report of a cohort: what it shows, then the numbers that say so."""
+"""What a cohort shows, in sentences and tables for page and terminal, and the page."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
-from scaling_service.capabilities.cohort.figures import (
-    DEG,
-    MM,
-    Unit,
-    angle_blocks,
-    dots,
-    quantity_table,
-    quantity_words,
+from scaling_service.capabilities.cohort.document import (
+    AgreementEntry,
+    CohortDocument,
+    CurveEntry,
+    Interval,
+    QuantityEntry,
+    StatisticsDocument,
+    SubjectEntry,
 )
-from scaling_service.capabilities.cohort.groups import ScalarComparison
-from scaling_service.capabilities.cohort.statistics import CohortAgreement, CohortStatistics
+from scaling_service.capabilities.cohort.figures import draw_curves, draw_dots
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.core.text import p_words
-from scaling_service.report.blocks import Block, Bullets, Callout, Details, Grid, Row, Table, Text
-from scaling_service.report.methods import words
+from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Grid, Row, Table, Text
+from scaling_service.report.methods import method_columns, method_legend, percent_spans, words
 from scaling_service.report.page import Page, Section
 
-_GEOMETRY: tuple[tuple[str, str, Unit], ...] = (
-    ("segment_length", "Segment lengths", MM),
-    ("knee_axis", "Knee axes, turns from the thigh's z", DEG),
-    ("marker_shift", "Marker shifts", MM),
-)
-_TRUTH: tuple[tuple[str, str, Unit], ...] = (
-    ("from_truth_m", "Distance from the truth", MM),
-    ("from_truth_rad", "Joint angles, RMS distance from the truth", DEG),
-)
+TITLES: Mapping[str, str] = {
+    "kinematic_error_mm": "Kinematic error",
+    "segment_lengths_mm": "Segment lengths",
+    "knee_axis_deg": "Knee axes, turns from the thigh's z",
+    "marker_shift_mm": "Marker shifts",
+    "from_truth_mm": "Distance from the truth",
+    "from_truth_deg": "Joint angles, RMS distance from the truth",
+}
+"""The document's lists of quantities, as people call them."""
+
+_UNITS = {"mm": "mm", "deg": "degrees"}
+
+_NAMES = {
+    "calibration": "trials used to fit",
+    "evaluation": "held-out trials",
+    "mean_over_markers": "mean over markers",
+    "r_x": "right, about x",
+    "r_y": "right, about y",
+    "l_x": "left, about x",
+    "l_y": "left, about y",
+}
 
 
-def cohort_page(document: CohortDocument, found: CohortStatistics) -> Page:
-    """The page of a cohort: its document says who the subjects are, the statistics are over those done."""
+def cohort_page(document: CohortDocument) -> Page:
+    """The page of a cohort."""
     return Page(
         "Scaling methods compared over a cohort",
         [
-            Section("What this cohort shows", list(_summary(found))),
-            *statistics_sections(found),
+            Section("What this cohort shows", list(_summary(document))),
+            *statistics_sections(document.statistics),
             Section("Subjects", list(_subjects(document)), new_page=True),
         ],
         subtitle=document.cohort,
@@ -48,43 +57,147 @@ def cohort_page(document: CohortDocument, found: CohortStatistics) -> Page:
     )
 
 
-def statistics_sections(found: CohortStatistics) -> list[Section]:
+def statistics_sections(found: StatisticsDocument) -> list[Section]:
     """The chapters that every cohort has: errors, geometry, angles, agreement, and the truth where known."""
     sections = [
-        Section("Kinematic errors", list(_quantity_blocks(found, "kinematic_error", "Kinematic error", MM))),
+        Section("Kinematic errors", _quantity_blocks(found, "kinematic_error_mm")),
         Section(
             "Lengths, axes, marker shifts",
-            [b for kind, title, unit in _GEOMETRY for b in _quantity_blocks(found, kind, title, unit)],
+            _quantity_blocks(found, "segment_lengths_mm", "knee_axis_deg", "marker_shift_mm"),
             new_page=True,
         ),
-        Section("Joint angles over the gait cycle", list(angle_blocks(found.curves)), new_page=True),
-        Section("Agreement", list(_agreement(found.agreements)), new_page=True),
+        Section("Joint angles over the gait cycle", list(angle_blocks(found.joint_angles)), new_page=True),
+        Section("Agreement", list(_agreement(found.agreement)), new_page=True),
     ]
-    truth = [b for kind, title, unit in _TRUTH for b in _quantity_blocks(found, kind, title, unit)]
+    truth = _quantity_blocks(found, "from_truth_mm", "from_truth_deg")
     return [*sections, *([Section("Distance from the truth", truth, new_page=True)] if truth else [])]
 
 
-def _quantity_blocks(found: CohortStatistics, kind: str, title: str, unit: Unit) -> Iterator[Block]:
-    scalars = [s for s in found.scalars if s.kind == kind and s.mean]
-    if not scalars:
+def screen_tables(found: StatisticsDocument) -> Iterator[Table]:
+    """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
+    methods = [gate.method for gate in found.opensim_limits.methods]
+    rows, notes = [], []
+    for kind, title in TITLES.items():
+        entries = getattr(found, kind)
+        if entries:
+            rows.append(Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
+            rows += quantity_rows(entries, methods)
+            notes += [describe_pairs(entry) for entry in entries if entry.friedman is not None]
+    columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
+    yield Table("", columns, rows, " ".join(filter(None, notes)))
+    yield _gates(found)
+    if any(curve.anova is not None for curve in found.joint_angles):
+        yield curve_table(found.joint_angles)
+
+
+def quantity_words(name: str) -> str:
+    """A quantity's name for people."""
+    return _NAMES.get(name, words(name))
+
+
+def quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[Row]:
+    """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
+    return [
+        Row(
+            quantity_words(entry.quantity),
+            [
+                str(len(entry.compared.subjects)),
+                *(_spread(entry, method) for method in methods),
+                "–" if entry.friedman is None else p_words(entry.friedman.p),
+            ],
+        )
+        for entry in entries
+    ]
+
+
+def _spread(entry: QuantityEntry, method: str) -> str:
+    if method not in entry.mean:
+        return "–"
+    sd = f" ± {entry.sd[method]:.1f}" if method in entry.sd else ""
+    return f"{entry.mean[method]:.1f}{sd}"
+
+
+def describe_pairs(entry: QuantityEntry) -> str:
+    """Which pairs differ, or why nothing was tested."""
+    name = quantity_words(entry.quantity)
+    if entry.friedman is None:
+        return f"{name}: {entry.note}."
+    differ = [" / ".join(pair.methods) for pair in entry.friedman.pairs if pair.significant]
+    return f"{name}: {', '.join(differ)} differ (Tukey's HSD)." if differ else ""
+
+
+def _quantity_blocks(found: StatisticsDocument, *kinds: str) -> list[Block]:
+    return [block for kind in kinds for block in _blocks_of_kind(kind, getattr(found, kind))]
+
+
+def _blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterator[Block]:
+    """A table, and each quantity's values as dots."""
+    if not entries:
         return
-    yield quantity_table(f"{title} (mean ± SD over subjects)", scalars, unit, _excluded(scalars))
-    first = {s.quantity: s for s in reversed(scalars)}  # the comparison of most methods comes first
-    several = [s for s in reversed(first.values()) if len(s.values) > 1]
-    figures = [dots(s, unit, f"{title}, {quantity_words(s.quantity)}") for s in several]
-    if figures:
-        yield Grid(figures)
+    title, unit = TITLES[kind], _UNITS[kind.rpartition("_")[2]]
+    methods = list(dict.fromkeys(m for entry in entries for m in entry.compared.methods))
+    columns: list[str | Cell] = ["", "subjects", *method_columns(methods), "Friedman p"]
+    notes = [*(describe_pairs(entry) for entry in entries), _describe_excluded(entries)]
+    caption = f"{title} (mean ± SD over subjects), {unit}"
+    yield Table(caption, columns, quantity_rows(entries, methods), " ".join(filter(None, notes)))
+    first = {entry.quantity: entry for entry in reversed(entries)}  # that of most methods comes first
+    several = [entry for entry in reversed(first.values()) if len(entry.values) > 1]
+    if several:
+        yield Grid([draw_dots(e, unit, f"{title}, {quantity_words(e.quantity)}") for e in several])
 
 
-def _excluded(scalars: Sequence[ScalarComparison]) -> str:
+def _describe_excluded(entries: Sequence[QuantityEntry]) -> str:
     """Who is not counted, and why."""
-    why = {s: reason for scalar in scalars for s, reason in scalar.panel.excluded.items()}
+    why = {s: reason for entry in entries for s, reason in entry.compared.excluded.items()}
     return "Not counted: " + ", ".join(f"{s} ({reason})" for s, reason in why.items()) + "." if why else ""
+
+
+def angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:
+    """Every angle's curves and tests; a sentence where nobody walked."""
+    if not curves:
+        yield Text("No subject has a whole stride, so joint angles over the gait cycle are not compared.")
+        return
+    yield Text(
+        "Mean and SD (shaded) over subjects; each subject's strides are averaged first, so that a subject "
+        "counts once. Grey bars: where the methods differ (repeated-measures analysis of variance along the "
+        "curve, thresholds by permutation, 5 % for each angle)."
+    )
+    yield method_legend(list(dict.fromkeys(m for c in curves for m in c.compared.methods)))
+    yield Grid([draw_curves(curve) for curve in curves])
+    yield curve_table(curves)
+
+
+def curve_table(curves: Sequence[CurveEntry]) -> Table:
+    """Where along the gait cycle methods differ, for every angle."""
+    reference = next((c.reference for c in curves if c.reference is not None), None)
+    pairs = f"pairs with {reference}" if reference else "pairs"
+    return Table(
+        "Do the methods differ along the curve?",
+        ["angle", "subjects", "p", "where, % of the cycle", pairs],
+        [Row(words(curve.coordinate), _curve_cells(curve)) for curve in curves],
+        "Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
+        words=True,
+    )
+
+
+def _curve_cells(curve: CurveEntry) -> list[str]:
+    count = str(len(curve.compared.subjects))
+    if curve.anova is None:
+        return [count, "–", "–", curve.note]
+    pairs = "; ".join(
+        f"{' / '.join(pair.methods)}: "
+        + (percent_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
+        for pair in curve.pairs
+    )
+    p = p_words(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
+    said = pairs or "not asked, for the analysis of variance finds nothing"
+    return [count, p, percent_spans(curve.anova.spans), said]
 
 
 def _subjects(document: CohortDocument) -> Iterator[Block]:
     rows = [
-        Row(s.id, [s.status, _said(s), ", ".join(s.methods), f"{s.wall_s:.1f}"]) for s in document.subjects
+        Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods), f"{s.wall_s:.1f}"])
+        for s in document.subjects
     ]
     yield Table("How every subject ended", ["", "status", "why", "methods", "s"], rows, words=True)
     if document.notes:
@@ -93,87 +206,85 @@ def _subjects(document: CohortDocument) -> Iterator[Block]:
     yield Details("Settings", [Table("Settings", ["", ""], settings, f"Seed {document.seed}.", words=True)])
 
 
-def _said(subject: SubjectEntry) -> str:
+def _describe_end(subject: SubjectEntry) -> str:
     left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
     kept = "kept from an earlier run" if subject.kept else ""
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
 
 
-def _summary(found: CohortStatistics) -> Iterator[Block]:
+def _summary(document: CohortDocument) -> Iterator[Block]:
     """The headline, what it rests on, and OpenSim's limits."""
-    sentences = [*_errors(found), *_lengths(found), *_nearest(found), *_angles(found)]
+    found = document.statistics
+    count = sum(subject.status == "done" for subject in document.subjects)
     yield Callout(
-        f"{len(found.subjects)} subjects, {len(found.methods)} methods",
-        [Bullets(sentences), Text("A small error alone is no proof of a right model: see agreement below.")],
+        f"{count} subjects, {len(found.opensim_limits.methods)} methods",
+        [
+            Bullets([*_errors(found), *_lengths(found), *_nearest(found), *_angles(found)]),
+            Text("A small error alone is no proof of a right model: see agreement below."),
+        ],
     )
     yield _gates(found)
     if found.notes:
         yield Bullets(found.notes)
 
 
-def _scalar(found: CohortStatistics, kind: str, quantity: str) -> ScalarComparison | None:
-    return next((s for s in found.scalars if (s.kind, s.quantity) == (kind, quantity)), None)
+def _rank(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
 
 
-def _errors(found: CohortStatistics) -> Iterator[str]:
+def _errors(found: StatisticsDocument) -> Iterator[str]:
     for role, said in (("evaluation", "on held-out trials"), ("calibration", "on trials used to fit")):
-        scalar = _scalar(found, "kinematic_error", role)
-        if scalar is None or len(scalar.mean) < 2:
-            continue
-        order = sorted(scalar.mean, key=scalar.mean.__getitem__)
-        ranked = ", ".join(f"{m} {MM.factor * scalar.mean[m]:.1f}" for m in order)
-        yield f"Kinematic error {said}, mm, smallest first: {ranked}.{_tested(scalar)}"
+        entry = next((e for e in found.kinematic_error_mm if e.quantity == role), None)
+        if entry is not None and len(entry.mean) > 1:
+            ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
+            yield f"{ranked} {_describe_test(entry)}"
 
 
-def _tested(scalar: ScalarComparison) -> str:
-    if scalar.test is None:
-        return f" Not tested: {scalar.note}."
-    said = "The methods differ" if scalar.test.significant else "No difference between methods is found"
-    return f" {said} (Friedman p {p_words(scalar.test.p)})."
+def _describe_test(entry: QuantityEntry) -> str:
+    if entry.friedman is None:
+        return f"Not tested: {entry.note}."
+    said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
+    return f"{said} (Friedman p {p_words(entry.friedman.p)})."
 
 
-def _lengths(found: CohortStatistics) -> Iterator[str]:
-    tests = [s.test for s in found.scalars if s.kind == "segment_length" and s.test is not None]
-    if not tests:
-        return
-    differ = [words(t.quantity) for t in tests if t.significant]
-    yield (
-        f"Segment lengths differ between methods for {', '.join(dict.fromkeys(differ))}."
-        if differ
-        else "No segment length is found to differ between methods."
-    )
+def _lengths(found: StatisticsDocument) -> Iterator[str]:
+    tests = [(words(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
+    differ = dict.fromkeys(name for name, test in tests if test.significant)
+    if tests:
+        yield (
+            f"Segment lengths differ between methods for {', '.join(differ)}."
+            if differ
+            else "No segment length is found to differ between methods."
+        )
 
 
-def _nearest(found: CohortStatistics) -> Iterator[str]:
+def _nearest(found: StatisticsDocument) -> Iterator[str]:
     """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
     for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
         squares: dict[str, list[float]] = {}
-        for item in found.agreements:
-            if item.result.reference == reference and "." not in item.quantity:
-                squares.setdefault(item.result.method, []).append(item.result.rmse**2)
+        for item in found.agreement:
+            if item.reference == reference and "." not in item.quantity:
+                squares.setdefault(item.method, []).append(item.rmse_mm**2)
         if squares:
             rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
-            order = sorted(rms, key=rms.__getitem__)
-            ranked = ", ".join(f"{m} {MM.factor * rms[m]:.1f}" for m in order)
-            yield f"Lengths against {said}, RMS in mm, nearest first: {ranked}."
+            yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
 
 
-def _angles(found: CohortStatistics) -> Iterator[str]:
-    tested = [c for c in found.curves if c.test is not None]
-    if not tested:
-        return
-    differ = [words(c.coordinate) for c in tested if c.test is not None and c.test.anova.significant]
-    yield (
-        f"Joint angles differ between methods in the gait cycle for {'; '.join(dict.fromkeys(differ))}."
-        if differ
-        else "No joint angle is found to differ between methods over the gait cycle."
-    )
+def _angles(found: StatisticsDocument) -> Iterator[str]:
+    tests = [(words(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
+    differ = dict.fromkeys(name for name, test in tests if test.significant)
+    if tests:
+        yield (
+            f"Joint angles differ between methods in the gait cycle for {'; '.join(differ)}."
+            if differ
+            else "No joint angle is found to differ between methods over the gait cycle."
+        )
 
 
-def _gates(found: CohortStatistics) -> Table:
+def _gates(found: StatisticsDocument) -> Table:
     rows = [
         Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
-        for g in found.gates
+        for g in found.opensim_limits.methods
     ]
     return Table(
         "OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
@@ -183,49 +294,44 @@ def _gates(found: CohortStatistics) -> Table:
     )
 
 
-def _agreement(agreements: Sequence[CohortAgreement]) -> Iterator[Block]:
+def _agreement(agreements: Sequence[AgreementEntry]) -> Iterator[Block]:
     """A table for each reference: lengths first, joint centres when asked for."""
-    references = list(dict.fromkeys(item.result.reference for item in agreements))
-    if not references:
+    if not agreements:
         yield Text("Too few subjects were imaged, and no truth is known, so agreement cannot be stated.")
         return
     yield Text(
         "Bias is the method minus the reference, with its 95 % interval; 95 % of the differences lie within "
         "the limits (Bland and Altman). ICC is that of absolute agreement."
     )
-    for reference in references:
-        own = [item for item in agreements if item.result.reference == reference]
+    for reference in dict.fromkeys(item.reference for item in agreements):
+        own = [item for item in agreements if item.reference == reference]
+        name = "the image (EB)" if reference == IMAGED else reference
         lengths = [item for item in own if "." not in item.quantity]
         centres = [item for item in own if "." in item.quantity]
-        name = "the image (EB)" if reference == "EB" else reference
         if lengths:
-            yield _table(f"Segment lengths against {name}, mm", lengths)
+            yield _agreement_table(f"Segment lengths against {name}, mm", lengths)
         if centres:
-            yield Details(
-                f"Joint centres against {name}", [_table(f"Joint centres against {name}, mm", centres)]
-            )
+            title = f"Joint centres against {name}"
+            yield Details(title, [_agreement_table(f"{title}, mm", centres)])
 
 
-def _table(caption: str, items: Sequence[CohortAgreement]) -> Table:
+def _agreement_table(caption: str, items: Sequence[AgreementEntry]) -> Table:
     rows = []
     for item in items:
-        found = item.result.bland_altman
-        bias = f"{_signed(found.bias.value)} ({_signed(found.bias.low)} to {_signed(found.bias.high)})"
-        limits = f"{_signed(found.lower.value)} to {_signed(found.upper.value)}"
         joint, _, axis = item.quantity.partition(".")
-        label = f"{f'{words(joint)} {axis}'.strip()}, {item.result.method}"
-        rmse = f"{MM.factor * item.result.rmse:.1f}"
-        rows.append(Row(label, [str(len(item.subjects)), bias, limits, rmse, _icc(item)]))
+        bias, lower, upper = item.bias_mm, item.lower_mm.value, item.upper_mm.value
+        cells = [
+            str(len(item.subjects)),
+            f"{bias.value:+.1f} ({bias.low:+.1f} to {bias.high:+.1f})",
+            f"{lower:+.1f} to {upper:+.1f}",
+            f"{item.rmse_mm:.1f}",
+            _icc(item.icc_agreement),
+        ]
+        rows.append(Row(f"{f'{words(joint)} {axis}'.strip()}, {item.method}", cells))
     return Table(caption, ["", "subjects", "bias (95 %)", "limits of agreement", "RMS", "ICC"], rows)
 
 
-def _signed(metres: float) -> str:
-    return f"{MM.factor * metres:+.1f}"
-
-
-def _icc(item: CohortAgreement) -> str:
-    found = item.result.icc_agreement
-    if not item.varies or not math.isfinite(found.value):
+def _icc(found: Interval | None) -> str:
+    if found is None:
         return "–"
-    interval = f" ({found.low:.2f} to {found.high:.2f})" if math.isfinite(found.low) else ""
-    return f"{found.value:.2f}{interval}"
+    return f"{found.value:.2f}" + ("" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})")

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry, statistics_document
+from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.members import Listed, read_members
 from scaling_service.capabilities.cohort.outcomes import Outcome, possible_methods, run_members
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
-from scaling_service.capabilities.cohort.statistics import CohortSettings, CohortStatistics, cohort_statistics
+from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.run import check_methods
@@ -47,7 +47,6 @@ class BatchResult:
 
     document: CohortDocument  # cohort.json: mm and degrees
     outcomes: tuple[Outcome, ...]  # how every member ended, with its own curves and figures in SI
-    statistics: CohortStatistics  # over those that are done, in SI
     files: tuple[str, ...] = ()  # what was written beside the subjects' folders
 
 
@@ -117,7 +116,7 @@ def batch(
     with _made(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
         outcomes = run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
-    return replace(result, files=save_cohort(result.document, result.statistics, outcomes, folder))
+    return replace(result, files=save_cohort(result.document, outcomes, folder))
 
 
 def summarise_cohort(
@@ -128,7 +127,6 @@ def summarise_cohort(
     cohort: str,
     notes: Sequence[str] = (),
     started: float,
-    compared: CohortSettings | None = None,
 ) -> BatchResult:
     """Compare the methods over the members that are done; whoever computed them, nothing is read or written.
 
@@ -146,9 +144,6 @@ def summarise_cohort(
         When the work began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
-    statistics = cohort_statistics(
-        summaries, methods or tuple(METHODS), seed=settings.seed, settings=compared
-    )
     document = CohortDocument(
         code_version=code_version(),
         cohort=cohort,
@@ -156,11 +151,11 @@ def summarise_cohort(
         settings=settings.resolved(),
         seed=settings.seed,
         subjects=[_entry(outcome) for outcome in outcomes],
-        statistics=statistics_document(statistics),
+        statistics=cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed),
         notes=list(notes),
         wall_s=round(time.perf_counter() - started, 3),
     )
-    return BatchResult(document, tuple(outcomes), statistics)
+    return BatchResult(document, tuple(outcomes))
 
 
 def none_possible(reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path) -> InputError:

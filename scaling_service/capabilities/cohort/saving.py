@@ -12,7 +12,6 @@ from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.job import RECORD
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.report import cohort_page
-from scaling_service.capabilities.cohort.statistics import CohortStatistics
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
@@ -23,15 +22,13 @@ DOCUMENT = "cohort.json"
 Row = Mapping[str, str | float | int | None]
 
 
-def save_cohort(
-    document: CohortDocument, statistics: CohortStatistics, outcomes: Sequence[Outcome], folder: Path
-) -> tuple[str, ...]:
+def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: Path) -> tuple[str, ...]:
     """Write the cohort's own files, all or none, and name them."""
     with all_or_nothing(folder) as scratch:
         write_json(scratch / DOCUMENT, document)
         for name in TABLES:
             (scratch / name).write_text(table(name, outcomes), encoding="utf-8")
-        (scratch / REPORT).write_text(cohort_page(document, statistics).html(), encoding="utf-8")
+        (scratch / REPORT).write_text(cohort_page(document).html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 

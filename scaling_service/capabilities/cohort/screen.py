@@ -11,93 +11,34 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
-from scaling_service.capabilities.shared.screen import console_of_results, say
-from scaling_service.core.text import few, p_words
+from scaling_service.capabilities.cohort.report import screen_tables
+from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table, say
+from scaling_service.core.text import few
+from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.cohort.document import (
-        CohortDocument,
-        QuantityEntry,
-        StatisticsDocument,
-        SubjectEntry,
-    )
+    from scaling_service.capabilities.cohort.document import CohortDocument
     from scaling_service.capabilities.cohort.outcomes import Outcome
 
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
-    """The table of methods over subjects, then the subjects that are not done, notes and files."""
+    """The methods over subjects, then the subjects that are not done, notes and files."""
     console = console_of_results()
     ended = [s.status for s in document.subjects]
     counts = ", ".join(f"{ended.count(status)} {status}" for status in ("done", "skipped", "failed"))
     console.print(f"Cohort [bold]{escape(document.cohort)}[/bold]: {counts}", highlight=False, soft_wrap=True)
     if "done" in ended:
-        console.print(_table(document.statistics))
-        for line in _tested(document.statistics):
-            console.print(line, highlight=False, soft_wrap=True)
+        for table in screen_tables(document.statistics):
+            print_table(console, table)
     say(console, "Note", "yellow", _notes(document) if "done" in ended else document.notes)
-    _show_others(console, document.subjects)
-    console.print(f"Written under [bold]{escape(str(out))}[/bold]:", highlight=False)
+    others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
+    if others:
+        print_table(console, Table("Not done", ["subject", "", "because"], others, words=True))
     folders = [s.folder for s in document.subjects if s.folder is not None]
-    for line in ([f"{', '.join(folders)}  as `compare` writes them"] if folders else []) + list(files):
-        console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
-
-
-def _table(found: StatisticsDocument) -> Table:
-    methods = [gate.method for gate in found.opensim_limits.methods]
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("mean ± sd over subjects")
-    for method in methods:
-        table.add_column(method, justify="right")
-    table.add_column("n", justify="right")
-    table.add_column("Friedman p", justify="right")
-    for title, entries in (
-        ("Kinematic error, mm", found.kinematic_error_mm),
-        ("Segment lengths, mm", found.segment_lengths_mm),
-        ("Knee axis turned, deg", found.knee_axis_deg),
-        ("Marker shift, mm", found.marker_shift_mm),
-        ("Distance from the truth, mm", found.from_truth_mm),
-        ("Distance from the truth, deg", found.from_truth_deg),
-    ):
-        if entries:
-            table.add_row(f"[bold]{title}[/bold]")
-        for entry in entries:
-            table.add_row(f"  {_name(entry)}", *_cells(entry, methods))
-    limits = found.opensim_limits
-    kept = {gate.method: f"{gate.subjects_passed} of {gate.subjects}" for gate in limits.methods}
-    table.add_row("[bold]Within OpenSim's limits[/bold]", *kept.values())
-    return table
-
-
-def _name(entry: QuantityEntry) -> str:
-    names = {"calibration": "used to fit", "evaluation": "held out", "mean_over_markers": "mean over markers"}
-    return names.get(entry.quantity, entry.quantity)
-
-
-def _cells(entry: QuantityEntry, methods: Sequence[str]) -> Iterator[str]:
-    for method in methods:
-        spread = f" ± {entry.sd[method]:.1f}" if method in entry.sd else ""
-        yield f"{entry.mean[method]:.1f}{spread}" if method in entry.mean else ""
-    yield str(len(entry.compared.subjects))
-    yield "" if entry.friedman is None else p_words(entry.friedman.p)
-
-
-def _tested(found: StatisticsDocument) -> Iterator[str]:
-    """Pairs that differ, and stretches of the gait cycle; each said once."""
-    for title, entries in (("error", found.kinematic_error_mm), ("length", found.segment_lengths_mm)):
-        for entry in entries:
-            differ = [p.methods for p in entry.friedman.pairs if p.significant] if entry.friedman else []
-            if differ:
-                pairs = "; ".join(f"{a} and {b}" for a, b in differ)
-                yield f"Differ in {title}, {_name(entry)} (Tukey's HSD): {pairs}"
-    for curve in found.joint_angles:
-        for pair in curve.pairs:
-            if pair.test.clusters:
-                where = ", ".join(f"{c.start_percent:.0f}-{c.end_percent:.0f} %" for c in pair.test.clusters)
-                both = " and ".join(pair.methods)
-                yield f"Differ in {curve.coordinate}: {both} at {where} of the gait cycle"
+    written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
+    list_files(console, out, [*written, *files])
 
 
 def _notes(document: CohortDocument) -> list[str]:
@@ -118,18 +59,6 @@ def _notes(document: CohortDocument) -> list[str]:
     below = f"{limits.rms_below_mm:.0f} mm RMS and {limits.max_below_mm:.0f} mm at most in every trial"
     gate = f"OpenSim's limits ({below}) are {limits.meaning}"
     return [*document.notes, *found.notes, *excluded, *untested, gate]
-
-
-def _show_others(console: Console, subjects: Sequence[SubjectEntry]) -> None:
-    others = [s for s in subjects if s.status != "done"]
-    if not others:
-        return
-    table = Table(title="Not done", title_justify="left", box=None, pad_edge=False, header_style="bold")
-    for heading in ("subject", "", "because"):
-        table.add_column(heading, overflow="fold")
-    for subject in others:
-        table.add_row(escape(subject.id), subject.status, escape(subject.reason))
-    console.print(table)
 
 
 _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes

@@ -8,19 +8,46 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.document import GATE_MAX_M, GATE_RMS_M
-from scaling_service.capabilities.cohort.groups import ScalarComparison, compare_scalars, too_few
+from scaling_service.capabilities.cohort.document import (
+    AgreementEntry,
+    ClusterEntry,
+    Compared,
+    CurveEntry,
+    CurvePairEntry,
+    CurveTestEntry,
+    GateEntry,
+    Gates,
+    Interval,
+    StatisticsDocument,
+)
+from scaling_service.capabilities.cohort.groups import compare_quantities, explain_too_few
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.agreement import Agreement, agreement
+from scaling_service.numerics.statistics.agreement import Estimate, agreement
 from scaling_service.numerics.statistics.complete import Panel, panels
 from scaling_service.numerics.statistics.cycles import Curves
+from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     WaveformComparison,
     WaveformSettings,
     compare_waveforms,
 )
+
+GATE_RMS_M, GATE_MAX_M = 0.02, 0.04
+"""OpenSim's guideline for inverse kinematics: marker errors below 2 cm RMS and 2 to 4 cm at most (Hicks et
+al. 2015, J Biomech Eng 137:020905; the larger limit is taken). Necessary, not sufficient: fitted
+numbers absorb errors."""
+
+REFERENCES = ("EB_am", "MB_am")
+"""What joint angles are compared to: Puchaud 2019 (section 2.3) takes EB_am; where nobody was imaged, MB_am,
+which the paper found to come nearest to it."""
+
+FEWEST = 3
+"""Subjects that agreement needs: below, its intervals are not defined."""
+
+_STILL_MM = 1e-3  # chosen: what varies less over persons than a micrometre is a constant of its frame
+_MM = 1e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,51 +59,13 @@ class CohortSettings:
     confidence: float = 0.95  # of the intervals of agreement
 
 
-@dataclass(frozen=True, slots=True)
-class GateCount:
-    """How many subjects keep OpenSim's limits under a method, in all trials that show a marker."""
-
-    method: str
-    subjects: int
-    subjects_passed: int
-    trials: int
-    trials_passed: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CohortStatistics:
-    """Everything that is compared over a cohort, subjects and methods in the order given."""
-
-    subjects: tuple[str, ...]
-    methods: tuple[str, ...]  # those that some subject has
-    scalars: tuple[ScalarComparison, ...]
-    curves: tuple[CurveComparison, ...]
-    agreements: tuple[CohortAgreement, ...]
-    gates: tuple[GateCount, ...]
-    notes: tuple[str, ...]  # what limits all this, plain English
-
-    def scalar(self, kind: str, quantity: str) -> ScalarComparison:
-        """The first comparison of a quantity: that of most methods (KeyError if there is none)."""
-        for found in self.scalars:
-            if (found.kind, found.quantity) == (kind, quantity):
-                return found
-        raise KeyError((kind, quantity))
-
-    def curve(self, coordinate: str) -> CurveComparison:
-        """The first comparison of a joint angle (KeyError if there is none)."""
-        for found in self.curves:
-            if found.coordinate == coordinate:
-                return found
-        raise KeyError(coordinate)
-
-
 def cohort_statistics(
     subjects: Sequence[SubjectSummary],
     methods: Sequence[str],
     *,
     seed: int = 0,
-    settings: CohortSettings | None = None,
-) -> CohortStatistics:
+    settings: CohortSettings = CohortSettings(),
+) -> StatisticsDocument:
     """Compare methods over a cohort.
 
     Parameters
@@ -90,35 +79,35 @@ def cohort_statistics(
 
     Returns
     -------
-    CohortStatistics
-        Each comparison is over the subjects that have all its methods; the others are named in its
-        ``panel``.
+    StatisticsDocument
+        Each comparison is over the subjects that have all its methods; the others are named with it.
     """
-    chosen = settings or CohortSettings()
     # Sorted, so that sums and random numbers meet subjects in one order whatever order they come in.
     ordered = sorted(subjects, key=lambda s: s.subject)
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
-    curves = tuple(compare_curves(ordered, present, seed, chosen.waveforms))
-    compared = list(agreements(ordered, present, chosen.confidence))
-    return CohortStatistics(
-        subjects=tuple(s.subject for s in subjects),
-        methods=present,
-        scalars=tuple(compare_scalars(ordered, present, chosen.alpha)),
-        curves=curves,
-        agreements=tuple(a for a in compared if isinstance(a, CohortAgreement)),
-        gates=tuple(_gate(ordered, method) for method in present),
-        notes=(*_references(curves), *(a for a in compared if isinstance(a, str))),
+    curves = list(compare_curves(ordered, present, seed, settings.waveforms))
+    compared = list(compare_with_references(ordered, present, settings.confidence))
+    return StatisticsDocument(
+        **compare_quantities(ordered, present, settings.alpha),
+        joint_angles=curves,
+        agreement=[a for a in compared if isinstance(a, AgreementEntry)],
+        opensim_limits=Gates(
+            rms_below_mm=GATE_RMS_M * _MM,
+            max_below_mm=GATE_MAX_M * _MM,
+            methods=[_gate(ordered, method) for method in present],
+        ),
+        notes=[*_describe_references(curves), *(a for a in compared if isinstance(a, str))],
     )
 
 
-def _gate(subjects: Sequence[SubjectSummary], method: str) -> GateCount:
+def _gate(subjects: Sequence[SubjectSummary], method: str) -> GateEntry:
     passed = [_passed(s.methods[method]) for s in subjects if method in s.methods]
-    return GateCount(
-        method,
-        len(passed),
-        sum(all(trials) for trials in passed),
-        sum(len(trials) for trials in passed),
-        sum(sum(trials) for trials in passed),
+    return GateEntry(
+        method=method,
+        subjects=len(passed),
+        subjects_passed=sum(all(trials) for trials in passed),
+        trials=sum(len(trials) for trials in passed),
+        trials_passed=sum(sum(trials) for trials in passed),
     )
 
 
@@ -127,11 +116,11 @@ def _passed(method: MethodSummary) -> list[bool]:
     return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
 
 
-def _references(curves: Sequence[CurveComparison]) -> list[str]:
+def _describe_references(curves: Sequence[CurveEntry]) -> list[str]:
     """What joint angles were compared to, where it is not what the paper takes."""
     if not curves:
         return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
-    used = list(dict.fromkeys(c.reference for c in curves if c.test is not None and c.reference != "EB_am"))
+    used = dict.fromkeys(c.reference for c in curves if c.anova is not None and c.reference != "EB_am")
     return [
         "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
         if reference is None
@@ -140,31 +129,9 @@ def _references(curves: Sequence[CurveComparison]) -> list[str]:
     ]
 
 
-_STILL_M = 1e-6  # chosen: what varies less over persons than a micrometre is a constant of its frame
-
-FEWEST = 3
-"""Subjects that agreement needs: below, its intervals are not defined."""
-
-
-@dataclass(frozen=True, slots=True)
-class CohortAgreement:
-    """A method against a reference."""
-
-    quantity: str  # a length (femur_r), or a joint centre's coordinate in the proximal segment (hip_r.x), m
-    result: Agreement
-    subjects: tuple[str, ...]  # those that have both
-    excluded: tuple[str, ...]  # the others
-    reference_sd: float  # over the subjects, m: about zero where the segment's frame fixes the coordinate
-
-    @property
-    def varies(self) -> bool:
-        """Whether the reference differs between persons at all; else intraclass correlations say nothing."""
-        return self.reference_sd > _STILL_M
-
-
-def agreements(
+def compare_with_references(
     subjects: Sequence[SubjectSummary], methods: Sequence[str], confidence: float = 0.95
-) -> Iterator[CohortAgreement | str]:
+) -> Iterator[AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
     for reference in (IMAGED, TRUTH):
         tables = _tables(subjects, reference)
@@ -182,64 +149,63 @@ def agreements(
 
 def _agree(
     quantity: str, table: Mapping[str, Mapping[str, float]], method: str, reference: str, confidence: float
-) -> Iterator[CohortAgreement]:
+) -> Iterator[AgreementEntry]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
-    if len(both) >= FEWEST:
-        yield CohortAgreement(
-            quantity,
-            agreement(both, method, reference, quantity=quantity, confidence=confidence),
-            tuple(both),
-            tuple(s for s in table if s not in both),
-            float(np.std([values[reference] for values in both.values()], ddof=1)),
-        )
+    if len(both) < FEWEST:
+        return
+    found = agreement(both, method, reference, quantity=quantity, confidence=confidence)
+    # Where the reference does not differ between persons, intraclass correlations say nothing.
+    varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
+    yield AgreementEntry(
+        quantity=quantity,
+        method=method,
+        reference=reference,
+        subjects=list(both),
+        excluded=[s for s in table if s not in both],
+        bias_mm=_interval(found.bland_altman.bias),
+        sd_mm=found.bland_altman.sd,
+        lower_mm=_interval(found.bland_altman.lower),
+        upper_mm=_interval(found.bland_altman.upper),
+        rmse_mm=found.rmse,
+        icc_agreement=_interval(found.icc_agreement) if varies else None,
+        icc_consistency=_interval(found.icc_consistency) if varies else None,
+        confidence=confidence,
+    )
+
+
+def _interval(estimate: Estimate) -> Interval:
+    return Interval(value=estimate.value, low=_finite(estimate.low), high=_finite(estimate.high))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _tables(subjects: Sequence[SubjectSummary], reference: str) -> dict[str, dict[str, dict[str, float]]]:
-    """Quantity to subject to method (the reference among them) to value, m."""
+    """Quantity to subject to method (the reference among them) to value, mm."""
     tables: dict[str, dict[str, dict[str, float]]] = {}
     for subject in subjects:
-        for quantity, values in _quantities(subject, reference):
+        for quantity, method, metres in _quantities(subject, reference):
             row = tables.setdefault(quantity, {s.subject: {} for s in subjects})
-            row[subject.subject].update(values)
+            row[subject.subject][method] = _MM * metres
     return tables
 
 
-def _quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, dict[str, float]]]:
+def _quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, str, float]]:
+    """Quantity, method and value: lengths, and joint centres' coordinates in the proximal segment."""
     for method, summary in subject.methods.items():
-        yield from ((name, {method: length}) for name, length in summary.lengths.items())
+        yield from ((name, method, length) for name, length in summary.lengths.items())
     if reference == TRUTH:
-        yield from ((name, {TRUTH: length}) for name, length in subject.true_lengths.items())
+        yield from ((name, TRUTH, length) for name, length in subject.true_lengths.items())
     for method, joints in subject.centres.get(reference, {}).items():
         for joint, place in joints.items():
             for axis, value in zip("xyz", place, strict=True):
-                yield f"{joint}.{axis}", {method: value}
-
-
-REFERENCES = ("EB_am", "MB_am")
-"""What others are compared to: Puchaud 2019 (section 2.3) takes EB_am; where nobody was imaged, MB_am, which
-the paper found to come nearest to it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CurveComparison:
-    """One joint angle over the gait cycle, over a cohort; curves are (n_nodes,), rad."""
-
-    coordinate: str
-    panel: Panel  # who walked and has all methods; the others with the reason
-    strides: Mapping[str, int]  # subject to the number of strides behind its curve
-    reference: str | None  # pairs are tested against it; None where no reference is there: all pairs are
-    mean: Mapping[str, Array]
-    sd: Mapping[str, Array]  # n - 1; empty for a single subject
-    test: WaveformComparison | None  # repeated-measures ANOVA by permutation, and the pairs after it
-    note: str = ""  # why there is no test, or why it could not have found anything
+                yield f"{joint}.{axis}", method, value
 
 
 def compare_curves(
-    subjects: Sequence[SubjectSummary],
-    methods: Sequence[str],
-    seed: int,
-    settings: WaveformSettings | None = None,
-) -> Iterator[CurveComparison]:
+    subjects: Sequence[SubjectSummary], methods: Sequence[str], seed: int, settings: WaveformSettings
+) -> Iterator[CurveEntry]:
     """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
@@ -249,14 +215,7 @@ def compare_curves(
         }
         for panel in panels(has, methods):
             rng = stream(seed, "cohort", "curves", coordinate, *panel.methods)
-            yield _compare_curve(coordinate, _explained(panel, coordinate, subjects), subjects, rng, settings)
-
-
-def _explained(panel: Panel, coordinate: str, subjects: Sequence[SubjectSummary]) -> Panel:
-    """The panel with the reason of those who did not walk."""
-    side = coordinate.rpartition("_")[2]
-    reasons = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
-    return replace(panel, excluded={s: reasons.get(s, why) for s, why in panel.excluded.items()})
+            yield _compare_curve(coordinate, panel, subjects, rng, settings)
 
 
 def _compare_curve(
@@ -264,32 +223,59 @@ def _compare_curve(
     panel: Panel,
     subjects: Sequence[SubjectSummary],
     rng: np.random.Generator,
-    settings: WaveformSettings | None,
-) -> CurveComparison:
-    counted = [s for s in subjects if s.subject in panel.subjects]
-    values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
+    settings: WaveformSettings,
+) -> CurveEntry:
     side = coordinate.rpartition("_")[2]
+    counted = [s for s in subjects if s.subject in panel.subjects]
+    sat = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
+    known = replace(panel, excluded={s: sat.get(s, why) for s, why in panel.excluded.items()})
+    values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
     reference = next((m for m in REFERENCES if m in panel.methods), None)
-    note, test = too_few(panel), None
+    note, test = explain_too_few(panel), None
     if not note:
-        curves = Curves(coordinate, tuple(s.subject for s in counted), panel.methods, values)
+        curves = Curves(coordinate, panel.subjects, panel.methods, values)
         test = compare_waveforms(curves, rng, reference=reference, settings=settings)
-        note = _undecidable(test)
-    return CurveComparison(
+        note = _explain_undecidable(test)
+    degrees = np.degrees(values)
+    return CurveEntry(
         coordinate=coordinate,
-        panel=panel,
+        compared=Compared.model_validate(known),
         strides={s.subject: s.strides[side] for s in counted},
         reference=reference,
-        mean={m: values[:, k].mean(axis=0) for k, m in enumerate(panel.methods)} if counted else {},
-        sd={m: values[:, k].std(axis=0, ddof=1) for k, m in enumerate(panel.methods)}
-        if len(counted) > 1
-        else {},
-        test=test,
+        mean_deg=_by_method(panel, degrees.mean(axis=0)),
+        sd_deg=_by_method(panel, degrees.std(axis=0, ddof=1)) if len(counted) > 1 else {},
+        anova=None if test is None else _curve_test(test.anova),
+        pairs=[
+            CurvePairEntry(
+                methods=pair.methods,
+                difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
+                test=_curve_test(pair.test),
+            )
+            for pair in (() if test is None else test.pairs)
+        ],
         note=note,
     )
 
 
-def _undecidable(test: WaveformComparison) -> str:
+def _by_method(panel: Panel, curves: Array) -> dict[str, list[float]]:
+    return dict(zip(panel.methods, curves.tolist(), strict=True))
+
+
+def _curve_test(test: CurveTest) -> CurveTestEntry:
+    return CurveTestEntry(
+        statistic=test.statistic.tolist(),
+        threshold=_finite(test.threshold),
+        p=test.p,
+        alpha=test.alpha,
+        significant=test.significant,
+        clusters=[ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters],
+        rearrangements=test.rearrangements,
+        exact=test.exact,
+        can_decide=test.can_decide,
+    )
+
+
+def _explain_undecidable(test: WaveformComparison) -> str:
     """A word where too few subjects make significance impossible."""
     n = len(test.subjects)
     if not test.anova.can_decide:

@@ -36,7 +36,7 @@ def work(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress)
         reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
         raise none_possible(reasons, request.methods, _COHORT)
     result = summarise_cohort(outcomes, request.methods, request.settings, cohort=_COHORT, started=clock)
-    save_cohort(result.document, result.statistics, outcomes, outputs)
+    save_cohort(result.document, outcomes, outputs)
     return result.document.model_dump(mode="json")
 
 

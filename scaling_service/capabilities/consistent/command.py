@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.markup import escape
-from rich.table import Table
-
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
 from scaling_service.capabilities.shared.flags import Only, with_flags
@@ -15,6 +12,7 @@ from scaling_service.capabilities.shared.screen import (
     console_of_results,
     introduce,
     list_files,
+    print_table,
     running,
     say,
 )
@@ -49,7 +47,9 @@ def consistent(
 
 
 def show(document: ConsistentDocument, out: Path) -> None:
-    """The errors in three ways, the warnings, and what was written."""
+    """The errors of the three ways, the warnings, and what was written."""
+    from scaling_service.capabilities.consistent.report import error_table
+
     console = console_of_results()
     introduce(
         console,
@@ -57,16 +57,7 @@ def show(document: ConsistentDocument, out: Path) -> None:
         f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
         f"{document.outer_iterations} loops",
     )
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("RMS error", "fx, N", "fy, N", "mz, N m", "markers, mm"):
-        table.add_column(column, justify="left" if column.startswith("RMS") else "right")
-    for name, trial in document.trials.items():
-        table.add_row(f"[bold]{escape(name)} ({'held out' if trial.held_out else 'used to fit'})[/bold]")
-        for way in ("classical", "consistent", "predicted"):
-            wrench = getattr(trial.ground_wrench_rmse, way)
-            numbers = [f"{getattr(wrench, n):.1f}" for n in ("fx_N", "fy_N", "mz_Nm")]
-            table.add_row(f"  {way}", *numbers, f"{getattr(trial.marker_rms_mm, way):.1f}")
-    console.print(table)
+    print_table(console, error_table(document))
     say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
     list_files(console, out, [", ".join(written)])

@@ -34,6 +34,7 @@ from scaling_service.capabilities.dynamics.inertia.result import InertialIdentif
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.model.body import BodyModel
+from scaling_service.model.inertia import inertias_of, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 
 Progress = Callable[[str], None]
@@ -66,12 +67,17 @@ class ConsistentResult:
     consistent: tuple[TrackedRecording, ...]
     # the classical two steps with the model found: forces played no part in these motions
     predicted: tuple[TrackedRecording, ...]
-    inertial: InertialIdentification | None  # the last one
+    inertial: InertialIdentification  # the last one
     factors: Mapping[str, float]  # segment to its length over that of the start
     outer_iterations: int
     converged: bool
     # marker RMS (m) and wrench RMSE (6,) over the fitted recordings after every loop
     history: tuple[tuple[float, Array], ...]
+
+    @property
+    def ways(self) -> dict[str, tuple[TrackedRecording, ...]]:
+        """The three ways in which every recording is explained."""
+        return {"classical": self.classical, "consistent": self.consistent, "predicted": self.predicted}
 
 
 def consistent(
@@ -97,50 +103,47 @@ def consistent(
     rated = [classical_motion(model, r, settings) for r in recordings]
     classical = tuple(_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))
     now, factors = model, dict[str, float]()
-    inertial: InertialIdentification | None = None
     history: list[tuple[float, Array]] = []
     moved: list[ConsistentMotion] = []
-    converged, loop = False, 0
-    while not converged and loop < settings.most_loops:
-        loop += 1
-        table = _inertia_of(model, now)
-        freedom = None
-        if settings.inertia:
-            freedom = inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
-        say(f"loop {loop}: motion")
+    converged = False
+    while not converged and len(history) < settings.most_loops:
+        loop = f"loop {len(history) + 1}"
+        say(f"{loop}: motion")
+        table = with_inertias(now, inertias_of(model))
+        freedom = inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
         earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
             _moved(table, r, m, settings, freedom, b) for r, m, b in zip(fitted, rated, earlier, strict=False)
         ]
         rated[: len(fitted)] = [m.rated for m in moved]
-        if settings.geometry:
-            say(f"loop {loop}: geometry")
-            found = _with_geometry(model, fitted, moved, settings)
-            now, factors = found.model, dict(found.factors)
-        if settings.inertia:
-            say(f"loop {loop}: inertia")
-            prior = _inertia_of(model, now)
-            forces = [
-                ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
-                for r, m in zip(fitted, rated, strict=False)
-            ]
-            inertial = identify_inertia(
-                prior, forces, supported=fitted[0].components, settings=identification
-            )
-            now = inertial.model
-        history.append(
-            _pooled([_tracked(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)])
-        )
+        say(f"{loop}: geometry")
+        found = _with_geometry(model, fitted, moved, settings)
+        factors = dict(found.factors)
+        say(f"{loop}: inertia")
+        prior = with_inertias(found.model, inertias_of(model))
+        forces = [
+            ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
+            for r, m in zip(fitted, rated, strict=False)
+        ]
+        inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
+        now = inertial.model
+        tracked = [_tracked(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
+        history.append(_pooled(tracked))
         converged = len(history) > 1 and _settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_moved(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
-    tracked = tuple(
-        _tracked(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)
-    )
-    predicted = tuple(_predicted(now, r, settings) for r in recordings)
     return ConsistentResult(
-        model, now, classical, tracked, predicted, inertial, factors, loop, converged, tuple(history)
+        model,
+        now,
+        classical,
+        tuple(_tracked(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)),
+        tuple(_predicted(now, r, settings) for r in recordings),
+        inertial,
+        factors,
+        len(history),
+        converged,
+        tuple(history),
     )
 
 
@@ -159,18 +162,6 @@ def _moved(
         shared[:count] = before.state.shared[:count]
     start = State(problem.basis.fit(rated.q[:, problem.free]), shared)
     return consistent_motion(problem, start, limits(model, problem), 1.0 if before is None else before.weight)
-
-
-def _inertia_of(table: BodyModel, model: BodyModel) -> BodyModel:
-    """The model's geometry with the table's inertia: the prior of every loop."""
-    known = {s.name: s for s in table.segments}
-    return replace(
-        model,
-        segments=tuple(
-            replace(s, mass=known[s.name].mass, com=known[s.name].com, inertia=known[s.name].inertia)
-            for s in model.segments
-        ),
-    )
 
 
 def _with_geometry(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.capabilities.consistent.document import ConsistentDocument, GroundWrench
+from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend, Row, Table, Text, Tone
 from scaling_service.report.figures import Figure, chart, plain
@@ -36,26 +36,14 @@ MOVED = 12
 """Inertial parameters listed: those that moved most (chosen); all are in consistent.json."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrialCurves:
-    """One recording over time, measured and in the three ways."""
-
-    times: Array  # (n,), s
-    # by name, (n, 6), N and N m: the ground wrench about the feet; NaN where forces are not known
-    wrenches: Mapping[str, Array]
-    markers: tuple[str, ...]
-    distances: Mapping[str, Array]  # by name of the way, (n_markers,), m: RMS distance of each marker
-    components: tuple[bool, ...]  # of the wrench that count
-
-
-def consistent_page(document: ConsistentDocument, curves: Mapping[str, TrialCurves]) -> Page:
+def consistent_page(document: ConsistentDocument, results: ConsistentResults) -> Page:
     """The page of one person's dynamically consistent motion."""
     return Page(
         f"Dynamically consistent motion of {document.subject}",
         [
             Section("What it gained", list(_gain(document))),
-            Section("Ground wrench", list(_wrenches(curves)), new_page=True),
-            Section("Markers", list(_markers(curves)), new_page=True),
+            Section("Ground wrench", list(_wrenches(results)), new_page=True),
+            Section("Markers", list(_markers(results)), new_page=True),
             Section("Lengths and inertia", list(_body(document)), new_page=True),
             Section("Where this comes from", list(_provenance(document)), new_page=True),
         ],
@@ -84,16 +72,19 @@ def _gain(document: ConsistentDocument) -> Iterator[Block]:
         ],
         tone,
     )
+    yield error_table(document)
+
+
+def error_table(document: ConsistentDocument) -> Table:
+    """Errors of every recording in the three ways."""
     rows = []
     for name, trial in document.trials.items():
-        role = "held out" if trial.held_out else "used to fit"
+        rows.append(Row(f"{name} ({'held out' if trial.held_out else 'used to fit'})"))
         for way, _, _ in WAYS:
             wrench: GroundWrench = getattr(trial.ground_wrench_rmse, way)
-            numbers = [f"{getattr(wrench, n):.1f}" for n in SHOWN]
-            rows.append(
-                Row(f"{name} ({role}), {way}", [*numbers, f"{getattr(trial.marker_rms_mm, way):.1f}"])
-            )
-    yield Table(
+            values = [*(getattr(wrench, n) for n in SHOWN), getattr(trial.marker_rms_mm, way)]
+            rows.append(Row(way, [f"{value:.1f}" for value in values]))
+    return Table(
         "RMS error",
         ["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
         rows,
@@ -104,18 +95,26 @@ def _gain(document: ConsistentDocument) -> Iterator[Block]:
     )
 
 
-def _wrenches(trials: Mapping[str, TrialCurves]) -> Iterator[Block]:
+def _wrenches(results: ConsistentResults) -> Iterator[Block]:
     yield Legend([("measured", INK, "solid"), *WAYS])
-    for name, curves in trials.items():
-        yield Heading(name)
-        yield Grid([_wrench(name, curves, k) for k in range(6) if curves.components[k]])
+    for recording, ways in results.tracked:
+        curves = {"measured": recording.wrench}
+        curves |= {way: recording.wrench - tracked.gaps.wrench_gaps for way, tracked in ways.items()}
+        yield Heading(recording.name)
+        yield Grid(
+            [
+                _wrench(recording.name, recording.trial.times, curves, k)
+                for k in range(6)
+                if recording.components[k]
+            ]
+        )
 
 
-def _wrench(name: str, curves: TrialCurves, k: int) -> Figure:
+def _wrench(name: str, times: Array, curves: Mapping[str, Array], k: int) -> Figure:
     traces = [
         go.Scatter(
-            x=np.round(curves.times, 4),
-            y=np.round(curves.wrenches[way][:, k], 2).astype(np.float32),
+            x=np.round(times, 4),
+            y=np.round(curves[way][:, k], 2).astype(np.float32),
             name=way,
             mode="lines",
             line={"color": colour, "dash": dash, "width": 2.5 if way == "measured" else 1.5},
@@ -128,22 +127,22 @@ def _wrench(name: str, curves: TrialCurves, k: int) -> Figure:
     )
 
 
-def _markers(trials: Mapping[str, TrialCurves]) -> Iterator[Block]:
+def _markers(results: ConsistentResults) -> Iterator[Block]:
     yield Text(
         "RMS distance of each marker from the model's. What follows forces follows markers less closely."
     )
     yield Legend([(n, c, "solid") for n, c, _ in WAYS[:2]])
-    for name, curves in trials.items():
+    for recording, ways in results.tracked:
         traces = [
             go.Bar(
-                x=[plain(m) for m in curves.markers],
-                y=np.round(1e3 * curves.distances[way], 2),
+                x=[plain(m) for m in recording.motion.markers],
+                y=np.round(1e3 * np.sqrt(np.mean(ways[way].gaps.marker_gaps ** 2, axis=0).sum(axis=1)), 2),
                 name=way,
                 marker={"color": colour},
             )
             for way, colour, _ in WAYS[:2]
         ]
-        drawn = chart(traces, y_title="mm", barmode="group")
+        drawn, name = chart(traces, y_title="mm", barmode="group"), recording.name
         yield Figure(drawn, f"{name}: markers", f"RMS distance of every marker of {name}, mm.", 280)
 
 

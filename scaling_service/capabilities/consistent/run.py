@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.estimate import ConsistentResult
+from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
 from scaling_service.capabilities.consistent.estimate import consistent as identify
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
@@ -56,6 +57,12 @@ class ConsistentResults:
     wall_s: float = 0.0
     subject_file: Path | None = None
 
+    @property
+    def tracked(self) -> Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
+        """Every recording, and how it is explained in each of the three ways."""
+        for k, recording in enumerate(self.recordings):
+            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}
+
 
 def consistent(
     subject: Subject | str | Path,
@@ -85,8 +92,6 @@ def consistent(
             progress=lambda what: report(what, _FINDING),
         )
     report("done", 1.0)
-    found = result.inertial.warnings if result.inertial is not None else ()
-    told = (*ready.prepared.warnings, *ready.notes, *found)
     return ConsistentResults(
         ready.prepared,
         chosen,
@@ -94,7 +99,7 @@ def consistent(
         (*ready.fitted, *ready.held_out),
         len(ready.fitted),
         result,
-        tuple(dict.fromkeys(told)),
+        tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
         time.perf_counter() - clock,
         file,
     )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-import numpy as np
 
 from scaling_service.capabilities.consistent.document import (
     ConsistentDocument,
@@ -18,7 +16,7 @@ from scaling_service.capabilities.consistent.document import (
 )
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.report import TrialCurves, consistent_page
+from scaling_service.capabilities.consistent.report import consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.capabilities.dynamics.saving import provenance_of, write_massive_model
 from scaling_service.capabilities.motion.motion_files import write_motion
@@ -45,8 +43,7 @@ def save_consistent(
         document = _document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            curves = {recording.name: _curves(results, k) for k, recording in enumerate(results.recordings)}
-            (scratch / REPORT).write_text(consistent_page(document, curves).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(consistent_page(document, results).html(), encoding="utf-8")
     return document
 
 
@@ -73,38 +70,17 @@ def _motion(recording: ConsistentRecording, tracked: TrackedRecording, model: Bo
     )
 
 
-def _curves(results: ConsistentResults, k: int) -> TrialCurves:
-    recording, ways = results.recordings[k], _ways(results, k)
-    measured, known = recording.wrench, np.isfinite(recording.wrench)
-    return TrialCurves(
-        recording.trial.times,
-        {"measured": measured}
-        | {n: np.where(known, measured - way.gaps.wrench_gaps, np.nan) for n, way in ways.items()},
-        recording.motion.markers,
-        {n: np.sqrt(np.mean(way.gaps.marker_gaps**2, axis=0).sum(axis=1)) for n, way in ways.items()},
-        recording.components,
-    )
-
-
-def _ways(results: ConsistentResults, k: int) -> dict[str, TrackedRecording]:
-    """One recording explained in three ways."""
-    result = results.result
-    return {
-        "classical": result.classical[k],
-        "consistent": result.consistent[k],
-        "predicted": result.predicted[k],
-    }
-
-
 def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[str]) -> ConsistentDocument:
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
-    parameters = result.inertial.parameters if result.inertial is not None else ()
     return ConsistentDocument(
         **provenance_of(prepared, results.settings, results.subject_file, consistent=results.chosen),
         mass_kg=round(total_mass(prepared.model), 3),
-        trials={r.name: _trial(results, k) for k, r in enumerate(results.recordings)},
-        inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in parameters],
+        trials={
+            recording.name: _trial(results, recording, ways, held_out=k >= results.fitted)
+            for k, (recording, ways) in enumerate(results.tracked)
+        },
+        inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],
         lengths_mm=_lengths(result.model),
         lengths_before_mm=_lengths(result.start),
         length_factors={name: round(f, 5) for name, f in result.factors.items()},
@@ -120,11 +96,16 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     )
 
 
-def _trial(results: ConsistentResults, k: int) -> ConsistentTrial:
-    recording, ways = results.recordings[k], _ways(results, k)
+def _trial(
+    results: ConsistentResults,
+    recording: ConsistentRecording,
+    ways: Mapping[str, TrackedRecording],
+    *,
+    held_out: bool,
+) -> ConsistentTrial:
     forces = results.prepared.forces.get(recording.name)
     return ConsistentTrial(
-        held_out=k >= results.fitted,
+        held_out=held_out,
         forces_from=forces.source.name if forces is not None else recording.name,
         frames=int(recording.known.sum()),
         ground_wrench_rmse=WrenchErrors(**{n: _wrench(w.wrench_rmse, recording) for n, w in ways.items()}),

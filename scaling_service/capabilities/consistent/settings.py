@@ -34,14 +34,9 @@ class ConsistentSettings:
     # standard deviation of what is wrong with a marker's place on its segment, each axis. Zero where the
     # model's markers were fitted to movements: the place is then known.
     placed_m: float = 0.0
-    # geometry, inertia: whether segment lengths and marker coordinates, and inertial parameters are
-    # identified
-    geometry: bool = True
-    inertia: bool = True
-    geometry_bound: float = 0.5  # they stay within this share of their start (Futamure et al., eq. 7).
-    # what holds them: 5 % and 9 mm, as in other calibrations. None: bounds alone, as in the paper.
-    geometry_prior: GeometryPrior | None = SPREAD
-    most_loops: int = 3  # Chosen: 3, for Futamure et al. needed two.
+    geometry_bound: float = 0.5  # lengths and coordinates stay within this share of their start (eq. 7)
+    geometry_prior: GeometryPrior = SPREAD  # what holds them
+    most_loops: int = 3  # chosen: Futamure et al. needed two
     # marker_resolution_m, force_resolution_n, moment_resolution_nm: the loop ends when RMS errors change by
     # less. Markers: Vicon's noise at rest, 0.2 mm. Forces: AMTI, 0.22 N (Muller et al. 2017). Moments: that
     # force at ``arm_m``.

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
 from scaling_service.capabilities.shared.flags import Only, with_flags
-from scaling_service.capabilities.shared.screen import running
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    introduce,
+    list_files,
+    print_table,
+    running,
+    say,
+)
 from scaling_service.capabilities.shared.settings import Settings
+
+if TYPE_CHECKING:
+    from scaling_service.capabilities.discovery.document import DiscoveryDocument
 
 
 @with_flags
@@ -50,7 +60,6 @@ def discover(
     with running(out) as progress:
         from scaling_service.capabilities.discovery.run import discover as compute
         from scaling_service.capabilities.discovery.saving import save_discovery
-        from scaling_service.capabilities.discovery.screen import show
 
         results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
@@ -62,11 +71,28 @@ def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     with running(out) as progress:
         from scaling_service.capabilities.discovery.demo import run_hidden_demo
         from scaling_service.capabilities.discovery.saving import save_discovery
-        from scaling_service.capabilities.discovery.screen import show
 
         found = run_hidden_demo(seed, progress=progress)
         document = save_discovery(found, out, report=report, progress=progress)
     show(document, out)
+
+
+def show(document: DiscoveryDocument, out: Path) -> None:
+    """The table of effects, the gap, the verdict in a sentence, and what it leaves open."""
+    from scaling_service.capabilities.discovery import text
+    from scaling_service.capabilities.discovery.document import FILE_NAME
+
+    console = console_of_results()
+    introduce(console, document, text.describe_model(document))
+    if document.effects:
+        print_table(console, text.tabulate_effects(document))
+    print_table(console, text.tabulate_gaps(document))
+    say(console, "Verdict", "bold", [f"{document.headline}."])
+    say(console, "Class", "cyan", text.describe_classes(document.effects))
+    say(console, "Left", "yellow", text.describe_unexplained(document))
+    say(console, "Note", "yellow", document.notes)
+    list_files(console, out, [", ".join([*document.files, FILE_NAME])])
+    say(console, "Had been hidden", "bold", text.describe_hidden(document))
 
 
 COMMANDS = (discover,)

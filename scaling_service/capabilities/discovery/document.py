@@ -8,6 +8,8 @@ from pydantic import Field
 
 from scaling_service.documents.results import Provenance, _Result
 
+FILE_NAME = "discovery.json"
+
 Unit = Literal["1", "mm", "N", "N m"]
 
 
@@ -30,9 +32,11 @@ class DisagreementDocument(_Result):
     observable: Literal["marker", "force", "moment"]
     unit: Unit
     rms: float
-    floor: float | None = Field(description="What noise alone would leave.")
-    share: float | None = Field(description="Of all that stands above the floors.")
-    p: float | None = Field(description="Of standing so far above its floor by chance, over all places.")
+    floor: float | None = Field(description="Noise floor: what noise alone would leave.")
+    share: float | None = Field(description="Of all that stands above the noise floors.")
+    p: float | None = Field(
+        description="Of standing so far above its noise floor by chance, over all places."
+    )
     trials: dict[str, float] = Field(description="Recording to its RMS.")
     when: str
     along: str
@@ -55,6 +59,7 @@ class EvidenceDocument(_Result):
     p_held_out: float | None
     p_family_wise: float | None = Field(description="Over the whole catalogue at all its places.")
     by_blocks: bool = Field(description="Whether blocks of time stood in for a recording held out.")
+    summary: str = Field(default="", description="The same in sentences.")
 
 
 class EffectDocument(PlacedEffect):
@@ -78,8 +83,8 @@ class LevelDocument(_Result):
     before: float | None
     after: float | None
     floor: float | None
-    ceiling: float | None = Field(description="A black-box correction with as many numbers.")
-    low: float | None = Field(description="95 % interval of `after`, over stretches of time.")
+    ceiling: float | None = Field(description="Black-box bound: a correction with as many numbers.")
+    low: float | None = Field(description="95 % interval of `after`, over blocks of time.")
     high: float | None
 
 
@@ -92,7 +97,7 @@ class PlaceLevelDocument(LevelDocument):
 class GapDocument(_Result):
     """The gap of the recordings of one role; null where nothing of the sort was measured."""
 
-    whitened: LevelDocument | None = Field(description="All residuals, each divided by its own floor.")
+    whitened: LevelDocument | None = Field(description="All residuals, each divided by its own noise floor.")
     markers_mm: LevelDocument | None
     force_N: LevelDocument | None
     moment_Nm: LevelDocument | None
@@ -116,7 +121,7 @@ class TriedDocument(PlacedEffect):
 
 
 class UnexplainedDocument(_Result):
-    """What is left above the floor and matches no effect."""
+    """What is left above the noise floor and matches no effect."""
 
     where: list[str]
     observable: Literal["marker", "force", "moment"]
@@ -136,6 +141,7 @@ class DiscoveryDocument(Provenance):
     """``discovery.json``."""
 
     verdict: Literal["found", "nothing", "unexplained"]
+    headline: str = Field(default="", description="The verdict in one sentence.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]

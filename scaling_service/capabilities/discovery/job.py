@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field
 
 from scaling_service.capabilities.discovery.document import DiscoveryDocument
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress, part_of
@@ -29,14 +29,7 @@ class DiscoverRequest(OfRecordings, DiscoverSettings):
 
 
 def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write ``discovery.json``, the corrected model and recordings, and the report; the first is the result.
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject, the model, the recordings or their forces cannot be used; or the model does
-        not fit the recordings at all.
-    """
+    """Write ``discovery.json`` (the result), the corrected model and recordings, and the report."""
     from scaling_service.capabilities.discovery.run import discover
     from scaling_service.capabilities.discovery.saving import save_discovery
     from scaling_service.capabilities.discovery.scene import scene_of_discovery

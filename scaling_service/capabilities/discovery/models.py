@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,35 +17,34 @@ from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSp
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim import write_osim
-from scaling_service.files.osim.plans import plan_joints
+from scaling_service.files.osim.joints import plan_joints
 from scaling_service.model.body import BodyModel, Law, Vector
 from scaling_service.model.parameters import after
 
-_EVERY = ""
-"""A name of no trial: what holds in all of them."""
+_ANY_TRIAL = ""
 
 
-def corrected_model(account: Fit) -> BodyModel:
+def corrected_model(fit: Fit) -> BodyModel:
     """The model with all that holds in every recording: shape, markers, masses."""
-    return _with(account.model, _lasting(account))
+    return _with(fit.model, _lasting(fit))
 
 
-def own_models(account: Fit) -> dict[str, BodyModel]:
+def own_models(fit: Fit) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
-    own = {trial for s in account.effects if _of_model(s) for trial in s.candidate.trials}
+    own = {trial for s in fit.effects if _of_model(s) for trial in s.candidate.trials}
     return {
-        trial: _with(account.model, [s for s in account.estimates if s.candidate.holds_in(trial)])
+        trial: _with(fit.model, [s for s in fit.estimates if s.candidate.holds_in(trial)])
         for trial in sorted(own)
     }
 
 
 def _with(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
-    own = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
-    return with_inertial_changes(with_effects(model, own, _EVERY), own)
+    everywhere = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
+    return with_inertial_changes(with_effects(model, everywhere, _ANY_TRIAL), everywhere)
 
 
-def _lasting(account: Fit) -> list[Estimate]:
-    return [s for s in account.estimates if not s.candidate.trials]
+def _lasting(fit: Fit) -> list[Estimate]:
+    return [s for s in fit.estimates if not s.candidate.trials]
 
 
 def _of_model(effect: Estimate) -> bool:
@@ -59,39 +59,28 @@ def _parts(effect: Estimate) -> list[Part]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OsimPlan:
-    """What of the corrected model goes into an OpenSim file, and how.
+    """What of the corrected model goes into an OpenSim file, and how."""
 
-    Parameters
-    ----------
-    model : BodyModel
-        Without what OpenSim cannot hold.
-    left_out : tuple of str
-        What that is, in plain words.
-    amended : bool
-        Whether the file that the model came from can be changed: its muscles and meshes then stay.
-    factors, tilts : mapping
-        Sizes of segments and turns of joints against that file.
-    """
-
-    model: BodyModel
-    left_out: tuple[str, ...] = ()
-    amended: bool = False
+    model: BodyModel  # without what OpenSim cannot hold
+    left_out: tuple[str, ...] = ()  # what that is, in plain words
+    amended: bool = False  # whether the model's own file can be changed: its muscles and meshes then stay
+    # factors, tilts: sizes of segments and turns of joints against that file
     factors: Mapping[str, Vector] = field(default_factory=dict)
     tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def osim_plan(account: Fit, prepared: Prepared) -> OsimPlan:
+def osim_plan(fit: Fit, prepared: Prepared) -> OsimPlan:
     """Leave out what OpenSim cannot hold, effect by effect."""
     kept: list[Estimate] = []
     left: list[str] = []
-    for effect in _lasting(account):
-        reason = _refusal(account.model, [*kept, effect], effect)
+    for effect in _lasting(fit):
+        reason = _refusal(fit.model, [*kept, effect], effect)
         if reason:
             left.append(f"{effect.candidate.name}: {reason}")
         else:
             kept.append(effect)
-    model = _still(_with(account.model, kept))
-    if not prepared.subject.model.lower().endswith(".osim") or not all(map(_amendable, kept)):
+    model = _still(_with(fit.model, kept))
+    if not _from_osim(prepared) or not all(map(_amendable, kept)):
         return OsimPlan(model, tuple(left))
     return OsimPlan(model, tuple(left), True, _factors(prepared, kept), _tilts(prepared, kept))
 
@@ -116,14 +105,11 @@ def _refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> st
 
 def _still(model: BodyModel) -> BodyModel:
     """The model with markers at the constant part of their places."""
-    return model.with_markers(
-        tuple(
-            replace(
-                m, laws=(Law.constant(m.nominal[0]), Law.constant(m.nominal[1]), Law.constant(m.nominal[2]))
-            )
-            for m in model.markers
-        )
-    )
+    markers = []
+    for marker in model.markers:
+        x, y, z = map(Law.constant, marker.nominal)
+        markers.append(replace(marker, laws=(x, y, z)))
+    return model.with_markers(tuple(markers))
 
 
 def _amendable(effect: Estimate) -> bool:
@@ -161,15 +147,9 @@ def _tilts(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, tuple[floa
     return known
 
 
-def write_corrected_osim(path: Path, account: Fit, prepared: Prepared) -> tuple[str, ...]:
-    """Write ``model.osim`` with all that OpenSim can hold.
-
-    Returns
-    -------
-    tuple of str
-        What it does not hold, and why, in plain sentences.
-    """
-    plan = osim_plan(account, prepared)
+def write_corrected_osim(path: Path, fit: Fit, prepared: Prepared) -> tuple[str, ...]:
+    """Write ``model.osim`` with all that OpenSim can hold; says in plain sentences what it does not hold."""
+    plan = osim_plan(fit, prepared)
     notes = tuple(f"model.osim is without {said}" for said in plan.left_out)
     try:
         return (*notes, *_written(path, plan, prepared))
@@ -179,15 +159,22 @@ def write_corrected_osim(path: Path, account: Fit, prepared: Prepared) -> tuple[
 
 def _written(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
     """Change the file that the model came from; make a new one where that cannot hold what was found."""
+    subject, setup = prepared.subject, prepared.loaded.session.scale_setup
     if plan.amended:
-        try:
-            _amend(path, plan, prepared)
-        except ModelRefused:
-            pass
-        else:
+        with suppress(ModelRefused):
+            write_osim(
+                path,
+                plan.model,
+                source=Path(subject.model),
+                factors=plan.factors,
+                axis_tilts=plan.tilts,
+                marker_set=subject.marker_set,
+                preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
+                inertia_from_model=True,
+            )
             return ()
     write_osim(path, plan.model)
-    if not prepared.subject.model.lower().endswith(".osim"):
+    if not _from_osim(prepared):
         return ()
     return (
         "model.osim was made anew, with joints, masses and markers only: the file that the model came from "
@@ -195,15 +182,5 @@ def _written(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
     )
 
 
-def _amend(path: Path, plan: OsimPlan, prepared: Prepared) -> None:
-    subject, setup = prepared.subject, prepared.loaded.session.scale_setup
-    write_osim(
-        path,
-        plan.model,
-        source=Path(subject.model),
-        factors=plan.factors,
-        axis_tilts=plan.tilts,
-        marker_set=subject.marker_set,
-        preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
-        inertia_from_model=True,
-    )
+def _from_osim(prepared: Prepared) -> bool:
+    return prepared.subject.model.lower().endswith(".osim")

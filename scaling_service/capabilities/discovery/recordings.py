@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,33 +29,19 @@ FOLDER = "corrected"
 
 _OF_PLATES = (Late, PlateShift, PlateBias, PlateGain, PlateTurn)
 
-SAID = (
+_NOTE = (
     f"{FOLDER}/ holds all recordings without the faults found in them: mm, N, X forward, Y up, Z right, "
     "under the model's marker names"
 )
 
 
-def write_corrected(folder: Path, account: Fit, prepared: Prepared) -> tuple[str, ...]:
-    """Write all recordings, corrected, where any of them was at fault.
+def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ...]:
+    """Write all recordings, corrected, into ``corrected/`` where any of them was at fault; tells of it.
 
     One set in one system of axes, so that it can be used in place of the given one.
-
-    Parameters
-    ----------
-    folder : Path
-        Where ``corrected/`` goes.
-    account : Account
-        With what was named.
-    prepared : Prepared
-
-    Returns
-    -------
-    tuple of str
-        What a person should know of it; nothing where no recording was at fault.
     """
-    effects = account.effects
-    markers, forces = any(map(_of_markers, effects)), any(map(_of_forces, effects))
-    if not markers and not forces:
+    effects = fit.effects
+    if not any(_of_markers(effect) or _of_forces(effect) for effect in effects):
         return ()
     place = folder / FOLDER
     place.mkdir()
@@ -65,12 +50,12 @@ def write_corrected(folder: Path, account: Fit, prepared: Prepared) -> tuple[str
     for trial in (*static, *session.dynamic):
         write_trc(place / f"{trial.name}.trc", corrected_trial(trial, effects))
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
-        if path.stem in prepared.forces.by_trial:
+        if path.stem in prepared.forces:
             ground = _as_recorded(path, prepared)
             here = [e for e in effects if e.candidate.holds_in(path.stem)]
-            mended = corrected_forces(ground, ground.times, here)
-            write_sto(place / f"{path.stem}_forces.mot", forces_table(path.stem, mended))
-    return (SAID,)
+            corrected = corrected_forces(ground, ground.times, here)
+            write_sto(place / f"{path.stem}_forces.mot", forces_table(path.stem, corrected))
+    return (_NOTE,)
 
 
 def _of_markers(effect: Estimate) -> bool:
@@ -108,15 +93,16 @@ def forces_table(name: str, ground: GroundForces) -> Table:
     return Table(name, tuple(names), np.column_stack([ground.times, columns]), in_degrees=False)
 
 
-def write_contacts(folder: Path, account: Fit) -> tuple[str, ...]:
+def write_contacts(folder: Path, fit: Fit) -> tuple[str, ...]:
     """Write what a contact that no plate measured must have been, ``TRIAL_contact.sto``.
 
     Force on the body (N) and its moment about the origin of the ground (N m), zero outside the contact.
     Frames in which it cannot be known, such as the first and last tenths of a second, are left out.
     """
     written = []
-    for item in account.wrenches:
-        if item.touched is not None and _touched(item.name, account.effects):
+    contacts = [e.candidate for e in fit.effects if isinstance(e.candidate.change, Contact)]
+    for item in fit.wrenches:
+        if item.touched is not None and any(contact.holds_in(item.name) for contact in contacts):
             table = Table(
                 f"{item.name}_contact",
                 ("time", *(f"contact_{component}" for component in COMPONENTS)),
@@ -126,8 +112,3 @@ def write_contacts(folder: Path, account: Fit) -> tuple[str, ...]:
             write_sto(folder / f"{item.name}_contact.sto", table)
             written.append(f"{item.name}_contact.sto holds the force that was inferred")
     return tuple(written)
-
-
-def _touched(trial: str, effects: Sequence[Estimate]) -> bool:
-    """Whether something that no plate measures touches the body in this trial."""
-    return any(isinstance(e.candidate.change, Contact) and e.candidate.holds_in(trial) for e in effects)

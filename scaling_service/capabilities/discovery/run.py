@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from scaling_service.capabilities.discovery.document import HiddenDocument
-from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.search.discover import discover as searched
-from scaling_service.capabilities.discovery.search.findings import Findings
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, PLAIN, DiscoverSettings
-from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
+from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.search.discover import discover as search_effects
+from scaling_service.capabilities.discovery.start import prepare, read
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.subject import Subject
 
 USUAL = DiscoverySettings()
@@ -25,37 +21,6 @@ USUAL = DiscoverySettings()
 
 _PREPARING = 0.2
 """Chosen: about the share of reading and scaling; the search takes the rest."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DiscoverResults:
-    """What a search made of a subject's recordings.
-
-    Parameters
-    ----------
-    prepared : Prepared
-    chosen : DiscoverSettings
-    settings : Settings
-    search : DiscoverySettings
-    findings : Findings
-    before, after : Account
-        The recordings as followed without and with what was named.
-    wall_s : float
-    subject_file : Path, optional
-    hidden : sequence of HiddenDocument, optional
-        Of a virtual person: what the search should have found.
-    """
-
-    prepared: Prepared
-    chosen: DiscoverSettings
-    settings: Settings
-    search: DiscoverySettings
-    findings: Findings
-    before: Fit
-    after: Fit
-    wall_s: float = 0.0
-    subject_file: Path | None = None
-    hidden: Sequence[HiddenDocument] | None = None
 
 
 def discover(
@@ -85,7 +50,7 @@ def discover(
         does not fit the recordings at all.
     """
     clock = time.perf_counter()
-    report = progress or _silent
+    report = progress or silent
     report("reading the recordings", 0.0)
     file = None if isinstance(subject, Subject) else Path(subject)
     loaded = read(subject, settings)
@@ -113,38 +78,29 @@ def run(
 ) -> DiscoverResults:
     """Search in what is loaded already; see :func:`discover`.
 
-    Parameters
-    ----------
-    started : float, optional
-        Value of ``time.perf_counter()`` from which the wall time counts.
+    ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    report = progress or _silent
-    prepared = prepare(
-        loaded, chosen, settings, search.block_s, lambda what, share: report(what, _PREPARING * share)
-    )
+    report = progress or silent
+    prepared = prepare(loaded, chosen, settings, search.block_s, part_of(report, 0.0, _PREPARING))
     with blamed_on(None, recordings(loaded.session.subject)):
-        found = searched(
+        found = search_effects(
             prepared.model,
             prepared.recordings,
             prepared.free,
             search,
-            progress=lambda what, share: report(what, _PREPARING + (1.0 - _PREPARING) * share),
+            progress=part_of(report, _PREPARING, 1.0 - _PREPARING),
             notes=prepared.notes,
         )
     report("done", 1.0)
     return DiscoverResults(
-        prepared,
-        chosen,
-        settings,
-        search,
-        found.findings,
-        found.before,
-        found.after,
-        time.perf_counter() - clock,
-        subject_file,
+        prepared=prepared,
+        chosen=chosen,
+        settings=settings,
+        search=search,
+        findings=found.findings,
+        before=found.before,
+        after=found.after,
+        wall_s=time.perf_counter() - clock,
+        subject_file=subject_file,
     )
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

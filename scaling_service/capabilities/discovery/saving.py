@@ -7,19 +7,15 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from scaling_service.capabilities.discovery.document import DiscoveryDocument
-from scaling_service.capabilities.discovery.documents import discovery_document
+from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
 from scaling_service.capabilities.discovery.models import corrected_model, own_models, write_corrected_osim
-from scaling_service.capabilities.discovery.pictures import pictures
 from scaling_service.capabilities.discovery.recordings import write_contacts, write_corrected
-from scaling_service.capabilities.discovery.report.page import discovery_page
-from scaling_service.capabilities.discovery.run import DiscoverResults
-from scaling_service.core.progress import Progress
+from scaling_service.capabilities.discovery.report import discovery_page
+from scaling_service.capabilities.discovery.result import DiscoverResults, discovery_document
+from scaling_service.core.progress import Progress, silent
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-
-FILE_NAME = "discovery.json"
 
 
 def save_discovery(
@@ -50,7 +46,7 @@ def save_discovery(
     InputError
         The folder cannot be made or written to.
     """
-    say = progress or _silent
+    say = progress or silent
     before = _written_before(Path(folder))
     with all_or_nothing(Path(folder)) as scratch:
         say("writing the model", 0.0)
@@ -63,7 +59,7 @@ def save_discovery(
         write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            page = discovery_page(pictures(results, document))
+            page = discovery_page(results, document)
             (scratch / REPORT).write_text(page.html(), encoding="utf-8")
     for path in before - {Path(folder) / name for name in document.files}:
         path.unlink(missing_ok=True)
@@ -84,18 +80,13 @@ def _written_before(folder: Path) -> set[Path]:
 
 def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
     """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
-    account = results.after
-    _write_model(folder / "model.json", corrected_model(account))
-    own = own_models(account)
-    for trial, model in own.items():
+    fit, notes = results.after, []
+    _write_model(folder / "model.json", corrected_model(fit))
+    for trial, model in own_models(fit).items():
         _write_model(folder / f"{trial}_model.json", model)
-    notes = [f"{trial}_model.json holds what was found in {trial} only" for trial in own]
-    return (*notes, *write_corrected_osim(folder / "model.osim", account, results.prepared))
+        notes.append(f"{trial}_model.json holds what was found in {trial} only")
+    return (*notes, *write_corrected_osim(folder / "model.osim", fit, results.prepared))
 
 
 def _write_model(path: Path, model: BodyModel) -> None:
     path.write_text(json.dumps(to_document(model), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

@@ -1,43 +1,51 @@
-"""Models before and after a search, as they are played back."""
+"""The models before and after a search in space: played back by the page, and one moment in the report."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from scaling_service.capabilities.discovery.figures import AFTER_COLOUR, BEFORE_COLOUR
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
-from scaling_service.capabilities.discovery.run import DiscoverResults
+from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.playback import scene as playback
 from scaling_service.capabilities.playback.document import SceneDocument
-from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
+from scaling_service.capabilities.playback.overlay import Drawing, centred
 from scaling_service.capabilities.playback.shapes import MOST_FACES, local_bones
 from scaling_service.model.trial import Bone
-from scaling_service.report.scene import coarsened
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.report.methods import words
+from scaling_service.report.scene import Body, Scene, coarsened
 
 BEFORE, AFTER = "as given", "with what was named"
 """Bodies of a search."""
 
+_AROUND_S = 0.5  # chosen: of movement to either side of the frame of largest disagreement
+_MOST_FRAMES = 41
+
+Rows = NDArray[np.intp]
+
 
 def scene_of_discovery(results: DiscoverResults, outputs: Path) -> SceneDocument:
-    """Write the model as given, and with what was named, in all recordings.
-
-    ``outputs``: the folder of the job's files.
-    """
+    """Write the model as given, and with what was named, in all recordings, into a job's folder."""
     pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
     bones = _bones(results.prepared)
     bodies = [
-        Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
+        playback.Body(name, item.task.model, bones)
+        for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
     ]
     recorded = [
-        Recorded(
+        playback.Recorded(
             before.trial,
             "calibration" if before.role == "fit" else "evaluation",
-            (_watched(BEFORE, before), _watched(AFTER, after)),
+            (_played(BEFORE, before), _played(AFTER, after)),
         )
         for before, after in pairs
     ]
-    return write_scene(results.prepared.loaded.session.subject.id, bodies, recorded, None, outputs)
+    return playback.write_scene(results.prepared.subject.id, bodies, recorded, None, outputs)
 
 
 def _bones(prepared: Prepared) -> dict[str, Bone]:
@@ -49,7 +57,77 @@ def _bones(prepared: Prepared) -> dict[str, Bone]:
     return local_bones(prepared.calibration, coarse)
 
 
-def _watched(name: str, item: TrackedTrial) -> Played:
+def _played(name: str, item: TrackedTrial) -> playback.Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
-    return Played(name, model, item.q, item.markers, distances, frozenset(model.coordinate_names))
+    return playback.Played(name, model, item.q, item.markers, distances, frozenset(model.coordinate_names))
+
+
+def draw_largest_change(results: DiscoverResults) -> Scene | None:
+    """Both models around the frame in which they differ most; None where no marker was seen."""
+    before, after = max(
+        zip(results.before.tracked, results.after.tracked, strict=True), key=lambda pair: _largest(*pair)[0]
+    )
+    middle = _largest(before, after)[1]
+    rows = _around(before.trial.times, middle)
+    labels = tuple(m for m in before.markers if m in after.markers)
+    measured = after.trial.selected(labels).markers[rows]
+    if not np.isfinite(measured).any():
+        return None
+    role = "held out" if before.role == "held_out" else "used to fit"
+    return centred(
+        Scene(
+            f"{before.name} ({role}) around {before.trial.times[middle]:.2f} s, where the two differ most",
+            f"The model {BEFORE} and {AFTER}, with measured markers in {before.name}, turned by dragging.",
+            before.trial.times[rows],
+            labels,
+            measured,
+            [
+                _body(BEFORE, BEFORE_COLOUR, before, rows, labels),
+                _body(AFTER, AFTER_COLOUR, after, rows, labels),
+            ],
+        )
+    )
+
+
+def _largest(before: TrackedTrial, after: TrackedTrial) -> tuple[float, int]:
+    """By how much the mean square of a frame's distances falls at most, m2, and in which frame.
+
+    Both are held against the corrected recording, so that it is the models that differ. Not at the very ends,
+    where nothing could be shown to one side.
+    """
+    shared = [m for m in before.markers if m in after.markers]
+    columns = [[item.markers.index(m) for m in shared] for item in (before, after)]
+    model = (before.task.measured - before.residuals)[:, columns[0]]
+    left = after.task.measured[:, columns[1]] - model, after.residuals[:, columns[1]]
+    squares = [np.square(each).sum(axis=2) for each in left]
+    seen = [np.isfinite(s).sum(axis=1) for s in squares]
+    means = [np.nansum(s, axis=1) / np.maximum(n, 1) for s, n in zip(squares, seen, strict=True)]
+    gain = np.where((seen[0] > 0) & (seen[1] > 0), means[0] - means[1], -np.inf)
+    margin = min(_MOST_FRAMES // 2, len(gain) // 4)
+    frame = margin + int(np.argmax(gain[margin : len(gain) - margin]))
+    return float(gain[frame]), frame
+
+
+def _around(times: Array, middle: int) -> Rows:
+    """Frames to either side, as many on both so that the middle one is seen first."""
+    near = np.flatnonzero(np.abs(times - times[middle]) <= _AROUND_S)
+    reach = int(min(middle - near[0], near[-1] - middle))
+    half = min(reach, _MOST_FRAMES // 2)
+    step = reach // half if half else 1
+    return np.asarray(middle + step * np.arange(-half, half + 1), dtype=np.intp)
+
+
+def _body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: tuple[str, ...]) -> Body:
+    drawing = Drawing(item.task.model)
+    for label in labels:
+        drawing.add_marker(label)
+    return Body(
+        name,
+        colour,
+        drawing.positions(item.q[rows]),
+        centres=[(k, words(centre)) for centre, k in drawing.centres.items()],
+        sticks=drawing.sticks,
+        axes=drawing.axes,
+        markers=[(k, label, labels.index(label)) for label, k in drawing.markers.items()],
+    )

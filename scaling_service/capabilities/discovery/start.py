@@ -2,61 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
+from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording
-from scaling_service.capabilities.discovery.fit import check_fits
-from scaling_service.capabilities.discovery.forces import Footings, footings
-from scaling_service.capabilities.discovery.free import free_of
+from scaling_service.capabilities.discovery.forces import assign_contacts, read_ground_forces
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.limits import check_lengths, limits
-from scaling_service.capabilities.discovery.settings import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.dynamics.start import Massive, with_inertia
-from scaling_service.capabilities.scaling import run as tasks
-from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.dynamics.forces import TrialForces
+from scaling_service.capabilities.dynamics.start import Massive, Start, scale_model, with_inertia
+from scaling_service.capabilities.scaling.methods.optimised import Optimised
+from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.shared.names import OWN
+from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
-from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress
-from scaling_service.model.body import BodyModel
+from scaling_service.model.body import BodyModel, Parameter
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.orientation import check_axes
+
+NOTE = "as calibrated"
+"""Marks what a calibration freed, so that it is not taken for an effect that was named."""
+
+_SAME_CHANGE = {"length": "segment_length", "axis": "joint_axis_tilt", "marker": "marker_offset"}
+"""The group of a calibration's parameter to the effect that is the same change."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """Everything that the search needs, in memory.
-
-    Parameters
-    ----------
-    loaded : Loaded
-    start : str
-        The method that scaled the model, or ``none``.
-    model : BodyModel
-        Of the person's size, without parameters.
-    recordings : tuple of Recording
-        Calibration trials fit, evaluation trials are held out; all fit where there are only one kind.
-    free : tuple of Sized
-        What the calibration could have explained, at zero.
-    forces : Footings
-    calibration : Calibration, optional
-        None for the given model.
-    notes : tuple of str
-        What could not be tried or decided, and why.
-    """
+    """Everything that the search needs, in memory."""
 
     loaded: Loaded
-    start: str
-    model: BodyModel
+    start: str  # the method that scaled the model, or ``none``
+    model: BodyModel  # of the person's size, without parameters
+    # calibration trials fit, evaluation trials are held out; all fit where there are only one kind
     recordings: tuple[Recording, ...]
-    free: tuple[Estimate, ...] = ()
-    forces: Footings = field(default_factory=Footings)
-    calibration: Calibration | None = None
-    notes: tuple[str, ...] = ()
+    free: tuple[Estimate, ...] = ()  # what the calibration could have explained, at zero
+    forces: Mapping[str, TrialForces] = field(default_factory=dict)  # of the recordings that have some
+    calibration: Calibration | None = None  # None for the given model
+    notes: tuple[str, ...] = ()  # what could not be tried or decided, and why
 
     @property
     def subject(self) -> Subject:
@@ -70,17 +64,10 @@ class Prepared:
 
 
 def read(subject: Subject | str | Path, settings: Settings = AS_MEASURED) -> Loaded:
-    """Read a subject's model and recordings for the search.
-
-    Raises
-    ------
-    InputError
-        Whatever in the subject file, the model or the recordings cannot be used.
-    """
-    file = None if isinstance(subject, Subject) else Path(subject)
+    """Read a subject's model and recordings, and refuse what cannot be used of them (InputError)."""
     check_axes(settings.up, settings.forward)
     known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
-    with blamed_on(file):
+    with blamed_on(None if isinstance(subject, Subject) else Path(subject)):
         return load(known, settings)
 
 
@@ -91,76 +78,78 @@ def prepare(
     block_s: float,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Scale the model, read the forces, and look whether the model follows the recordings at all.
+    """Scale the model, read the forces, and refuse a model that does not follow the recordings at all.
 
-    Parameters
-    ----------
-    loaded : Loaded
-        Recordings neither smoothed nor filled.
-    chosen : DiscoverSettings
-    settings : Settings
-    block_s : float
-        Length of the stretches of time that count as independent, s.
-    progress : callable, optional
-
-    Raises
-    ------
-    InputError
-        Whatever in the model, the recordings or their forces cannot be used; the model does not fit at all.
+    ``loaded``: recordings neither smoothed nor filled. ``block_s``: length of the blocks of time that count
+    as independent, s. Refuses whatever cannot be used of model, recordings and forces (InputError).
     """
     session = loaded.session
-    if not session.dynamic:
-        raise TrialUnusable(
-            "there is no movement to compare with the model",
-            field="trials",
-            remedy="Name recordings under `calibration:` and `evaluation:`",
-        )
     with blamed_on(None, recordings(session.subject)):
         check_lengths(session.dynamic)
-        method = chosen.start or ("EB_am" if session.images is not None else "MB_am")
-        calibration, warnings = _calibrated(loaded, method, settings, progress)
-        model = session.model if calibration is None else calibration.model
-        check_fits(model, session.dynamic)
-        massive = _massive(model, session.subject, chosen.inertia, scaled=calibration is not None)
-        forces = footings(loaded, session.subject, massive.model, chosen.cutoff_hz)
-        used = _recordings(loaded, forces)
-        free = (
-            () if calibration is None else free_of(method, model, session.calibration, settings.calibration)
+        start = scale_model(loaded, chosen.start, settings, progress=progress)
+        check_fits(start.model, session.dynamic)
+        massive = _add_inertia(start, session.subject, chosen.inertia)
+        forces, notes = read_ground_forces(loaded, massive.model)
+        fitting = {trial.name for trial in session.calibration or session.evaluation}
+        used = tuple(
+            Recording(
+                trial,
+                "fit" if trial.name in fitting else "held_out",
+                assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
+            )
+            for trial in session.dynamic
         )
+        free = free_parameters(start.method, start.model, session.calibration, settings.calibration)
     notes = (
-        *warnings,
-        *(massive.notes if forces.by_trial else ()),
-        *forces.notes,
-        *limits(used, block_s),
+        *start.warnings,
+        *(massive.notes if forces else ()),
+        *notes,
+        *describe_limits(used, block_s),
     )
     return Prepared(
-        loaded, method, massive.model, used, free, forces, calibration, tuple(dict.fromkeys(notes))
+        loaded=loaded,
+        start=start.method,
+        model=massive.model,
+        recordings=used,
+        free=free,
+        forces=forces,
+        calibration=start.calibration,
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
-def _calibrated(
-    loaded: Loaded, method: str, settings: Settings, progress: Progress | None
-) -> tuple[Calibration | None, tuple[str, ...]]:
-    if method == AS_IT_IS:
-        return None, loaded.session.warnings
-    results = tasks.run(loaded, (method,), settings, progress=progress)
-    calibration = results.scalings[method].calibration
-    return calibration, (*results.warnings, *calibration.warnings)
-
-
-def _massive(model: BodyModel, subject: Subject, inertia: str | None, *, scaled: bool) -> Massive:
+def _add_inertia(start: Start, subject: Subject, inertia: str | None) -> Massive:
     """With inertia; a person of whom too little is known for a table keeps the model's own."""
-    known = None not in (subject.sex, subject.height_m, subject.mass_kg)
-    if inertia is None and not known:
+    scaled = start.calibration is not None
+    if inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg):
         note = "sex, height_m or mass_kg is not given: the model's own inertia was taken"
-        return Massive(model, OWN, (note,) if scaled else ())
-    return with_inertia(model, subject, inertia, scaled=scaled)
+        return Massive(start.model, OWN, (note,) if scaled else ())
+    return with_inertia(start.model, subject, inertia, scaled=scaled)
 
 
-def _recordings(loaded: Loaded, forces: Footings) -> tuple[Recording, ...]:
-    session = loaded.session
-    fitting = {t.name for t in session.calibration} or {t.name for t in session.evaluation}
-    return tuple(
-        Recording(t, "fit" if t.name in fitting else "held_out", forces.by_trial.get(t.name))
-        for t in session.dynamic
+def free_parameters(
+    method: str, model: BodyModel, trials: Sequence[Trial], settings: CalibrationSettings
+) -> tuple[Estimate, ...]:
+    """What an optimised calibration freed of its trials, as effects of size zero to move along."""
+    row = METHODS.get(method)
+    if not isinstance(row, Optimised):
+        return ()
+    shown = frozenset(
+        label for t in trials for label, once in zip(t.labels, ever(seen(t.markers)), strict=True) if once
     )
+    marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
+    freed = row.freedom.apply(model, shown, settings)
+    return tuple(_effects_of(freed.parameters, Scene(model, marked, (), ())))
+
+
+def _effects_of(parameters: Sequence[Parameter], scene: Scene) -> Iterator[Estimate]:
+    """One candidate for each thing that was freed, with the columns of its free numbers."""
+    free: dict[tuple[str, str], set[str]] = {}
+    for parameter in parameters:
+        free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
+    for (group, target), letters in free.items():
+        for candidate in candidates(scene, [_SAME_CHANGE[group]]):
+            if candidate.where == (target,):
+                # a size has one column, whatever its letter
+                columns = tuple(c for c in candidate.columns if group == "length" or c.name[0] in letters)
+                yield Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns)))

@@ -106,15 +106,21 @@ def _inertia(found: IdentificationDocument) -> Iterator[Block]:
         "possible body (positive mass, pseudo-inertia positive definite, centre of mass within its joints "
         "and markers)."
     )
-    yield _fits(found)
-    moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
-    if moved:
-        yield _parameters(f"What moved by {_NOTED:g} prior SD or more", moved)
+    yield from inertial_tables(found)
     if found.combinations:
         yield _combinations(found)
     yield Details(
         f"All {len(found.parameters)} numbers", [_parameters("All inertial parameters", found.parameters)]
     )
+
+
+def inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
+    """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
+    yield _fits(found)
+    moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
+    if moved:
+        largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
+        yield _parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
 
 
 def _headline(found: IdentificationDocument) -> tuple[str, Tone]:

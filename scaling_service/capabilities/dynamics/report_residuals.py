@@ -41,7 +41,7 @@ def residual_blocks(document: DynamicsDocument, curves: Curves) -> Iterator[Bloc
                 _over_time(name, trial, times, residual[:, 3:], "moment", "N m"),
             ]
         )
-    yield from _residual_tables(document.trials)
+    yield from residual_tables(document.trials)
 
 
 def _over_time(
@@ -71,21 +71,13 @@ def _over_time(
     )
 
 
-def _residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> Iterator[Table]:
+def residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
+    """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
     first = next(iter(trials.values()))
-    yield Table(
-        "Residuals against published limits: value (limit)",
-        ["", *trials],
-        [
-            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_gate_cell(t, k) for t in trials.values()])
-            for k, gate in enumerate(first.gates)
-        ],
-        "Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation checklist, which "
-        "holds for walking. Keeping them is necessary, not sufficient.",
-    )
-    yield Table(
+    columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
+    rms = Table(
         "RMS of the residual",
-        ["", *trials],
+        columns,
         [
             *(
                 Row(
@@ -100,6 +92,31 @@ def _residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> Iterator[Ta
         "Left out: frames whose motion or forces are not all known, and half a period of the filter's cutoff "
         "at both ends of the others.",
     )
+    shares = Table(
+        "Residual (its uncertainty), % of weight, of weight × height",
+        columns,
+        [
+            *(
+                Row(
+                    component,
+                    [f"{100 * t.dr[k]:.1f} ({100 * t.uncertainty.total[k]:.1f})" for t in trials.values()],
+                )
+                for k, component in enumerate(COMPONENTS)
+            ),
+            Row("marker error, mm", [f"{t.reconstruction_error_mm:.1f}" for t in trials.values()]),
+        ],
+    )
+    gates = Table(
+        "Residuals against published limits: value (limit)",
+        columns,
+        [
+            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_gate_cell(t, k) for t in trials.values()])
+            for k, gate in enumerate(first.gates)
+        ],
+        "Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation checklist, which "
+        "holds for walking. Keeping them is necessary, not sufficient.",
+    )
+    return rms, shares, gates
 
 
 def _gate_cell(trial: TrialDynamicsDocument, k: int) -> Cell:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from scaling_service.capabilities.dynamics.settings import (
     ForceSettings,
 )
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling import run as tasks
+from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load, read_recordings
@@ -35,6 +35,7 @@ from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
+from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 
 
@@ -78,40 +79,40 @@ def prepare(
                 remedy="Give the person's stature in m",
             )
         feet_of(session.model)
-        method = chosen.start or ("EB_am" if session.images is not None else "MB_am")
         with blamed_on(None, recordings(known)):
-            forces = _forces(loaded, known, read, chosen.cutoff_hz)
-            calibration, motions, told = _tracked(loaded, method, settings, tuple(forces), progress)
-            model = session.model if calibration is None else calibration.model
-            massive = with_inertia(model, known, chosen.inertia, scaled=calibration is not None)
+            forces = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
+            start = scale_model(loaded, chosen.start, settings, progress=progress)
+            massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
+            trials = [trial for trial in session.dynamic if trial.name in forces]
+            motions = {
+                t.name: start.motions.get(t.name) or inverse_kinematics(start.model, t) for t in trials
+            }
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
     left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
         known,
         loaded,
-        method,
+        start.method,
         massive.inertia,
         massive.model,
         motions,
         forces,
         known.height_m,
-        calibration,
-        (*session.warnings, *told, *massive.notes, *left_out),
+        start.calibration,
+        (*start.warnings, *massive.notes, *left_out),
     )
 
 
-def movement_forces(
-    subject: Subject, plates: Mapping[Path, PlateRecording | TrialUnusable | None]
-) -> dict[Path, tuple[Path, GroundForces]]:
-    """Every movement's forces, of those that have some, and the file that each came from.
+Plates = Mapping[Path, PlateRecording | TrialUnusable | None]
+"""Recording to what was read of its plates."""
 
-    ``plates``: recording to what was read of its plates.
-    """
-    moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
-    found = {
-        path: read_trial_forces(path, plates.get(path), subject.forces.get(path.name)) for path in moving
-    }
-    read = {path: forces for path, forces in found.items() if forces is not None}
+ReadForces = dict[Path, tuple[Path, GroundForces]]
+"""Recording to the file that its forces came from, and these as they stand."""
+
+
+def movement_forces(subject: Subject, plates: Plates) -> ReadForces:
+    """The forces of those movements that have some; refused where none has."""
+    read = read_movement_forces(subject, plates)
     if not read:
         raise TrialUnusable(
             "no movement has forces: neither plates in its C3D file nor a file of forces",
@@ -121,33 +122,53 @@ def movement_forces(
     return read
 
 
-def _forces(
-    loaded: Loaded, subject: Subject, read: Mapping[Path, tuple[Path, GroundForces]], cutoff_hz: float
+def read_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
+    """The forces of those movements that have some."""
+    moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
+    found = {
+        path: read_trial_forces(path, plates.get(path), subject.forces.get(path.name)) for path in moving
+    }
+    return {path: forces for path, forces in found.items() if forces is not None}
+
+
+def assign_forces(
+    loaded: Loaded, read: ReadForces, cutoff_hz: Callable[[Trial], float]
 ) -> dict[str, TrialForces]:
+    """By each movement's stem, its forces in the session's axes, filtered and given to its feet."""
     session, axes = loaded.session, loaded.orientation
     assert axes is not None  # a session that was read has axes
     trials = {trial.name: trial for trial in session.dynamic}
     found = {}
     for path, (source, forces) in read.items():
         trial = trials[path.stem]
-        feet = foot_markers(session.model, trial, subject.extra_markers)
-        found[path.stem] = trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz)
+        feet = foot_markers(session.model, trial, session.subject.extra_markers)
+        found[path.stem] = trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
     return found
 
 
-def _tracked(
-    loaded: Loaded, method: str, settings: Settings, wanted: tuple[str, ...], progress: Progress | None
-) -> tuple[Calibration | None, Mapping[str, Motion], tuple[str, ...]]:
-    """How the model was scaled, if it was, the motions of the wanted trials, and what is to be told."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """A model of the person's size, and how it came about."""
+
+    method: str  # that scaled it, or ``AS_IT_IS``
+    model: BodyModel
+    calibration: Calibration | None  # None for the given model
+    motions: Mapping[str, Motion]  # those that scaling found, by trial
+    warnings: tuple[str, ...]
+
+
+def scale_model(
+    loaded: Loaded, method: str | None, settings: Settings, *, progress: Progress | None = None
+) -> Start:
+    """Scale the model by a method; unless given, the optimised one from images where there are some."""
     session = loaded.session
-    if method == AS_IT_IS:
-        trials = [trial for trial in session.dynamic if trial.name in wanted]
-        return None, {trial.name: inverse_kinematics(session.model, trial) for trial in trials}, ()
-    results = tasks.run(loaded, (method,), settings, progress=progress)
-    scaling = results.scalings[method]
-    told = [w for w in results.warnings if w not in session.warnings]
-    motions = {name: motion for name, motion in scaling.motions.items() if name in wanted}
-    return scaling.calibration, motions, (*told, *scaling.calibration.warnings)
+    chosen = method or ("EB_am" if session.images is not None else "MB_am")
+    if chosen == AS_IT_IS:
+        return Start(chosen, session.model, None, {}, session.warnings)
+    results = scaling.run(loaded, (chosen,), settings, progress=progress)
+    found = results.scalings[chosen]
+    warnings = dict.fromkeys((*session.warnings, *results.warnings, *found.calibration.warnings))
+    return Start(chosen, found.calibration.model, found.calibration, found.motions, tuple(warnings))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

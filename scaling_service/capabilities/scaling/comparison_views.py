@@ -117,7 +117,7 @@ def _cycle(curve: CycleCurves) -> CycleEntry:
         sd_deg={name: values.round(4).tolist() for name, values in curve.sd.items()},
         p=None if test is None else test.p,
         can_decide=test is not None and test.can_decide,
-        differ_percent=[] if test is None else [(c.start, c.end) for c in test.clusters],
+        differ_percent=[] if test is None else test.spans,
     )
 
 

@@ -147,5 +147,5 @@ def _test(test: CurveTest | None) -> TestEntry:
     return TestEntry(
         p=None if test is None else test.p,
         can_decide=test is not None and test.can_decide,
-        differ_percent=[] if test is None else [(c.start, c.end) for c in test.clusters],
+        differ_percent=[] if test is None else test.spans,
     )

@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table as RichTable
 
 from scaling_service.core.progress import Progress as Report
 
 if TYPE_CHECKING:
+    from rich.console import JustifyMethod
+
     from scaling_service.documents.results import Provenance
+    from scaling_service.report.blocks import Cell, Table
 
 _WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)
 
@@ -47,6 +51,40 @@ def console_of_results() -> Console:
     """The terminal as it is; elsewhere wide enough for the tables."""
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """A table of a report, its caption above and its note below."""
+    if table.caption:
+        console.print(f"[bold]{escape(table.caption)}[/bold]", highlight=False, soft_wrap=True)
+    shown = RichTable(box=None, pad_edge=False, header_style="bold")
+    for k, column in enumerate(table.columns):
+        justify: JustifyMethod = "right" if k > 0 and not table.words else "left"
+        shown.add_column(escape(_text(column)), justify=justify, overflow="fold")
+    for row in table.rows:
+        title = escape(_text(row.header))
+        cells = [escape(_text(cell)) for cell in row.cells]
+        shown.add_row(title if cells else f"[bold]{title}[/bold]", *cells)
+    console.print(shown)
+    if table.note:
+        console.print(escape(table.note), highlight=False, style="dim", soft_wrap=True)
+
+
+def print_tables(console: Console, tables: Iterable[Table]) -> None:
+    """Tables of a report that have the same columns as one, each under its caption; notes are left out."""
+    from scaling_service.report.blocks import Row, Table
+
+    found = list(tables)
+    rows = [
+        Row(f"  {_text(row.header)}", row.cells) if row.cells else row
+        for table in found
+        for row in (Row(table.caption), *table.rows)
+    ]
+    print_table(console, Table("", max((t.columns for t in found), key=len), rows))
+
+
+def _text(cell: str | Cell) -> str:
+    return cell if isinstance(cell, str) else cell.text
 
 
 def list_files(console: Console, out: Path, lines: Iterable[str]) -> None:

@@ -1,6 +1,7 @@
 """The worker process: one JSON request on standard input, one JSON answer on standard output.
 
-Started as ``python -m scaling_service.files.osim.worker`` in a scratch directory of its own.
+Started as ``python -m scaling_service.files.osim.worker`` in a scratch directory of its own. Models travel as
+documents (see ``model.document``).
 """
 
 from __future__ import annotations
@@ -9,17 +10,25 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import InputError
-from scaling_service.files.osim.worker_read import read
-from scaling_service.files.osim.worker_write import amend, build
+from scaling_service.files.osim.from_opensim import body_model
+from scaling_service.files.osim.library import load
+from scaling_service.files.osim.to_opensim import write
+from scaling_service.model.document import from_document, to_document
 
-OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-    "read": read,
-    "amend": amend,
-    "build": build,
-}
+
+def _read(request: dict[str, Any]) -> dict[str, Any]:
+    return {"model": to_document(body_model(load(Path(request["file"]), request["marker_set"])))}
+
+
+def _write(request: dict[str, Any]) -> dict[str, Any]:
+    return {"text": write(from_document(request["model"]), request)}
+
+
+OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"read": _read, "write": _write}
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
@@ -27,15 +36,8 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     try:
         return OPERATIONS[request["operation"]](request)
     except InputError as error:
-        return {
-            "error": {
-                "kind": type(error).__name__,
-                "problem": error.problem,
-                "file": error.file,
-                "field": error.field,
-                "remedy": error.remedy,
-            }
-        }
+        told = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
+        return {"error": {"kind": type(error).__name__, **told}}
 
 
 def main() -> None:

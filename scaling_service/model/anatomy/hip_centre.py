@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,127 +25,53 @@ from scaling_service.model.anatomy.frames import pelvis_frame
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PelvisSize:
-    """What the regressions predict from, each (n_frames,) or a number, m."""
+_Row = tuple[float, float, float, float]
 
-    width: Array  # distance between the ASIS
-    depth: Array  # distance from the midpoint of the ASIS to that of the PSIS
-    leg_length: Array | None = None
-    """Distance from the ASIS to the medial malleolus of the same side, or None if not known."""
-    mean_leg_length: Array | None = None  # of both sides; that of the same side where only one is known
-    marker_radius: float = 0.0  # from a marker's centre to the skin
+_LINEAR: dict[str, tuple[_Row, _Row, _Row]] = {
+    # Harrington 2007, J Biomech 40:595, several predictors; leave-one-out error 5.2, 3.6, 3.2 mm
+    "harrington2007_multi": (
+        (0.0, -0.24, 0.0, -0.0099),
+        (-0.16, 0.0, -0.04, -0.0071),
+        (0.16, 0.28, 0.0, 0.0079),
+    ),
+    # Harrington 2007, one predictor per component
+    "harrington2007_single": (
+        (0.0, -0.24, 0.0, -0.0099),
+        (-0.30, 0.0, 0.0, -0.0109),
+        (0.33, 0.0, 0.0, 0.0073),
+    ),
+    # Bell 1990, J Biomech 23:617, adults; mean error 19 mm
+    "bell1990": ((-0.19, 0.0, 0.0, 0.0), (-0.30, 0.0, 0.0, 0.0), (0.36, 0.0, 0.0, 0.0)),
+    # Hara 2016, Sci Rep 6:37707, leg length only; leave-one-out error 5.2, 4.4, 3.8 mm
+    "hara2016": ((0.0, 0.0, -0.063, 0.011), (0.0, 0.0, -0.078, -0.009), (0.0, 0.0, 0.086, 0.008)),
+}
+"""The right hip's x, y, z: coefficients of pelvic width, depth, leg length (no unit), and a constant (m)."""
 
+_DAVIS_ANGLES = {"davis1991": (radians(28.4), radians(18.0)), "plug_in_gait": (0.5, 0.314)}
+"""Turns to the middle and downward, rad; those of Vicon Plug-in Gait are rounded."""
 
-class HipRegression(Protocol):
-    """A published prediction of the right hip centre."""
-
-    @property
-    def source(self) -> str:
-        """Where it was published."""
-        ...
-
-    @property
-    def needs_leg_length(self) -> bool:
-        """Whether :attr:`PelvisSize.leg_length` must be known."""
-        ...
-
-    def __call__(self, size: PelvisSize) -> tuple[Array, Array, Array]:
-        """The right hip centre x, y, z in the pelvis frame, m."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class LinearRegression:
-    """A prediction whose every component is linear in width, depth and leg length.
-
-    ``x``, ``y`` and ``z`` hold the coefficients of width, depth, leg length (no unit), and a constant (m).
-    """
-
-    source: str
-    x: tuple[float, float, float, float]
-    y: tuple[float, float, float, float]
-    z: tuple[float, float, float, float]
-
-    @property
-    def needs_leg_length(self) -> bool:
-        """Whether any component uses the leg length."""
-        return any(row[2] != 0.0 for row in (self.x, self.y, self.z))
-
-    def __call__(self, size: PelvisSize) -> tuple[Array, Array, Array]:
-        """The right hip centre x, y, z in the pelvis frame, m; ValueError without a leg length it needs."""
-        x, y, z = (self._component(row, size) for row in (self.x, self.y, self.z))
-        return x, y, z
-
-    def _component(self, row: tuple[float, float, float, float], size: PelvisSize) -> Array:
-        width, depth, leg, constant = row
-        value = np.asarray(width * size.width + depth * size.depth + constant)
-        if leg == 0.0:
-            return value
-        if size.leg_length is None:
-            raise ValueError("this regression needs the leg length")
-        return np.asarray(value + leg * size.leg_length)
+HIP_REGRESSIONS = (*_LINEAR, *_DAVIS_ANGLES)
+"""Names of the published predictions."""
 
 
-@dataclass(frozen=True, slots=True)
-class DavisRegression:
+def _predict_linear(rows: tuple[_Row, _Row, _Row], width: Array, depth: Array, leg: Array) -> list[Array]:
+    return [np.asarray(w * width + d * depth + c + (k * leg if k else 0.0)) for w, d, k, c in rows]
+
+
+def _predict_davis(
+    angles: tuple[float, float], width: Array, leg: Array, mean_leg: Array, marker_radius: float
+) -> list[Array]:
     """The hip centre of the conventional gait model, from leg length, pelvis width and marker radius.
 
-    Davis et al. 1991 (Hum Mov Sci 10:575) found it at C = 0.115 L - 15.3 mm from the ASIS, at the angles
-    ``theta`` (to the middle) and ``beta`` (downward), the ASIS standing 0.1288 L - 48.56 mm before the hip.
+    Davis et al. 1991 (Hum Mov Sci 10:575) found it at C = 0.115 L - 15.3 mm from the ASIS, at two angles, the
+    ASIS standing 0.1288 L - 48.56 mm before the hip.
     """
-
-    source: str
-    theta: float
-    beta: float
-    """``theta``, ``beta``: rad."""
-
-    @property
-    def needs_leg_length(self) -> bool:
-        """Always."""
-        return True
-
-    def __call__(self, size: PelvisSize) -> tuple[Array, Array, Array]:
-        """The right hip centre x, y, z in the pelvis frame, m; ValueError without a leg length."""
-        if size.leg_length is None:
-            raise ValueError("this regression needs the leg length")
-        mean = size.leg_length if size.mean_leg_length is None else size.mean_leg_length
-        reach = 0.115 * mean - 0.0153
-        ahead = 0.1288 * size.leg_length - 0.04856 + size.marker_radius
-        x = reach * cos(self.theta) * sin(self.beta) - ahead * cos(self.beta)
-        y = -reach * cos(self.theta) * cos(self.beta) - ahead * sin(self.beta)
-        return np.asarray(x), np.asarray(y), np.asarray(size.width / 2.0 - reach * sin(self.theta))
-
-
-HIP_REGRESSIONS: dict[str, HipRegression] = {
-    "harrington2007_multi": LinearRegression(
-        "Harrington 2007, J Biomech 40:595, several predictors; leave-one-out error 5.2, 3.6, 3.2 mm",
-        x=(0.0, -0.24, 0.0, -0.0099),
-        y=(-0.16, 0.0, -0.04, -0.0071),
-        z=(0.16, 0.28, 0.0, 0.0079),
-    ),
-    "harrington2007_single": LinearRegression(
-        "Harrington 2007, J Biomech 40:595, one predictor per component",
-        x=(0.0, -0.24, 0.0, -0.0099),
-        y=(-0.30, 0.0, 0.0, -0.0109),
-        z=(0.33, 0.0, 0.0, 0.0073),
-    ),
-    "bell1990": LinearRegression(
-        "Bell 1990, J Biomech 23:617, adults; mean error 19 mm",
-        x=(-0.19, 0.0, 0.0, 0.0),
-        y=(-0.30, 0.0, 0.0, 0.0),
-        z=(0.36, 0.0, 0.0, 0.0),
-    ),
-    "hara2016": LinearRegression(
-        "Hara 2016, Sci Rep 6:37707, leg length only; leave-one-out error 5.2, 4.4, 3.8 mm",
-        x=(0.0, 0.0, -0.063, 0.011),
-        y=(0.0, 0.0, -0.078, -0.009),
-        z=(0.0, 0.0, 0.086, 0.008),
-    ),
-    "davis1991": DavisRegression("Davis 1991, Hum Mov Sci 10:575", radians(28.4), radians(18.0)),
-    "plug_in_gait": DavisRegression("Davis 1991 with the rounded angles of Vicon Plug-in Gait", 0.5, 0.314),
-}
-"""Linear ones: coefficients of width, depth, leg length, and the constant in m."""
+    theta, beta = angles
+    reach = 0.115 * mean_leg - 0.0153
+    ahead = 0.1288 * leg - 0.04856 + marker_radius
+    x = reach * cos(theta) * sin(beta) - ahead * cos(beta)
+    y = -reach * cos(theta) * cos(beta) - ahead * sin(beta)
+    return [np.asarray(x), np.asarray(y), np.asarray(width / 2.0 - reach * sin(theta))]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,19 +119,22 @@ def hip_centres(
     )
     frame = pelvis_frame(*markers)
     legs = [np.asarray(leg, dtype=float) for leg in (leg_length_r, leg_length_l) if leg is not None]
-    chosen = _choose(regression, bool(legs))
-    mean = np.asarray(sum(legs) / len(legs)) if legs else None
+    name = _chosen(regression, bool(legs))
+    mean = np.asarray(sum(legs) / len(legs)) if legs else np.array(np.nan)
     local = []
     for leg, side in ((leg_length_r, 1.0), (leg_length_l, -1.0)):
-        own = np.asarray(leg, dtype=float) if leg is not None else (legs[0] if legs else None)
-        x, y, z = chosen(PelvisSize(apart, depth, own, mean, marker_radius))
+        own = np.asarray(leg, dtype=float) if leg is not None else (legs[0] if legs else mean)
+        if name in _LINEAR:
+            x, y, z = _predict_linear(_LINEAR[name], apart, depth, own)
+        else:
+            x, y, z = _predict_davis(_DAVIS_ANGLES[name], apart, own, mean, marker_radius)
         centre = np.column_stack(np.broadcast_arrays(x, y, side * z, depth)[:3])
         local.append(np.where(np.isfinite(frame.origin), centre, np.nan))
     right, left = local
     return HipCentres(right, left, frame.to_ground(right), frame.to_ground(left))
 
 
-def _choose(name: str, leg_length_known: bool) -> HipRegression:
+def _chosen(name: str, leg_length_known: bool) -> str:
     if name == "harrington2007":
         name = "harrington2007_single"
     if name not in HIP_REGRESSIONS:
@@ -215,14 +143,14 @@ def _choose(name: str, leg_length_known: bool) -> HipRegression:
             field="hip_regression",
             remedy=f"Use harrington2007 or one of {', '.join(HIP_REGRESSIONS)}",
         )
-    chosen = HIP_REGRESSIONS[name]
-    if chosen.needs_leg_length and not leg_length_known:
+    needs_leg_length = name in _DAVIS_ANGLES or any(row[2] for row in _LINEAR[name])
+    if needs_leg_length and not leg_length_known:
         raise InputError(
             f"the hip centre regression '{name}' needs the leg length",
             field="hip_regression",
             remedy="Mark the medial malleolus in the static trial, or use harrington2007_single",
         )
-    return chosen
+    return name
 
 
 _MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane

@@ -250,6 +250,11 @@ class CurveTest:
         return bool(self.clusters)
 
     @property
+    def spans(self) -> list[tuple[float, float]]:
+        """Start and end of each cluster, % of the cycle."""
+        return [(cluster.start, cluster.end) for cluster in self.clusters]
+
+    @property
     def smallest_p(self) -> float:
         """The smallest p that this many subjects and rearrangements can give."""
         return 1.0 / self.rearrangements

@@ -71,7 +71,6 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
         answers=(Problem, SceneDocument, ResidualScene),
     )
-    app.add_middleware(problems.Shield)
     app.add_middleware(monitoring.Watching, registry=app.state.registry)
     return app
 

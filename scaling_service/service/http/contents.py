@@ -6,19 +6,17 @@ ask for one stretch (section 14). A browser follows a link without a key: for a 
 
 from __future__ import annotations
 
-import io
 import re
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from http import HTTPStatus
 from pathlib import PurePosixPath
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote, unquote
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
-from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.service import Link, LinkRequest
 from scaling_service.service.http.bodies import read_as
@@ -88,14 +86,14 @@ def file_responses(schema: dict[str, str]) -> Responses:
     }
 
 
-async def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
     """A stored file as an answer, or the stretch of it that is asked for."""
     headers = versioned(file.sha256)
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
     stretch = stretch_of(request.headers.get("range") if same else None, file.size)
-    opened = await run_in_threadpool(blobs.open, file.sha256)
+    opened = blobs.open(file.sha256)
     name = PurePosixPath(file.name).name
     sent = range(file.size) if stretch is None else stretch
     headers |= {
@@ -145,38 +143,30 @@ def _pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
             yield piece
 
 
-class _Sink(io.RawIOBase):
-    """Takes what an archive writes, until it is sent."""
+class _Pieces(list[bytes]):
+    """Takes what an archive writes, until it is sent; it cannot seek, so that it is written in one pass."""
 
-    def __init__(self) -> None:
-        self._waiting = bytearray()
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, content: object, /) -> int:
-        piece = bytes(content)  # type: ignore[call-overload]
-        self._waiting += piece
+    def write(self, piece: bytes) -> int:
+        self.append(bytes(piece))
         return len(piece)
 
-    def take(self) -> bytes:
-        taken = bytes(self._waiting)
-        self._waiting.clear()
-        return taken
+    def flush(self) -> None:
+        """Nothing is held back."""
 
 
 def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
     """A zip of files, whose contents are opened by digest, in pieces; the same files give the same bytes."""
-    sink = _Sink()
-    with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as packed:
+    pieces = _Pieces()
+    with zipfile.ZipFile(cast("IO[bytes]", pieces), "w") as packed:
         for file in files:
             entry = zipfile.ZipInfo(file.name, _EARLIEST)
             entry.compress_type, entry.file_size = zipfile.ZIP_DEFLATED, file.size
             with opened(file.sha256) as content, packed.open(entry, "w") as target:
                 while piece := content.read(_CHUNK_BYTES):
                     target.write(piece)
-                    yield sink.take()
-    yield sink.take()
+                    yield b"".join(pieces)
+                    pieces.clear()
+    yield b"".join(pieces)
 
 
 @router.post(

@@ -21,7 +21,7 @@ from starlette.concurrency import run_in_threadpool
 from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
 from scaling_service.service.http.bodies import read_json, writing
-from scaling_service.service.http.callers import Asked, Desk, Owner
+from scaling_service.service.http.callers import Desk, Owner
 from scaling_service.service.http.contents import archive, file_responses, stored_file, unless_known
 from scaling_service.service.http.documentation import RESULT, json_body
 from scaling_service.service.http.problems import described
@@ -111,9 +111,9 @@ def list_jobs(
 @router.get(
     "/{job}", response_model=JobDocument, responses=described(404) | {304: {"description": "Unchanged"}}
 )
-async def get_job(job: JobId, request: Request, callers: Asked, service: Desk) -> Response:
+def get_job(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
     """Look at a job."""
-    row = await callers.look(request, lambda owner: service.job(owner, job))
+    row = service.job(owner, job)
     return unless_known(request, row.revision, lambda headers: _answer(row, headers=headers))
 
 
@@ -124,13 +124,12 @@ async def get_job(job: JobId, request: Request, callers: Asked, service: Desk) -
     response_description="It was not over and is being cancelled",
     responses=described(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
-async def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
+def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
-    row = await run_in_threadpool(service.job, owner, job)
-    if row.state.is_over:
-        await writing(service.delete_job, owner, job)
+    if service.job(owner, job).state.is_over:
+        service.delete_job(owner, job)
         return Response(status_code=HTTPStatus.NO_CONTENT)
-    return _answer(await writing(service.cancel, owner, job), HTTPStatus.ACCEPTED)
+    return _answer(service.cancel(owner, job), HTTPStatus.ACCEPTED)
 
 
 @router.get(
@@ -170,10 +169,9 @@ async def get_events(
         304: {"description": "Unchanged"},
     },
 )
-async def get_result(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
+def get_result(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
-    row = await run_in_threadpool(service.job, owner, job)
-    text = await run_in_threadpool(service.result, owner, job)
+    row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
         raise _no_result(row)
     version = f"{job[:16]}-{row.attempt}"
@@ -202,10 +200,9 @@ def list_files(job: JobId, owner: Owner, service: Desk) -> FileList:
     responses=described(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
 )
-async def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
+def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
     """Download all that a job made as one zip."""
-    row = await run_in_threadpool(service.job, owner, job)
-    files = await run_in_threadpool(service.files, owner, job)
+    row, files = service.job(owner, job), service.files(owner, job)
     if not files:
         raise _no_result(row)
     headers = {
@@ -217,12 +214,12 @@ async def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
 
 
 @router.get("/{job}/files/{path:path}", response_class=Response, responses=file_responses({"type": "string"}))
-async def get_file(
+def get_file(
     job: JobId, path: Annotated[str, Path(max_length=512)], request: Request, owner: Owner, service: Desk
 ) -> Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a stretch of it."""
-    row, _ = await run_in_threadpool(service.file, owner, job, path)
-    return await stored_file(request, service.store.blobs, row)
+    row, _ = service.file(owner, job, path)
+    return stored_file(request, service.store.blobs, row)
 
 
 def _no_result(row: JobRow) -> NotFound:

@@ -20,12 +20,15 @@ from prometheus_client import (
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.registry import Collector
 from starlette.datastructures import MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from scaling_service.core.errors import InputError
 from scaling_service.service.http.callers import Desk, Owner
-from scaling_service.service.http.problems import described
+from scaling_service.service.http.problems import described, problem_response
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
+from scaling_service.service.sandbox.child import places
 
 log = logging.getLogger(__name__)
 router = APIRouter(tags=["monitoring"])
@@ -108,7 +111,7 @@ class JobCounts(Collector):
 
 
 class Watching:
-    """Middleware around the whole application, whose figures are collected in a registry."""
+    """Middleware around the whole application: headers, figures, the log, and what becomes of defects."""
 
     def __init__(self, app: ASGIApp, registry: CollectorRegistry) -> None:
         self._app = app
@@ -125,44 +128,56 @@ class Watching:
         self._open = Gauge("scaling_service_requests_open", "Requests under way.", registry=registry)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, and look at its answer."""
+        """Pass a request on, and look at its answer.
+
+        A defect ends as a problem document, and its place in the code in the log; after the answer began it
+        ends the connection, so that the client notices.
+        """
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
         begun = time.perf_counter()
-        told: dict[str, Any] = {"status": 500, "seconds": None}
+        status, first_s = 0, 0.0
 
         async def sending(message: Message) -> None:
+            nonlocal status, first_s
             if message["type"] == "http.response.start":
-                told["status"], told["seconds"] = message["status"], time.perf_counter() - begun
-                _add_headers(MutableHeaders(scope=message), scope["scheme"])
+                status, first_s = message["status"], time.perf_counter() - begun
+                headers = MutableHeaders(scope=message)
+                for name, value in (HEADERS | (_TLS if scope["scheme"] == "https" else {})).items():
+                    headers.setdefault(name, value)
             await send(message)
 
         self._open.inc()
         try:
             await self._app(scope, receive, sending)
+        except ClientDisconnect:
+            pass
+        except Exception as error:  # noqa: BLE001 (whatever it is, the client gets an answer)
+            log.error("a request failed", extra={"error": type(error).__name__, "at": places(error)})
+            if status:
+                raise _CutShort from None
+            await problem_response(_DEFECT, 500)(scope, receive, sending)
         finally:
             self._open.dec()
-            self._note(scope, told["status"], told["seconds"], time.perf_counter() - begun)
+            whole_s = time.perf_counter() - begun
+            self._note(scope, status or 500, first_s if status else whole_s, whole_s)
 
-    def _note(self, scope: Scope, status: int, first_s: float | None, whole_s: float) -> None:
+    def _note(self, scope: Scope, status: int, first_s: float, whole_s: float) -> None:
         """Count it, and write one line without anything of a patient: routes, never paths."""
         route = getattr(scope.get("route"), "path", "none")
         method = scope["method"] if route != "none" else "none"  # a client's own words are endless
         self._requests.labels(method, route, str(status)).inc()
-        self._seconds.labels(route).observe(whole_s if first_s is None else first_s)
-        log.info(
-            "request",
-            extra={
-                "method": method,
-                "route": route,
-                "status": status,
-                "wall_s": round(whole_s, 4),
-                "key": scope.get("caller"),
-            },
-        )
+        self._seconds.labels(route).observe(first_s)
+        told = {"method": method, "route": route, "status": status, "wall_s": round(whole_s, 4)}
+        log.info("request", extra=told | {"key": scope.get("caller")})
 
 
-def _add_headers(headers: MutableHeaders, scheme: str) -> None:
-    for name, value in (HEADERS | (_TLS if scheme == "https" else {})).items():
-        headers.setdefault(name, value)
+class _CutShort(Exception):
+    """An answer could not be brought to its end."""
+
+
+_DEFECT = InputError(
+    "the program failed on this request",
+    remedy="Report it; the service's log says where it happened",
+)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -11,19 +9,15 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect
 from starlette.routing import Match
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import Scope
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.service import Problem
 from scaling_service.service.jobs.example import ExampleFailed
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.submission import RequestInvalid
-from scaling_service.service.sandbox.child import places
 from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
-
-log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -64,6 +58,10 @@ class WrongHost(InputError):
     """The request was meant for another server."""
 
 
+class ForeignOrigin(InputError):
+    """The request comes from a page of another site."""
+
+
 class RangeUnsatisfiable(InputError):
     """The stretch begins beyond the end of the file."""
 
@@ -89,6 +87,7 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (WrongMediaType, 415),
     (TooSlow, 408),
     (WrongHost, 421),
+    (ForeignOrigin, 403),
     (RangeUnsatisfiable, 416),
     (ExampleFailed, 500),
     (InputError, 422),
@@ -132,7 +131,7 @@ Responses = dict[int | str, dict[str, Any]]  # of a route, by status
 
 def described(*statuses: int) -> Responses:
     """The problems that a route can answer with, for the OpenAPI document."""
-    always = (401, 421, 422, 429, 500, 503)
+    always = (401, 403, 421, 422, 429, 500, 503)
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
     return {
         code: {"description": HTTPStatus(code).phrase, "content": content}
@@ -168,44 +167,10 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, no_route)
 
 
-def allowed_methods(app: FastAPI, scope: Mapping[str, Any]) -> set[str]:
+def allowed_methods(app: FastAPI, scope: Scope) -> set[str]:
     """All methods that some route answers at the path of a request."""
     return {
         method
         for method in _METHODS
         if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in app.routes)
     }
-
-
-class Shield:
-    """Middleware: a defect ends as a problem document, and its place in the code in the log."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on; what goes wrong after the answer began ends the connection."""
-        begun = False
-
-        async def sending(message: Message) -> None:
-            nonlocal begun
-            begun = True
-            await send(message)
-
-        try:
-            await self._app(scope, receive, sending)
-        except ClientDisconnect:
-            return
-        except Exception as error:  # noqa: BLE001 (whatever it is, the client gets an answer)
-            log.error("a request failed", extra={"error": type(error).__name__, "at": places(error)})
-            if begun:
-                raise _CutShort from None
-            defect = InputError(
-                "the program failed on this request",
-                remedy="Report it; the service's log says where it happened",
-            )
-            await problem_response(defect, 500)(scope, receive, send)
-
-
-class _CutShort(Exception):
-    """An answer could not be brought to its end; the connection is closed so that the client notices."""

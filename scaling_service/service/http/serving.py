@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import resource
 import signal
 import socket
 import ssl
@@ -12,8 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+import h11
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http.app import create_app
@@ -27,9 +30,11 @@ log = logging.getLogger(__name__)
 ENDING_S = 10
 """How long requests under way may take at the end. Chosen: uploads that are nearly there get through."""
 
-MOST_OPEN = 1000
-"""Connections at the same time; more are told to come back. Chosen: under the usual 1024 open files."""
+HEAD_S = 10.0
+"""Within which the head of a request must come. Chosen: longer than networks pause for a few packets."""
 
+_ENOUGH_FILES = 65_536  # chosen: more connections than a machine serves
+_OWN_FILES = 200  # of these, kept back for databases, uploads and logs. Chosen.
 _BACKLOG = 512
 
 
@@ -38,6 +43,7 @@ def serve(settings: ServiceSettings) -> None:
 
     Jobs that run are given back to the queue, and go on at the next start.
     """
+    _allow_many_files()
     service = Service.open(settings)
     try:
         refuse_open(service)
@@ -140,6 +146,42 @@ class Server(uvicorn.Server):
             sys.stdout.flush()
 
 
+class PromptProtocol(H11Protocol):
+    """HTTP/1.1 on connections that are closed where a request is begun and its head does not come."""
+
+    _closing: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Wait for the first request."""
+        super().connection_made(transport)
+        self._closing = self.loop.call_later(HEAD_S, transport.close)
+
+    def data_received(self, data: bytes) -> None:
+        """Wait no longer where the head is there, but for the rest of one that has begun."""
+        super().data_received(data)
+        if self.conn.their_state is not h11.IDLE:
+            self._wait_no_longer()
+        elif self._closing is None:
+            self._closing = self.loop.call_later(HEAD_S, self.transport.close)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._wait_no_longer()
+        super().connection_lost(exc)
+
+    def _wait_no_longer(self) -> None:
+        if self._closing is not None:
+            self._closing.cancel()
+            self._closing = None
+
+
+def _allow_many_files() -> None:
+    """Let this process have as many files open, and so connections, as the system allows."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _ENOUGH_FILES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_FILES)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
+
+
 def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
@@ -148,7 +190,8 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        limit_concurrency=MOST_OPEN,
+        http=PromptProtocol,
+        limit_concurrency=resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _OWN_FILES,
         timeout_graceful_shutdown=ENDING_S,
         ssl_certfile=settings.tls_certificate,
         ssl_keyfile=settings.tls_key,

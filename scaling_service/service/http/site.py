@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import hashlib
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -27,17 +26,16 @@ FOREVER = "public, max-age=31536000, immutable"  # for files whose name holds a 
 
 _NAME = re.compile(r"[\w.\-]{1,200}")
 _MEDIA_TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".png": "image/png",
-    ".woff2": "font/woff2",
-    ".txt": "text/plain; charset=utf-8",
-    ".map": "application/json",
+    ".html": ("text/html; charset=utf-8", True),
+    ".js": ("text/javascript; charset=utf-8", True),
+    ".css": ("text/css; charset=utf-8", True),
+    ".svg": ("image/svg+xml", True),
+    ".txt": ("text/plain; charset=utf-8", True),
+    ".map": ("application/json", True),
+    ".png": ("image/png", False),
+    ".woff2": ("font/woff2", False),
 }
-_PACKED = {".html", ".js", ".css", ".svg", ".txt", ".map", ".json"}
-"""Sent compressed: texts; pictures and fonts are compressed in themselves."""
+"""Media type, and whether it is sent compressed: pictures and fonts are compressed in themselves."""
 
 _BUNDLE = Path(__file__).parents[1] / "page" / "built"
 _MOST_PARTS = 64  # kept in memory. Chosen: more than a page has.
@@ -48,42 +46,34 @@ _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scalin
 <p>Everything can be asked for over HTTP: <a href="/docs">routes and examples</a>.</p></html>"""
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """One file of the page, also compressed by gzip where that is worth it; its tag changes with it."""
-
-    content: bytes
-    packed: bytes | None
-    tag: str
-
-
 @router.api_route("/", methods=["GET", "HEAD"], response_class=HTMLResponse)
 def index(request: Request) -> Response:
     """Show the page, or say that there is none and where the routes are."""
-    part = _part("index.html")
-    if part is None:
-        return HTMLResponse(_WITHOUT, headers={"Cache-Control": "no-cache"})
-    return _answer(request, part, "index.html", "no-cache", {"Content-Security-Policy": POLICY})
+    found = _sent(request, "index.html", {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY})
+    return found or HTMLResponse(_WITHOUT, headers={"Cache-Control": "no-cache"})
 
 
 @router.api_route("/assets/{name}", methods=["GET", "HEAD"])
 def asset(name: str, request: Request) -> Response:
     """Send a script, style, font or picture of the page."""
-    part = _part(f"assets/{name}") if _NAME.fullmatch(name) else None
-    if part is None:
+    found = _sent(request, f"assets/{name}", {"Cache-Control": FOREVER}) if _NAME.fullmatch(name) else None
+    if found is None:
         raise NotFound(f"the page has no file '{name[:100]}'", field="name", remedy="Load / again")
-    return _answer(request, part, name, FOREVER, {})
+    return found
 
 
-def _answer(request: Request, part: Part, name: str, keep: str, more: dict[str, str]) -> Response:
-    headers = {"ETag": part.tag, "Cache-Control": keep, "Vary": "Accept-Encoding", **more}
-    if is_known(request, part.tag):
+def _sent(request: Request, path: str, headers: dict[str, str]) -> Response | None:
+    """A file of the bundle as an answer, compressed for who takes that; None where there is none."""
+    file = _BUNDLE / path
+    if not file.is_file():
+        return None
+    media_type, packs = _MEDIA_TYPES.get(file.suffix, ("application/octet-stream", False))
+    packed = packs and _takes_gzip(request)
+    content, tag = _read(file, file.stat().st_mtime_ns, packed)
+    headers |= {"ETag": tag, "Vary": "Accept-Encoding"} | ({"Content-Encoding": "gzip"} if packed else {})
+    if is_known(request, tag):
         return Response(status_code=304, headers=headers)
-    content = part.content
-    if part.packed is not None and _takes_gzip(request):
-        content, headers["Content-Encoding"] = part.packed, "gzip"
-    suffix = name[name.rfind(".") :].lower()
-    return Response(content, media_type=_MEDIA_TYPES.get(suffix, "application/octet-stream"), headers=headers)
+    return Response(content, media_type=media_type, headers=headers)
 
 
 def _takes_gzip(request: Request) -> bool:
@@ -95,18 +85,9 @@ def _takes_gzip(request: Request) -> bool:
     return False
 
 
-def _part(path: str) -> Part | None:
-    """A file of the bundle; None where there is none."""
-    file = _BUNDLE / path
-    if not file.is_file():
-        return None
-    found = file.stat()
-    return _read(file, found.st_mtime_ns, found.st_size)
-
-
 @lru_cache(maxsize=_MOST_PARTS)
-def _read(file: Path, _changed_ns: int, _size: int) -> Part:
-    """The file as it is since it was changed last."""
+def _read(file: Path, _changed_ns: int, packed: bool) -> tuple[bytes, str]:
+    """A file as it is since it was changed last, compressed or not, and its entity tag."""
     content = file.read_bytes()
-    packed = gzip.compress(content, 9, mtime=0) if file.suffix in _PACKED else None
-    return Part(content, packed, f'"{hashlib.sha256(content).hexdigest()[:32]}"')
+    tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+    return (gzip.compress(content, 9, mtime=0) if packed else content), tag

@@ -81,9 +81,9 @@ def list_subjects(owner: Owner, service: Desk, cursor: Cursor = None, limit: Siz
 @router.get(
     "/{subject}", response_model=SubjectDetail, responses=described(404) | {304: {"description": "Unchanged"}}
 )
-async def get_subject(subject: Named, request: Request, owner: Owner, service: Desk) -> Response:
+def get_subject(subject: Named, request: Request, owner: Owner, service: Desk) -> Response:
     """Look at a subject: its document and its files."""
-    detail = await run_in_threadpool(_detail, service, owner, subject)
+    detail = _detail(service, owner, subject)
     return unless_known(
         request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
     )
@@ -123,10 +123,10 @@ async def put_file(
 
 
 @router.get("/{subject}/files/{name}", response_class=Response, responses=file_responses(_BYTES))
-async def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
+def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a stretch of it."""
-    row, _ = await run_in_threadpool(service.subject_file, owner, subject, name)
-    return await stored_file(request, service.store.blobs, row)
+    row, _ = service.subject_file(owner, subject, name)
+    return stored_file(request, service.store.blobs, row)
 
 
 @router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=described(404))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from scaling_service.capabilities.consistent.estimate import TrackedRecording, consistent
+from scaling_service.capabilities.consistent.estimate import ConsistentResult, consistent
 from scaling_service.capabilities.consistent.planar import (
     SagittalPlane,
     in_plane,
@@ -20,6 +22,7 @@ from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inverse_dynamics import ORDER
 from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.documents.base import Part, Rounded
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
@@ -28,6 +31,7 @@ from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.studies.claims import PersonPart, StudyDocument
 from scaling_service.studies.futamure.squatters import (
     COM_SD,
     MASS_SD,
@@ -68,34 +72,74 @@ DIFFERENCES = (
 """How this study is not the paper's, in plain English."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Way:
+_MM = 1e3
+
+WAYS = ("classical", "consistent", "predicted")
+"""Of explaining a recording. Predicted: the classical two steps with the model found, so that forces of the
+recording played no part."""
+
+Three = tuple[Rounded, Rounded, Rounded]
+
+
+class WayEntry(Part):
     """One way of explaining one recording."""
 
-    wrench: Array  # (3,), N, N, N m: RMS error of fx, fy, mz
-    markers_m: float
-    angles: Array  # (4,), rad: RMS error of ankle, knee, hip and shoulder against the truth
+    wrench_rmse: Three = Field(description="fx, N; fy, N; mz, N m, about the ankle or the feet's middle.")
+    marker_rms_mm: float
+    angle_rmse_deg: list[Rounded] = Field(
+        description="Ankle, knee, hip, shoulder; empty where no truth is known."
+    )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SquatterStudied:
-    """One person."""
+class RecordingEntry(Part):
+    """One recording in three ways."""
 
-    name: str
-    fitted: tuple[Way, Way, Way]
-    held_out: tuple[Way, Way, Way]
-    """``fitted``, ``held_out``: (classical, consistent, predicted)."""
-    inertia: Array
-    """(2, 3): RMS distance from the truth of masses, centres of mass and moments of inertia, in standard
-    deviations of the tables, before and after; the foot, which does not move, left out."""
-    lengths: Array  # (2, 3), m: errors of shank, thigh and trunk, before and after
-    marker_rms: dict[str, tuple[float, float]]  # mapping of marker to (classical, consistent), m
+    classical: WayEntry
+    consistent: WayEntry
+    predicted: WayEntry
+
+
+class SquatterEntry(PersonPart):
+    """One virtual person."""
+
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    inertia_distance: tuple[Three, Three] = Field(
+        description="Masses, centres of mass, moments of inertia, in SDs of tables; before, after."
+    )
+    length_error_mm: tuple[Three, Three] = Field(description="Shank, thigh, trunk; before, after.")
+    marker_rms_mm: dict[str, tuple[float, float]] = Field(description="Classical, consistent.")
     loops: int
     converged: bool
-    seconds: float  # of the loop, for 13 s at 100 Hz, with the held-out recording
+    seconds: float
 
 
-def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterStudied:
+class RealEntry(Part):
+    """A real recording: its first part fitted, the rest held out."""
+
+    name: str
+    model: str
+    start: str
+    fitted: RecordingEntry
+    held_out: RecordingEntry
+    loops: int
+    seconds: float
+
+
+class FutamureDocument(StudyDocument):
+    """``study.json``."""
+
+    study: Literal["futamure"] = "futamure"
+    persons: list[SquatterEntry]
+    recordings: list[RealEntry] = Field(description="Real ones, if given; claims leave them out.")
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)
+
+
+def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     """Record one person, explain the recordings, and compare with the truth.
 
     ``faults``: see :func:`virtual_squatter`.
@@ -107,25 +151,43 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterStudied:
     clock = time.perf_counter()
     found = consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
     seconds = time.perf_counter() - clock
-    ways = [
-        tuple(_way(followed[k], squats) for followed in (found.classical, found.consistent, found.predicted))
-        for k, squats in enumerate((person.fitted, person.held_out))
-    ]
+    inertia = [inertia_distance(m, person.model).tolist() for m in (model, found.model)]
+    lengths = [_MM * (lengths_of(m) - lengths_of(person.model)) for m in (model, found.model)]
     rms = [
-        np.sqrt((f.gaps.marker_gaps**2).sum(axis=2).mean(axis=0))
-        for f in (found.classical[0], found.consistent[0])
+        _MM * np.sqrt((way[0].gaps.marker_gaps ** 2).sum(axis=2).mean(axis=0))
+        for way in (found.classical, found.consistent)
     ]
-    return SquatterStudied(
-        person.name,
-        (ways[0][0], ways[0][1], ways[0][2]),
-        (ways[1][0], ways[1][1], ways[1][2]),
-        np.stack([inertia_distance(m, person.model) for m in (model, found.model)]),
-        np.stack([lengths_of(m) - lengths_of(person.model) for m in (model, found.model)]),
-        {n: (float(a), float(b)) for n, a, b in zip(fitted.motion.markers, *rms, strict=True)},
-        found.outer_iterations,
-        found.converged,
-        seconds,
+    return SquatterEntry(
+        name=person.name,
+        fitted=describe_recording(found, 0, person.fitted.truth.q),
+        held_out=describe_recording(found, 1, person.held_out.truth.q),
+        inertia_distance=(inertia[0], inertia[1]),
+        length_error_mm=(lengths[0].tolist(), lengths[1].tolist()),
+        marker_rms_mm={
+            name: (round(a, 3), round(b, 3))
+            for name, a, b in zip(fitted.motion.markers, *(r.tolist() for r in rms), strict=True)
+        },
+        loops=found.outer_iterations,
+        converged=found.converged,
+        seconds=round(seconds, 2),
     )
+
+
+def describe_recording(found: ConsistentResult, k: int, truth: Array | None = None) -> RecordingEntry:
+    """The errors of all ways in recording k, (fitted, held out).
+
+    ``truth``: its angles, (n, 4), rad, where they are known.
+    """
+    ways = {}
+    for name in WAYS:
+        tracked = getattr(found, name)[k]
+        apart = None if truth is None else np.degrees(tracked.rated.q - truth)
+        ways[name] = WayEntry(
+            wrench_rmse=tracked.wrench_rmse[list(SAGITTAL_ROWS)].tolist(),
+            marker_rms_mm=round(_MM * tracked.marker_rms_m, 3),
+            angle_rmse_deg=[] if apart is None else np.sqrt((apart**2).mean(axis=0)).tolist(),
+        )
+    return RecordingEntry(**ways)
 
 
 def start_model(person: VirtualSquatter, plane: SagittalPlane) -> BodyModel:
@@ -157,11 +219,6 @@ def _filtered(loads: SegmentLoads) -> SegmentLoads:
         )
 
     return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
-
-
-def _way(tracked: TrackedRecording, squats: Squats) -> Way:
-    angles = np.sqrt(((tracked.rated.q - squats.truth.q) ** 2).mean(axis=0))
-    return Way(tracked.wrench_rmse[list(SAGITTAL_ROWS)], tracked.marker_rms_m, angles)
 
 
 def inertia_distance(model: BodyModel, truth: BodyModel) -> Array:

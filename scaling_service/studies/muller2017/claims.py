@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import Answer, Claim
-from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, PersonStudied
+from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, Muller2017Document
 
 VERTICAL, HORIZONTAL = (1, 4), ((0, 2), (3, 5))
 """Places of the vertical force and moment, and of the horizontal ones."""
@@ -34,15 +35,17 @@ ROUGH = 0.10
 scatter by about 3 %)."""
 
 
-Persons = Sequence[PersonStudied]
+def _of(study: Muller2017Document, name: str) -> Array:
+    """Six numbers of every person, (n, 6)."""
+    return np.array([getattr(person, name) for person in study.persons])
 
 
-def _percent(values: Array) -> str:
-    return ", ".join(f"{name} {100 * value:.1f}" for name, value in zip(COMPONENTS, values, strict=True))
+def _flags(study: Muller2017Document, name: str) -> NDArray[np.bool_]:
+    return np.array([getattr(person, name) for person in study.persons])
 
 
-def _of(persons: Persons, name: str) -> Array:
-    return np.array([getattr(person.uncertainty, name) for person in persons])
+def _by_component(values: Iterable[float], digits: int = 0) -> str:
+    return ", ".join(f"{name} {value:.{digits}f}" for name, value in zip(COMPONENTS, values, strict=True))
 
 
 def _p(difference: Array) -> float:
@@ -52,61 +55,59 @@ def _p(difference: Array) -> float:
     return float(scipy.stats.wilcoxon(difference, alternative="greater").pvalue)
 
 
-def linear(persons: Persons) -> Answer:
+def linear(study: Muller2017Document) -> Answer:
     """Whether the dispersion grows as a line through zero in every component of every person."""
-    r2, centred = _of(persons, "r2"), _of(persons, "r2_centred")
+    r2, centred = _of(study, "r2"), _of(study, "r2_centred")
     said = f"R2 {r2.min():.3f} to {r2.max():.3f}; about the mean {centred.min():.3f} to {centred.max():.3f}"
     return Answer(bool(r2.min() >= LEAST_R2), said)
 
 
-def consistent(persons: Persons) -> Answer:
+def consistent(study: Muller2017Document) -> Answer:
     """Whether slopes are alike over persons."""
-    slopes = _of(persons, "slopes_per_cm")
+    slopes = _of(study, "slopes_per_cm")
     if len(slopes) < 3:
         return Answer(None, "too few persons")
     spread = slopes.std(axis=0, ddof=1) / slopes.mean(axis=0)
-    means = ", ".join(f"{n} {m:.3f}" for n, m in zip(COMPONENTS, slopes.mean(axis=0), strict=True))
+    means = _by_component(slopes.mean(axis=0), 3)
     return Answer(bool(spread.max() <= ALIKE), f"SD over mean at most {spread.max():.2f}; per cm: {means}")
 
 
-def least_vertical(persons: Persons) -> Answer:
+def least_vertical(study: Muller2017Document) -> Answer:
     """Whether the vertical slopes are smaller than both horizontal ones."""
-    slopes = _of(persons, "slopes_per_cm")
+    slopes = _of(study, "slopes_per_cm")
     smaller = [
         slopes[:, list(flat)].min(axis=1) - slopes[:, up]
         for up, flat in zip(VERTICAL, HORIZONTAL, strict=True)
     ]
     p = [_p(difference) for difference in smaller]
     counts = [int((difference > 0).sum()) for difference in smaller]
-    said = f"force in {counts[0]} of {len(persons)} (p = {p[0]:.3g}), moment in {counts[1]} (p = {p[1]:.3g})"
-    return Answer(_decided([max(p) < ALPHA], len(persons)), said)
+    said = f"force in {counts[0]} of {len(slopes)} (p = {p[0]:.3g}), moment in {counts[1]} (p = {p[1]:.3g})"
+    return Answer(_significant(max(p), study), said)
 
 
-def _decided(conditions: Sequence[bool], count: int) -> bool | None:
+def _significant(p: float, study: Muller2017Document) -> bool | None:
     """A signed-rank test of fewer than five pairs can never be significant."""
-    return None if count < 5 else all(conditions)
+    return None if len(study.persons) < 5 else p < ALPHA
 
 
-def horizontals_alike(persons: Persons) -> Answer:
+def horizontals_alike(study: Muller2017Document) -> Answer:
     """Whether fore-aft and sideways slopes are of one order of magnitude."""
-    slopes = _of(persons, "slopes_per_cm").mean(axis=0)
+    slopes = _of(study, "slopes_per_cm").mean(axis=0)
     ratios = [slopes[a] / slopes[b] for a, b in HORIZONTAL]
     holds = all(0.1 < ratio < 10.0 for ratio in ratios)
     return Answer(holds, f"fx over fz {ratios[0]:.2f}, mx over mz {ratios[1]:.2f}")
 
 
-def plates_negligible(persons: Persons) -> Answer:
+def plates_negligible(study: Muller2017Document) -> Answer:
     """Whether plates bring orders of magnitude less uncertainty than kinematics."""
-    orders = np.log10(_of(persons, "kinematic") / _of(persons, "plate"))
-    said = (
-        f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(persons, 'plate').max():.1e} at most"
-    )
+    orders = np.log10(_of(study, "kinematic") / _of(study, "plate"))
+    said = f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(study, 'plate').max():.1e} at most"
     return Answer(bool(orders.min() >= ORDERS), said)
 
 
-def table_acceptable(persons: Persons) -> Answer:
+def table_acceptable(study: Muller2017Document) -> Answer:
     """H1: whether a table's inertia leaves as little as in the paper."""
-    dr = 100 * _of(persons, "dr")
+    dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
     holds = bool((force <= 100 * SMALL_FORCE).all() and (moment <= 100 * SMALL_MOMENT).all())
     said = (
@@ -116,99 +117,96 @@ def table_acceptable(persons: Persons) -> Answer:
     return Answer(holds, said)
 
 
-def uncertainty_exceeds(persons: Persons) -> Answer:
+def uncertainty_exceeds(study: Muller2017Document) -> Answer:
     """Whether the uncertainty exceeds the residual in every component but the vertical moment."""
-    above = _of(persons, "total") > _of(persons, "dr")
+    above = _of(study, "total") > _of(study, "dr")
     but_vertical = np.delete(above, VERTICAL[1], axis=1)
-    ratio = np.median(_of(persons, "total") / _of(persons, "dr"), axis=0)
-    said = ", ".join(f"{name} {value:.0f}" for name, value in zip(COMPONENTS, ratio, strict=True))
+    ratio = _by_component(np.median(_of(study, "total") / _of(study, "dr"), axis=0))
     return Answer(
         bool(but_vertical.all()),
-        f"in {int(above.sum())} of {above.size}; times the residual (median): {said}",
+        f"in {int(above.sum())} of {above.size}; times the residual (median): {ratio}",
     )
 
 
-def calibration_refused(persons: Persons) -> Answer:
+def calibration_refused(study: Muller2017Document) -> Answer:
     """H2 refuted: whether no recording supports a calibration by all components."""
-    words = [person.uncertainty.judgement.calibration for person in persons]
-    said = ", ".join(f"{word}: {words.count(word)}" for word in ("yes", "in part", "no"))
-    return Answer("yes" not in words, f"calibration supported {said}")
+    supported = _flags(study, "calibration_supported")
+    every, some = supported.all(axis=1), supported.any(axis=1)
+    counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
+    said = ", ".join(f"{word}: {count}" for word, count in counts.items())
+    return Answer(not every.any(), f"calibration supported {said}")
 
 
-def refusal_is_right(persons: Persons) -> Answer:
+def refusal_is_right(study: Muller2017Document) -> Answer:
     """Whether the measurement's true error exceeds inertia's wherever calibration is refused."""
-    refused = ~np.array([p.uncertainty.calibration_supported for p in persons])
-    blamed = np.array([p.blamed for p in persons])
+    refused, blamed = ~_flags(study, "calibration_supported"), _flags(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
     said = f"{int((refused & ~blamed).sum())} of {int(refused.sum())} refusals are right"
     return Answer(not wrong.any(), said + (f"; inertia is the larger part in {by}" if by else ""))
 
 
-def covers(persons: Persons) -> Answer:
+def covers(study: Muller2017Document) -> Answer:
     """Whether Muller's uncertainty covers the true error of the residual; a range, so nominally always."""
-    true = np.array([p.measurement for p in persons])
-    total = _of(persons, "total")
+    true, total = _of(study, "true_measurement_error"), _of(study, "total")
     covered = true <= total
-    ratio = np.median(total / true, axis=0)
-    said = ", ".join(f"{name} {value:.0f}" for name, value in zip(COMPONENTS, ratio, strict=True))
+    ratio = _by_component(np.median(total / true, axis=0))
     return Answer(
         bool(covered.all()),
-        f"in {int(covered.sum())} of {covered.size}; times the true error (median): {said}",
+        f"in {int(covered.sum())} of {covered.size}; times the true error (median): {ratio}",
     )
 
 
-def markers_cover(persons: Persons) -> Answer:
+def markers_cover(study: Muller2017Document) -> Answer:
     """Whether intervals by the markers' own errors hold the true error of a frame at their nominal rate."""
-    rates = np.array([p.coverage for p in persons])
-    mean = rates.mean(axis=0)
-    ratio = np.median([p.markers_sd / p.measurement for p in persons], axis=0)
+    mean = _of(study, "coverage").mean(axis=0)
+    ratio = np.median(_of(study, "markers_sd") / _of(study, "true_measurement_error"), axis=0)
     said = (
-        f"{100 * rates.mean():.1f} % of frames; {_percent(mean)}; stated SD over true RMS {ratio.mean():.2f}"
+        f"{100 * mean.mean():.1f} % of frames; {_by_component(100 * mean, 1)}; "
+        f"stated SD over true RMS {ratio.mean():.2f}"
     )
     return Answer(bool(mean.min() >= NOMINAL), said)
 
 
-def linear_agrees(persons: Persons) -> Answer:
+def linear_agrees(study: Muller2017Document) -> Answer:
     """Whether linear propagation gives the sampled slopes."""
-    ratio = np.array([p.linear_slopes for p in persons]) / _of(persons, "slopes_per_cm")
+    ratio = _of(study, "linear_slopes_per_cm") / _of(study, "slopes_per_cm")
     return Answer(bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}")
 
 
-def identification_worse(persons: Persons) -> Answer:
+def _growth(study: Muller2017Document) -> Array:
+    """True held-out error after over before an identification with hardly any tables, (n, 6)."""
+    return np.array([person.identified_freely.growth for person in study.persons])
+
+
+def identification_worse(study: Muller2017Document) -> Answer:
     """Whether identifying despite the verdict makes the true error on the held-out performance worse."""
-    worse = np.array([p.free.worse for p in persons])
-    ratios = np.array([p.free.true[1] / p.free.true[0] for p in persons])
-    median = np.median(ratios, axis=0)
-    said = ", ".join(f"{name} {value:.2f}" for name, value in zip(COMPONENTS, median, strict=True))
+    worse = np.array([person.identified_freely.worse for person in study.persons])
+    median = _by_component(np.median(_growth(study), axis=0), 2)
     p = _p(np.log(worse))
     return Answer(
-        _decided([p < ALPHA], len(persons)),
-        f"worse in {int((worse > 1).sum())} of {len(worse)} persons, p = {p:.3g}; ratio (median): {said}",
+        _significant(p, study),
+        f"worse in {int((worse > 1).sum())} of {len(worse)} persons, p = {p:.3g}; ratio (median): {median}",
     )
 
 
-def worse_where_forbidden(persons: Persons) -> Answer:
+def worse_where_forbidden(study: Muller2017Document) -> Answer:
     """Whether components become worse whose true residual is mostly the measurement's."""
-    logs = np.log([p.free.true[1] / p.free.true[0] for p in persons])
-    blamed = np.array([p.blamed for p in persons])
-    refused = np.array(
-        [row[~b].mean() if (~b).any() else np.nan for row, b in zip(logs, blamed, strict=True)]
-    )
+    logs, blamed = np.log(_growth(study)), _flags(study, "blamed")
+    refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
-    p = _p(refused[np.isfinite(refused)])
+    p = _p(refused)
     better = f"{np.exp(np.median(allowed)):.2f} in the {len(allowed)} others" if len(allowed) else "no others"
-    said = f"after over before {np.exp(np.nanmedian(refused)):.2f} there (p = {p:.3g}), {better}"
-    return Answer(_decided([p < ALPHA], len(persons)), said)
+    said = f"after over before {np.exp(np.median(refused)):.2f} there (p = {p:.3g}), {better}"
+    return Answer(_significant(p, study), said)
 
 
-def markers_verdict(persons: Persons) -> Answer:
+def markers_verdict(study: Muller2017Document) -> Answer:
     """Whether identification betters what the markers' errors leave to inertia, and worsens the rest."""
-    supported = np.array([p.supported_by_markers for p in persons])
-    blamed = np.array([p.blamed for p in persons])
-    logs = np.log([p.free.true[1] / p.free.true[0] for p in persons])
+    supported, blamed = _flags(study, "supported_by_markers"), _flags(study, "blamed")
     if not supported.any():
         return Answer(None, "nothing is supported")
+    logs = np.log(_growth(study))
     allowed, refused = (float(np.exp(np.median(logs[which]))) for which in (supported, ~supported))
     right = int((supported & blamed).sum())
     said = (
@@ -218,19 +216,17 @@ def markers_verdict(persons: Persons) -> Answer:
     return Answer(right == supported.sum() and allowed < 1.0 < refused, said)
 
 
-def held_out_residual_deceives(persons: Persons) -> Answer:
+def held_out_residual_deceives(study: Muller2017Document) -> Answer:
     """Whether the held-out residual falls although the inertia it comes from did not become truer."""
-    fell, truer = [], []
-    for person in persons:
-        before, after = person.free.held_out
-        fell.append(float(np.sqrt((after**2).sum() / (before**2).sum())))
-        truer.append(person.free.worse)
-    both = int(sum(f < 1.0 < t for f, t in zip(fell, truer, strict=True)))
+    free = [person.identified_freely for person in study.persons]
+    fell = [float(np.linalg.norm(f.residual_after) / np.linalg.norm(f.residual_before)) for f in free]
+    truer = [f.worse for f in free]
+    both = sum(f < 1.0 < t for f, t in zip(fell, truer, strict=True))
     said = f"residual after over before {np.median(fell):.2f}, true error {np.median(truer):.2f} (medians)"
-    return Answer(both > 0, f"in {both} of {len(persons)} persons; {said}")
+    return Answer(both > 0, f"in {both} of {len(free)} persons; {said}")
 
 
-CLAIMS: tuple[Claim[Persons], ...] = (
+CLAIMS: tuple[Claim[Muller2017Document], ...] = (
     Claim(
         "3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999", linear
     ),

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-import rich.table
 
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
@@ -14,8 +13,7 @@ from scaling_service.report.figures import Figure, chart
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import study_page
-from scaling_service.studies.muller2017.run import Muller2017Document, PersonEntry, PropagatedEntry
-from scaling_service.studies.screen import titled_table
+from scaling_service.studies.muller2017.study import Muller2017Document, PersonEntry, PropagatedEntry
 
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
 
@@ -49,20 +47,14 @@ def page(document: Muller2017Document) -> Page:
             Section("The paper's figures", list(_figures(persons)), new_page=True),
             Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
             Section("Where the uncertainty comes from", list(_sources(persons)), new_page=True),
-            *([Section("Real recordings", list(_real(document.recordings)))] if document.recordings else []),
+            *([Section("Real recordings", _real(document.recordings))] if document.recordings else []),
         ],
     )
 
 
-def table(document: Muller2017Document) -> rich.table.Table:
-    """Means over persons, and real recordings, for the terminal."""
-    shown = titled_table("Means over persons, % of weight, of weight x height", COMPONENTS)
-    for said, name in _MEANS:
-        shown.add_row(said, *_percent(np.mean([getattr(p, name) for p in document.persons], axis=0)))
-    for recording in document.recordings:
-        shown.add_row(f"{recording.name}: residual", *_percent(recording.dr))
-        shown.add_row(f"{recording.name}: uncertainty", *_percent(recording.total))
-    return shown
+def tables(document: Muller2017Document) -> list[Table]:
+    """Means over persons, and real recordings."""
+    return [_means(document.persons), *_real(document.recordings)]
 
 
 def _percent(shares: Iterable[float]) -> list[str]:
@@ -140,14 +132,20 @@ def _beside(person: PersonEntry) -> Figure:
     return Figure(figure, f"Figure 10, {person.name}", f"{said}.", 260)
 
 
-def _truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
-    columns = ["", *COMPONENTS]
-    rows = []
-    for title, name in _MEANS:
-        rows.append(Row(title, _percent(np.mean([getattr(person, name) for person in persons], axis=0))))
+def _means(persons: Sequence[PersonEntry]) -> Table:
+    rows = [
+        Row(title, _percent(np.mean([getattr(person, name) for person in persons], axis=0)))
+        for title, name in _MEANS
+    ]
     coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
     rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
-    yield Table("Means over persons, % of weight and of weight times stature", columns, rows, _AXES)
+    return Table(
+        "Means over persons, % of weight and of weight times stature", ["", *COMPONENTS], rows, _AXES
+    )
+
+
+def _truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+    yield _means(persons)
     for title, name in (
         ("Identified beside the tables", "identified_beside_tables"),
         ("Identified with hardly any tables", "identified_freely"),
@@ -169,9 +167,9 @@ def _identified(title: str, entries: Sequence[object]) -> Table:
     return Table(f"{title}, against the verdict: means, %", ["", *COMPONENTS], rows)
 
 
-def _real(recordings: Sequence[PropagatedEntry]) -> Iterator[Block]:
-    for recording in recordings:
-        yield Table(
+def _real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
+    return [
+        Table(
             f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} frames",
             ["", *COMPONENTS],
             [
@@ -182,6 +180,8 @@ def _real(recordings: Sequence[PropagatedEntry]) -> Iterator[Block]:
             ],
             recording.verdict,
         )
+        for recording in recordings
+    ]
 
 
 def _sources(persons: Sequence[PersonEntry]) -> Iterator[Block]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
@@ -22,8 +24,6 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
 from scaling_service.capabilities.dynamics.residuals import residual_indicator
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
-    FrameChoice,
-    MarkerUncertainty,
     choose_frames,
     marker_uncertainty,
 )
@@ -33,9 +33,11 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     blames_inertia,
     propagate,
 )
+from scaling_service.documents.base import Part
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.studies.claims import PersonPart, StudyDocument
 from scaling_service.studies.muller2017.excitation import (
     WHOLE,
     ExcitationSettings,
@@ -62,6 +64,9 @@ FREE = 10.0
 """How many times wider than usual the prior is where an identification trusts the residual (chosen: the
 tables then hardly count; inertia stays physically possible)."""
 
+SHOWN = 10
+"""Markers that are listed (chosen: they carry nearly all)."""
+
 DIFFERENCES = (
     "The persons are virtual: ten men of the paper's stature and mass, whose true inertia is off the "
     "regression's by what regressions miss. Skin glides with the joint angles; lengths and marker places are "
@@ -78,60 +83,133 @@ DIFFERENCES = (
 """How this study is not the paper's, in plain English."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """What an identification did, as residual indicators (6,) before and after.
+_MM = 1e3
+_SAME = (
+    *("frames", "dr", "kinematic", "plate", "total", "slopes_per_cm", "r2", "r2_centred"),
+    *("calibration_supported", "verdict"),
+)
+"""What the document calls as the result does."""
 
-    ``fitted`` and ``held_out`` are residuals of the recordings; ``true`` is what the inertia leaves of the
-    true motion and true forces of the held-out performance, which only a virtual person can tell.
-    """
+_DIGITS = 8
 
-    fitted: tuple[Array, Array]
-    held_out: tuple[Array, Array]
-    true: tuple[Array, Array]
+
+def _plain(values: Any) -> Any:
+    """Arrays as tuples."""
+    return tuple(values.tolist()) if isinstance(values, np.ndarray) else values
+
+
+def _rounded(value: float) -> float:
+    """Eight digits after the point; smaller numbers, such as the plates', to four that count."""
+    return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
+
+
+_Number = Annotated[float, AfterValidator(_rounded)]
+Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_plain)]
+"""fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
+
+SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_plain)]
+
+
+class IdentificationEntry(Part):
+    """Residual indicators on the held-out performance before and after an identification."""
+
+    residual_before: Six
+    residual_after: Six
+    true_error_before: Six = Field(description="What the inertia leaves of the true motion and forces.")
+    true_error_after: Six
+
+    @property
+    def growth(self) -> Array:
+        """(6,): true error after over before."""
+        return np.divide(self.true_error_after, self.true_error_before)
 
     @property
     def worse(self) -> float:
         """True error after over before, all components together."""
-        before, after = self.true
-        return float(np.sqrt((after**2).sum() / (before**2).sum()))
+        return float(np.linalg.norm(self.true_error_after) / np.linalg.norm(self.true_error_before))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PersonStudied:
-    """One person of the study."""
+class LevelEntry(Part):
+    """One level of added reconstruction error."""
 
-    name: str
-    uncertainty: WrenchUncertainty  # Muller's, by Monte Carlo
-    linear_slopes: Array  # (6,): the same slopes by linear propagation
-    measurement: Array
-    """(6,): indicator of the true error of the residual: what the same inertia leaves of the measured
-    motion minus what it leaves of the true one."""
-    inertial: Array  # (6,): indicator of what the table's inertia leaves of the true motion
-    markers_sd: Array  # (6,): indicator of the standard deviation that the markers' errors give
-    coverage: Array
-    """(6,): share of frames whose true error lies within ``INTERVAL`` of these standard deviations."""
-    markers: MarkerUncertainty
-    choice: FrameChoice  # the ten best windows
-    cautious: Held
-    free: Held
-    """``cautious``, ``free``: identified despite the verdict: beside the tables' prior, and with hardly
-    any."""
+    added_mm: float
+    dispersion: Six
+    distinct_motions: int
 
-    @property
-    def supported_by_markers(self) -> NDArray[np.bool_]:
-        """Components in which the markers' errors leave inertia to blame."""
-        return blames_inertia(self.uncertainty.dr, self.markers_sd)
+
+class MarkerEntry(Part):
+    """One marker's error and its share of the uncertainty."""
+
+    marker: str
+    sd_mm: float = Field(description="Of its own error per direction, after the filter.")
+    shares: Six = Field(description="Of the variance of each component.")
+
+
+class WindowEntry(Part):
+    """One window of frames worth calibrating with."""
+
+    start_s: float
+    stop_s: float
+    gain: float = Field(description="Information on inertia that it adds, nats.")
+    uncertainty: float = Field(description="Mean SD of the residual force over body weight.")
+
+
+class PropagatedEntry(PersonPart):
+    """One recording's residual and its uncertainty, by samples."""
+
+    reconstruction_error_mm: float
+    frames: int
+    dr: Six
+    kinematic: Six
+    plate: Six
+    total: Six
+    slopes_per_cm: Six
+    r2: Six
+    r2_centred: Six
+    levels: list[LevelEntry]
+    calibration_supported: SixFlags
+    verdict: str
+
+
+class PersonEntry(PropagatedEntry):
+    """One virtual person."""
+
+    linear_slopes_per_cm: Six
+    true_measurement_error: Six
+    true_inertial_error: Six
+    markers_sd: Six = Field(description="Standard deviation by the markers' errors.")
+    supported_by_markers: SixFlags = Field(
+        description="Where dr exceeds that by the root of two: inertia then has the larger part."
+    )
+    coverage: Six = Field(description="Share of frames whose true error lies within 1.96 of it.")
+    markers: list[MarkerEntry] = Field(description="Those with the largest shares, largest first.")
+    windows: list[WindowEntry]
+    windows_share: float = Field(description="Of the whole recording's information.")
+    identified_beside_tables: IdentificationEntry
+    identified_freely: IdentificationEntry
 
     @property
     def blamed(self) -> NDArray[np.bool_]:
-        """Components in which the true inertial error exceeds the true error of the measurement."""
-        return np.asarray(self.inertial > self.measurement)
+        """(6,): whether the true inertial error exceeds the true error of the measurement."""
+        return np.greater(self.true_inertial_error, self.true_measurement_error)
+
+
+class Muller2017Document(StudyDocument):
+    """``study.json``."""
+
+    study: Literal["muller2017"] = "muller2017"
+    persons: list[PersonEntry]
+    recordings: list[PropagatedEntry] = Field(description="Real ones, if given; claims leave them out.")
+
+    @property
+    def size(self) -> int:
+        """How many virtual persons there are."""
+        return len(self.persons)
 
 
 def study_person(
     seed: int, settings: UncertaintySettings, recorded: ExcitationSettings = WHOLE
-) -> PersonStudied:
+) -> PersonEntry:
     """The whole study of one person, in this thread.
 
     ``seed``: of the person. ``settings``: its seed is replaced by the person's.
@@ -142,23 +220,61 @@ def study_person(
     found = propagate(recording, replace(settings, seed=seed))
     linear = propagate_linearly(recording, settings.levels, settings.noise_on)
     markers = marker_uncertainty(recording)
+    choice = choose_frames(recording, markers)
     error, inertial = _true_errors(person, performance)
     rows, scale = markers.frames, _scale(person)
-    sd = markers.sd
-    within = np.abs(error[rows]) <= INTERVAL * sd
-    return PersonStudied(
-        f"excited_{seed}",
-        found,
-        linear.slopes_per_cm,
-        np.asarray(_rms(error[rows]) / scale),
-        np.asarray(_rms(inertial[rows]) / scale),
-        np.asarray(_rms(sd) / scale),
-        within.mean(axis=0),
-        markers,
-        choose_frames(recording, markers),
-        _held(person, IdentificationSettings(despite_verdict=True)),
-        _held(person, IdentificationSettings(spread=_wide(), despite_verdict=True)),
+    markers_sd = _rms(markers.sd) / scale
+    largest = np.argsort(-markers.shares.mean(axis=1))[:SHOWN].tolist()
+    return PersonEntry.model_validate(
+        {
+            **describe_uncertainty(f"excited_{seed}", found),
+            "linear_slopes_per_cm": linear.slopes_per_cm,
+            "true_measurement_error": _rms(error[rows]) / scale,
+            "true_inertial_error": _rms(inertial[rows]) / scale,
+            "markers_sd": markers_sd,
+            "supported_by_markers": blames_inertia(found.dr, markers_sd),
+            "coverage": (np.abs(error[rows]) <= INTERVAL * markers.sd).mean(axis=0),
+            "markers": [
+                {
+                    "marker": markers.markers[k],
+                    "sd_mm": round(_MM * float(markers.sd_m[k]), 4),
+                    "shares": markers.shares[k],
+                }
+                for k in largest
+            ],
+            "windows": [
+                {
+                    "start_s": round(w.start / recorded.rate_hz, 3),
+                    "stop_s": round(w.stop / recorded.rate_hz, 3),
+                    "gain": round(w.gain, 4),
+                    "uncertainty": round(w.uncertainty, 8),
+                }
+                for w in choice.windows
+            ],
+            "windows_share": round(choice.share, 4),
+            "identified_beside_tables": _identify(person, IdentificationSettings(despite_verdict=True)),
+            "identified_freely": _identify(
+                person, IdentificationSettings(spread=_wide(), despite_verdict=True)
+            ),
+        }
     )
+
+
+def describe_uncertainty(name: str, found: WrenchUncertainty) -> dict[str, Any]:
+    """The fields of a ``PropagatedEntry``."""
+    return {
+        "name": name,
+        "reconstruction_error_mm": round(_MM * found.reconstruction_error_m, 4),
+        **{key: getattr(found, key) for key in _SAME},
+        "levels": [
+            {
+                "added_mm": round(_MM * level.added_m, 4),
+                "dispersion": level.dispersion,
+                "distinct_motions": level.distinct,
+            }
+            for level in found.levels
+        ],
+    }
 
 
 def _wide() -> PriorSpread:
@@ -192,21 +308,15 @@ def _measured(model: BodyModel, performance: Performance) -> InverseDynamics:
     return inverse_dynamics(model, recording.motion, recording.loads)
 
 
-def _held(person: ExcitedPerson, settings: IdentificationSettings) -> Held:
+def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
-    frames = fit.recording.frames
-    found = identify_inertia(
-        person.model, [ForceRecording(_measured(person.model, fit), frames)], settings=settings
-    )
-    pairs = (person.model, found.model)
-    true = [with_inertias(person.truth, inertias_of(model)) for model in pairs]
     scale, inner = _scale(person), other.recording.frames
-
-    def indicator(residual: Array) -> Array:
-        return np.asarray(_rms(residual[inner]) / scale)
-
-    fitted = [indicator(_measured(model, fit).residual) for model in pairs]
-    held = [indicator(_measured(model, other).residual) for model in pairs]
-    truth = [indicator(_true_residual(model, other)) for model in true]
-    return Held((fitted[0], fitted[1]), (held[0], held[1]), (truth[0], truth[1]))
+    evidence = ForceRecording(_measured(person.model, fit), fit.recording.frames)
+    found = identify_inertia(person.model, [evidence], settings=settings)
+    entry = {}
+    for when, model in (("before", person.model), ("after", found.model)):
+        true = with_inertias(person.truth, inertias_of(model))
+        entry[f"residual_{when}"] = _rms(_measured(model, other).residual[inner]) / scale
+        entry[f"true_error_{when}"] = _rms(_true_residual(true, other)[inner]) / scale
+    return IdentificationEntry.model_validate(entry)

@@ -1,134 +1,113 @@
-"""What Puchaud et al. 2019 claim, each with the question to a cohort's statistics that decides it.
-
-Only the tests that the paper used are asked.
-"""
+"""What Puchaud et al. 2019 claim, and the questions that decide it; only the paper's tests are asked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.groups import GroupComparison
-from scaling_service.capabilities.cohort.statistics import CohortStatistics
-from scaling_service.numerics.statistics.waveforms import WaveformComparison
+from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
 from scaling_service.studies.claims import Answer, Claim
-from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS
+from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, Puchaud2019Document
 
-_MM = 1e3
 _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
+_FITTING = ("MB_lam", "MB_am", "EB_am")
 
 
-@dataclass(frozen=True, slots=True)
-class Study:
-    """The statistics that claims are asked of."""
-
-    cohort: CohortStatistics  # all subjects, their functional movements and their gait
-    walkers: CohortStatistics  # the few whose gait the paper had
-    slowest_s: float  # the most time that one subject's calibrations took
-
-
-def _test(study: Study, kind: str, quantity: str) -> GroupComparison:
-    found = study.cohort.scalar(kind, quantity).test
-    if found is None:
-        raise ValueError(f"{kind} {quantity} was not compared: {study.cohort.scalar(kind, quantity).note}")
-    return found
+def _test(study: Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
+    found = study.statistics.quantity(kind, quantity)
+    if found.friedman is None:
+        raise ValueError(f"{kind} {quantity} was not compared: {found.note}")
+    return found.friedman
 
 
 def _p(value: float) -> str:
     return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
-def lengths_differ(study: Study) -> Answer:
+def _difference(test: FriedmanEntry, method: str, reference: str) -> float:
+    """Mean of the method minus the reference."""
+    pair = test.pair(method, reference)
+    return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
+
+
+def lengths_differ(study: Puchaud2019Document) -> Answer:
     """Whether Friedman finds a difference between models in every length."""
-    tests = {name: _test(study, "segment_length", name) for name in LENGTHS}
+    tests = {name: _test(study, "segment_lengths_mm", name) for name in LENGTHS}
     return Answer(
         all(t.significant for t in tests.values()),
         ", ".join(f"{name} {_p(t.p)}" for name, t in tests.items()),
     )
 
 
-def lengths_against_image(study: Study, method: str, names: Iterable[str], *, differ: bool) -> Answer:
+def lengths_against_image(
+    study: Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
+) -> Answer:
     """Whether a method's lengths all differ, or all do not differ, from EB's."""
-    pairs = {name: _test(study, "segment_length", name).pair(method, "EB") for name in names}
+    tests = {name: _test(study, "segment_lengths_mm", name) for name in names}
+    pairs = {name: test.pair(method, "EB") for name, test in tests.items()}
     return Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
-            f"{name} {_signed(_MM * _towards(p.methods, p.difference_mean, 'EB'))} ± "
-            f"{_MM * p.difference_sd:.1f} mm ({_p(p.p)})"
+            f"{name} {_difference(tests[name], method, 'EB'):+.1f} ± {p.difference_sd:.1f} mm ({_p(p.p)})"
             for name, p in pairs.items()
         ),
     )
 
 
-def _towards(methods: tuple[str, str], difference: float, reference: str) -> float:
-    """The other method minus the reference."""
-    return difference if methods[1] == reference else -difference
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.1f}"
-
-
-def inter_hip_alike(study: Study) -> Answer:
+def inter_hip_alike(study: Puchaud2019Document) -> Answer:
     """Whether neither MB's nor MB_lam's inter-hip distance differs from EB's."""
-    both = [lengths_against_image(study, method, ("inter_hip",), differ=False) for method in ("MB", "MB_lam")]
+    both = {m: lengths_against_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
     return Answer(
-        all(answer.holds for answer in both),
-        "; ".join(f"{m} {a.figures}" for m, a in zip(("MB", "MB_lam"), both, strict=True)),
+        all(answer.holds for answer in both.values()), "; ".join(f"{m} {a.figures}" for m, a in both.items())
     )
 
 
-def femurs_nearer(study: Study) -> Answer:
+def femurs_nearer(study: Puchaud2019Document) -> Answer:
     """Whether MB's femurs lie nearer to EB's than MB_lam's do, mean over both sides."""
-    gaps = {}
-    for method in ("MB", "MB_lam"):
-        means = [study.cohort.scalar("segment_length", f"femur_{side}").mean for side in "rl"]
-        gaps[method] = [_MM * (mean[method] - mean["EB"]) for mean in means]
+    means = [study.statistics.quantity("segment_lengths_mm", f"femur_{side}").mean for side in "rl"]
+    gaps = {method: [mean[method] - mean["EB"] for mean in means] for method in ("MB", "MB_lam")}
     size = {method: float(np.mean(np.abs(gap))) for method, gap in gaps.items()}
     return Answer(
         size["MB"] < size["MB_lam"],
-        "; ".join(f"{m} right {_signed(g[0])}, left {_signed(g[1])} mm" for m, g in gaps.items()),
+        "; ".join(f"{m} right {g[0]:+.1f}, left {g[1]:+.1f} mm" for m, g in gaps.items()),
     )
 
 
-def _error(study: Study) -> GroupComparison:
-    return _test(study, "kinematic_error", "calibration")
-
-
-def _means(test: GroupComparison) -> str:
-    return ", ".join(f"{m} {_MM * test.mean[m]:.1f} ± {_MM * test.sd[m]:.1f}" for m in METHODS) + " mm"
-
-
-def largest_error(study: Study) -> Answer:
+def largest_error(study: Puchaud2019Document) -> Answer:
     """Whether MB has the largest kinematic error, and differs from every other model."""
-    test = _error(study)
-    pairs = test.against("MB")
+    found, test = study.statistics.quantity(*_ERROR), _test(study, *_ERROR)
+    pairs = {m: test.pair(m, "MB") for m in METHODS if m != "MB"}
+    means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in METHODS)
     return Answer(
-        max(test.mean, key=test.mean.__getitem__) == "MB" and all(p.significant for p in pairs.values()),
-        _means(test) + "; MB against " + ", ".join(f"{m} {_p(p.p)}" for m, p in pairs.items()),
+        max(found.mean, key=found.mean.__getitem__) == "MB" and all(p.significant for p in pairs.values()),
+        f"{means} mm; MB against " + ", ".join(f"{m} {_p(p.p)}" for m, p in pairs.items()),
     )
 
 
-def error_order(study: Study) -> Answer:
+_ERROR = ("kinematic_error_mm", "calibration")
+
+
+def error_order(study: Puchaud2019Document) -> Answer:
     """Whether the models' mean kinematic errors rank as in figure 5."""
-    test = _error(study)
-    order = sorted(METHODS, key=test.mean.__getitem__, reverse=True)
-    said = " > ".join(f"{m} {_MM * test.mean[m]:.1f}" for m in order)
+    mean = study.statistics.quantity(*_ERROR).mean
+    order = sorted(METHODS, key=mean.__getitem__, reverse=True)
+    said = " > ".join(f"{m} {mean[m]:.1f}" for m in order)
     return Answer(order == ["MB", "MB_lam", "EB", "MB_am", "EB_am"], f"{said} mm")
 
 
-def errors_differ(method: str, others: Sequence[str], *, differ: bool) -> Callable[[Study], Answer]:
+def errors_differ(
+    method: str, others: Sequence[str], *, differ: bool
+) -> Callable[[Puchaud2019Document], Answer]:
     """Whether the kinematic error of a model differs from those of others, or from none of them."""
 
-    def ask(study: Study) -> Answer:
-        pairs = {other: _error(study).pair(method, other) for other in others}
+    def ask(study: Puchaud2019Document) -> Answer:
+        test = _test(study, *_ERROR)
+        pairs = {other: test.pair(method, other) for other in others}
         return Answer(
             all(p.significant is differ for p in pairs.values()),
             ", ".join(
-                f"against {other} {_signed(_MM * _towards(p.methods, p.difference_mean, other))} mm "
-                f"({_p(p.p)})"
+                f"against {other} {_difference(test, method, other):+.1f} mm ({_p(p.p)})"
                 for other, p in pairs.items()
             ),
         )
@@ -136,106 +115,97 @@ def errors_differ(method: str, others: Sequence[str], *, differ: bool) -> Callab
     return ask
 
 
-def axes_turn_little(study: Study) -> Answer:
+def axes_turn_little(study: Puchaud2019Document) -> Answer:
     """Whether every mean turn of a knee axis is small."""
-    means = {
-        m: [float(np.degrees(study.cohort.scalar("knee_axis", a).mean[m])) for a in AXES]
-        for m in ("MB_lam", "MB_am", "EB_am")
-    }
+    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in AXES]
+    means = {method: [mean[method] for mean in found] for method in _FITTING}
     return Answer(
         max(abs(v) for row in means.values() for v in row) <= _SMALL_DEG,
         "; ".join(f"{m} {', '.join(f'{v:+.1f}' for v in row)}" for m, row in means.items()) + " deg",
     )
 
 
-def axes_scatter(study: Study) -> Answer:
+def axes_scatter(study: Puchaud2019Document) -> Answer:
     """Whether MB_lam's knee axes have the largest standard deviation, mean over turns."""
-    spread = {
-        m: float(np.degrees(np.mean([study.cohort.scalar("knee_axis", a).sd[m] for a in AXES])))
-        for m in ("MB_lam", "MB_am", "EB_am")
-    }
+    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in AXES]
+    spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
     return Answer(
         max(spread, key=spread.__getitem__) == "MB_lam",
         ", ".join(f"{m} {v:.2f}" for m, v in spread.items()) + " deg (mean SD)",
     )
 
 
-def shifts(study: Study) -> Answer:
+def shifts(study: Puchaud2019Document) -> Answer:
     """Whether mean marker shifts rank as in the paper."""
-    found = study.cohort.scalar("marker_shift", "mean_over_markers")
+    found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
     order = sorted(found.mean, key=found.mean.__getitem__)
     return Answer(
         order == ["MB_lam", "EB_am", "MB_am"],
-        ", ".join(f"{m} {_MM * found.mean[m]:.1f} ± {_MM * found.sd[m]:.1f}" for m in order) + " mm",
+        ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in order) + " mm",
     )
 
 
-def angles(joint: str, methods: Sequence[str], *, differ: bool) -> Callable[[Study], Answer]:
+def angles(joint: str, methods: Sequence[str], *, differ: bool) -> Callable[[Puchaud2019Document], Answer]:
     """Whether a joint's angles differ from those of EB_am somewhere in the cycle, on both sides."""
 
-    def ask(study: Study) -> Answer:
+    def ask(study: Puchaud2019Document) -> Answer:
         found = {
-            f"{side} {method}": _pair(study.cohort.curve(f"{joint}_{side}").test, method)
+            f"{side} {method}": _curves_differ(study.statistics.curve(f"{joint}_{side}"), method)
             for side in "rl"
             for method in methods
         }
-        decided = [pair.differs for pair in found.values()]
-        said = ", ".join(f"{name} {pair.words}" for name, pair in found.items())
-        few = _pair(study.walkers.curve(f"{joint}_r").test, methods[0])
+        decided = [differs for differs, _ in found.values()]
+        said = ", ".join(f"{name} {words}" for name, (_, words) in found.items())
+        _, few = _curves_differ(study.walkers_statistics.curve(f"{joint}_r"), methods[0])
         return Answer(
             None if None in decided else all(d is differ for d in decided),
-            f"{len(study.cohort.subjects)} subjects: {said}; {len(study.walkers.subjects)} subjects alone: "
-            f"{few.words}",
+            f"{len(study.subjects)} subjects: {said}; {len(study.walkers)} subjects alone: {few}",
         )
 
     return ask
 
 
-@dataclass(frozen=True, slots=True)
-class _Pair:
-    """Whether a method's curves differ from the reference's; None where too few subjects walked."""
-
-    differs: bool | None
-    words: str
-
-
-def _pair(test: WaveformComparison | None, method: str) -> _Pair:
-    if test is None:
-        return _Pair(None, "not compared")
-    if not test.anova.significant:
-        return _Pair(
-            False if test.anova.can_decide else None, f"no difference between models ({_p(test.anova.p)})"
-        )
-    pair = test.pair(method, "EB_am").test
+def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
+    """Whether a method's curves differ from EB_am's, None where too few subjects walked; and words for it."""
+    anova = curve.anova
+    if anova is None:
+        return None, "not compared"
+    if not anova.significant:
+        return False if anova.can_decide else None, f"no difference between models ({_p(anova.p)})"
+    pair = curve.pair(method, "EB_am").test
     if not pair.can_decide:
-        return _Pair(None, "models differ, but the subjects are too few for any pair to be significant")
+        return None, "models differ, but the subjects are too few for any pair to be significant"
     if not pair.significant:
-        return _Pair(False, f"does not differ ({_p(pair.p)})")
-    return _Pair(True, "differs at " + ", ".join(f"{c.start:.0f}-{c.end:.0f} %" for c in pair.clusters))
+        return False, f"does not differ ({_p(pair.p)})"
+    return True, "differs at " + ", ".join(f"{start:.0f}-{end:.0f} %" for start, end in pair.spans)
 
 
-def most_consistent(study: Study) -> Answer:
+def most_consistent(study: Puchaud2019Document) -> Answer:
     """RMS over the cycle and both sides of the mean difference from EB_am, hip and knee flexion, by model."""
+    curves = [
+        study.statistics.curve(f"{joint}_{side}").mean_deg
+        for joint in ("hip_flexion", "knee_angle")
+        for side in "rl"
+    ]
     gaps = {}
     for method in ("MB", "MB_lam", "MB_am"):
-        curves = [
-            study.cohort.curve(f"{joint}_{s}").mean for joint in ("hip_flexion", "knee_angle") for s in "rl"
-        ]
-        gaps[method] = float(np.degrees(np.sqrt(np.mean([(c[method] - c["EB_am"]) ** 2 for c in curves]))))
+        apart = [np.subtract(curve[method], curve["EB_am"]) for curve in curves]
+        gaps[method] = float(np.sqrt(np.mean(np.square(apart))))
     return Answer(
         min(gaps, key=gaps.__getitem__) == "MB_am",
         ", ".join(f"{m} {gap:.1f}" for m, gap in gaps.items()) + " deg",
     )
 
 
-def quick(study: Study) -> Answer:
+def quick(study: Puchaud2019Document) -> Answer:
     """Whether the slowest subject took less than the paper's four minutes."""
-    return Answer(study.slowest_s < 240.0, f"slowest subject {study.slowest_s:.1f} s, all five models")
+    slowest = study.slowest_subject_s
+    return Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")
 
 
 _LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
 
-CLAIMS: tuple[Claim[Study], ...] = (
+CLAIMS: tuple[Claim[Puchaud2019Document], ...] = (
     Claim(
         "table 2",
         "Segment lengths differ between the models",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -11,9 +10,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.cohort.document import Part, Rounded, StatisticsDocument
-from scaling_service.capabilities.cohort.groups import ScalarComparison
-from scaling_service.capabilities.cohort.statistics import CohortStatistics
+from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
+from scaling_service.documents.base import Part, Rounded
 from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.studies.claims import StudyDocument
 
@@ -68,35 +66,24 @@ AXES = ("r_x", "r_y", "l_x", "l_y")
 SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
 """Methods that keep the lengths of their first guess share its column in table 2."""
 
-_MM = 1e-3
+Spread = tuple[float, float]
+"""Mean and standard deviation over subjects."""
 
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Mean and standard deviation over subjects, m or rad."""
-
-    mean: float
-    sd: float
-
-
-Table = Mapping[str, Mapping[str, Spread]]
-"""Method to quantity to its spread."""
+Spreads = Mapping[str, Spread]
 
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """What the paper found."""
+    """What the paper found, of each method."""
 
     source: str
-    lengths: Table  # table 2, m
+    lengths_mm: Mapping[str, Spreads]  # table 2
     differs_from_EB: Mapping[str, Mapping[str, str]]  # method to length to stars, where table 2 has any
-    knee_axes: Table  # table 3, rad
-    errors: Mapping[str, Spread]
-    shifts: Mapping[str, Spread]
-    """``errors``, ``shifts``: method to kinematic error (figure 5) and marker shift (section 3.1), m."""
-    length_differences: Table  # method minus EB (figure 4), m
-    literature_errors: Mapping[str, float]
-    """Table 5: study to its mean kinematic error, m."""
+    knee_axes_deg: Mapping[str, Spreads]  # table 3
+    errors_mm: Spreads  # figure 5
+    shifts_mm: Spreads  # section 3.1
+    length_differences_mm: Mapping[str, Spreads]  # figure 4: method minus EB
+    literature_errors_mm: Mapping[str, float]  # table 5: study to its mean kinematic error
 
 
 @cache
@@ -104,97 +91,90 @@ def paper() -> Paper:
     """The paper's numbers, read once."""
     content = read_reference(reference_folder() / "puchaud2019.yaml")
     lengths = content["segment_lengths_mm"]
-    table = _table({m: lengths[SAME_LENGTHS.get(m, m)] for m in METHODS}, _MM)
     return Paper(
         source=" ".join(content["source"].split()),
-        lengths=table,
+        lengths_mm={m: lengths[SAME_LENGTHS.get(m, m)] for m in METHODS},
         differs_from_EB=lengths["differs_from_EB"],
-        knee_axes=_table(content["knee_axis_deg"], float(np.pi / 180.0)),
-        errors=_spreads(content["kinematic_error_mm"], _MM),
-        shifts=_spreads(content["marker_shift_mm"], _MM),
-        length_differences=_table(content["length_difference_mm"], _MM),
-        literature_errors={who: _MM * value for who, value in content["literature_error_mm"].items()},
+        knee_axes_deg=content["knee_axis_deg"],
+        errors_mm=content["kinematic_error_mm"],
+        shifts_mm=content["marker_shift_mm"],
+        length_differences_mm=content["length_difference_mm"],
+        literature_errors_mm=content["literature_error_mm"],
     )
 
 
-def _table(content: Mapping[str, Mapping[str, list[float]]], unit: float) -> dict[str, dict[str, Spread]]:
-    return {method: _spreads(row, unit) for method, row in content.items()}
-
-
-def _spreads(content: Mapping[str, list[float]], unit: float) -> dict[str, Spread]:
-    return {name: Spread(unit * mean, unit * sd) for name, (mean, sd) in content.items()}
-
-
-_TO_MM, _TO_DEG = 1e3, 180.0 / math.pi
-
-
-def lengths(cohort: CohortStatistics) -> list[Beside]:
-    """Table 2, mm."""
-    known = paper()
+def lengths(found: StatisticsDocument) -> list[Beside]:
+    """Table 2."""
+    stars = paper().differs_from_EB
     return [
         _against_image(
-            cohort.scalar("segment_length", name),
+            found.quantity("segment_lengths_mm", name),
             method,
-            known.lengths[method][name],
-            known.differs_from_EB.get(method, {}).get(name, ""),
+            paper().lengths_mm[method][name],
+            stars.get(method, {}).get(name, ""),
         )
         for name in LENGTHS
         for method in METHODS
     ]
 
 
-def knee_axes(cohort: CohortStatistics) -> list[Beside]:
-    """Table 3, degrees."""
+def knee_axes(found: StatisticsDocument) -> list[Beside]:
+    """Table 3."""
     return [
-        _cell(cohort.scalar("knee_axis", name), method, row[name], _TO_DEG)
-        for method, row in paper().knee_axes.items()
+        _beside(found.quantity("knee_axis_deg", name), method, row[name])
+        for method, row in paper().knee_axes_deg.items()
         for name in AXES
     ]
 
 
-def errors(cohort: CohortStatistics) -> list[Beside]:
-    """Figure 5, of which table 5 repeats some means, mm."""
-    found = cohort.scalar("kinematic_error", "calibration")
-    return [_against_image(found, method, paper().errors[method]) for method in METHODS]
+def errors(found: StatisticsDocument) -> list[Beside]:
+    """Figure 5, of which table 5 repeats some means."""
+    entry = found.quantity("kinematic_error_mm", "calibration")
+    return [_against_image(entry, method, paper().errors_mm[method]) for method in METHODS]
 
 
-def length_differences(cohort: CohortStatistics) -> list[Beside]:
-    """Figure 4: method minus EB, mm."""
+def length_differences(found: StatisticsDocument) -> list[Beside]:
+    """Figure 4: method minus EB."""
     cells = []
     for method in ("MB", "MB_lam"):
         for name in LENGTHS:
-            values = cohort.scalar("segment_length", name).values
+            values = found.quantity("segment_lengths_mm", name).values
             gaps = np.array([of[method] - of["EB"] for of in values.values()])
-            ours = Spread(float(gaps.mean()), float(gaps.std(ddof=1)))
-            cells.append(_beside(name, method, paper().length_differences[method].get(name), ours, _TO_MM))
+            theirs = paper().length_differences_mm[method].get(name, (None, None))
+            cells.append(
+                Beside(
+                    quantity=name,
+                    method=method,
+                    paper_mean=theirs[0],
+                    paper_sd=theirs[1],
+                    mean=float(gaps.mean()),
+                    sd=float(gaps.std(ddof=1)),
+                )
+            )
     return cells
 
 
-def marker_shifts(cohort: CohortStatistics) -> list[Beside]:
-    """Section 3.1, mm. The paper's scatter is over coordinates, ours over subjects."""
-    found = cohort.scalar("marker_shift", "mean_over_markers")
-    return [_cell(found, method, spread, _TO_MM) for method, spread in paper().shifts.items()]
+def marker_shifts(found: StatisticsDocument) -> list[Beside]:
+    """Section 3.1. The paper's scatter is over coordinates, ours over subjects."""
+    entry = found.quantity("marker_shift_mm", "mean_over_markers")
+    return [_beside(entry, method, spread) for method, spread in paper().shifts_mm.items()]
 
 
-def _cell(found: ScalarComparison, method: str, theirs: Spread, unit: float) -> Beside:
-    return _beside(found.quantity, method, theirs, Spread(found.mean[method], found.sd[method]), unit)
-
-
-def _beside(quantity: str, method: str, theirs: Spread | None, ours: Spread, unit: float) -> Beside:
+def _beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
     return Beside(
-        quantity=quantity,
+        quantity=found.quantity,
         method=method,
-        paper_mean=None if theirs is None else unit * theirs.mean,
-        paper_sd=None if theirs is None else unit * theirs.sd,
-        mean=unit * ours.mean,
-        sd=unit * ours.sd,
+        paper_mean=theirs[0],
+        paper_sd=theirs[1],
+        mean=found.mean[method],
+        sd=found.sd[method],
     )
 
 
-def _against_image(found: ScalarComparison, method: str, theirs: Spread, stars: str = "") -> Beside:
-    plain = _cell(found, method, theirs, _TO_MM)
-    if method == "EB" or found.test is None:
+def _against_image(found: QuantityEntry, method: str, theirs: Spread, stars: str = "") -> Beside:
+    plain = _beside(found, method, theirs)
+    if method == "EB" or found.friedman is None:
         return plain
-    pair = found.test.pair(method, "EB")
+    pair = found.friedman.pair(method, "EB")
     tested = {"paper_stars": stars, "p_from_EB": pair.p, "significant": pair.significant}
     return plain.model_copy(update=tested)

@@ -5,68 +5,37 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import plotly.graph_objects as go
-import rich.table
 
-from scaling_service.capabilities.cohort.figures import angle_blocks, quantity_words
-from scaling_service.capabilities.cohort.report import statistics_sections
+from scaling_service.capabilities.cohort.report import angle_blocks, quantity_words, statistics_sections
 from scaling_service.core.text import p_words
-from scaling_service.report.blocks import Block, Cell, Grid, Row, Table
+from scaling_service.report.blocks import Cell, Grid, Row, Table
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.methods import FAINT, method_columns, styles
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import study_page
-from scaling_service.studies.puchaud2019.claims import Study
 from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document
-from scaling_service.studies.screen import titled_table
 
 
-def page(document: Puchaud2019Document, study: Study) -> Page:
-    """The page of the study: its document, and the statistics of all persons and of the walkers alone."""
+def page(document: Puchaud2019Document) -> Page:
+    """The page of the study."""
     return study_page(
         "Puchaud et al. 2019",
         document,
         [
-            Section("The paper's tables beside ours", list(_tables(document)), new_page=True),
-            Section("The paper's figures beside ours", list(_figures(document)), new_page=True),
+            Section("The paper's tables beside ours", list(tables(document)), new_page=True),
+            Section("The paper's figures beside ours", [_figures(document)], new_page=True),
             Section(
-                f"Figure 6: joint angles of {len(study.walkers.subjects)} walkers",
-                list(angle_blocks(study.walkers.curves)),
+                f"Figure 6: joint angles of {len(document.walkers)} walkers",
+                list(angle_blocks(document.walkers_statistics.joint_angles)),
                 new_page=True,
             ),
-            *statistics_sections(study.cohort),
+            *statistics_sections(document.statistics),
         ],
     )
 
 
-def tables(document: Puchaud2019Document) -> Iterator[rich.table.Table]:
-    """The paper's tables beside ours, for the terminal."""
-    for title, cells in (
-        ("Segment lengths, mm (table 2): paper | here", document.segment_lengths_mm),
-        ("Knee axes, deg (table 3): paper | here", document.knee_axis_deg),
-        ("Kinematic error, mm (figure 5): paper | here", document.kinematic_error_mm),
-        ("Marker shifts, mm: paper | here", document.marker_shift_mm),
-    ):
-        methods = list(dict.fromkeys(cell.method for cell in cells))
-        shown = titled_table(title, methods)
-        for quantity, of in _by_quantity(cells).items():
-            shown.add_row(quantity, *(_short(of[m]) if m in of else "" for m in methods))
-        yield shown
-
-
-def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
-    """Quantity to method to its cell."""
-    found: dict[str, dict[str, Beside]] = {}
-    for cell in cells:
-        found.setdefault(cell.quantity, {})[cell.method] = cell
-    return found
-
-
-def _short(cell: Beside) -> str:
-    theirs = "–" if cell.paper_mean is None else f"{cell.paper_mean:.1f}{cell.paper_stars}"
-    return f"{theirs} | {cell.mean:.1f}{'*' if cell.significant else ''}"
-
-
-def _tables(document: Puchaud2019Document) -> Iterator[Block]:
+def tables(document: Puchaud2019Document) -> Iterator[Table]:
+    """The paper's tables beside ours."""
     yield _beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
     yield _beside("Table 3: knee axes, degrees", document.knee_axis_deg)
     literature = ", ".join(f"{who} {value:.1f}" for who, value in document.literature_error_mm.items())
@@ -76,6 +45,14 @@ def _tables(document: Puchaud2019Document) -> Iterator[Block]:
         f"Others, as table 5 gives them: {literature} mm.",
     )
     yield _beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
+
+
+def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
+    """Quantity to method to its cell."""
+    found: dict[str, dict[str, Beside]] = {}
+    for cell in cells:
+        found.setdefault(cell.quantity, {})[cell.method] = cell
+    return found
 
 
 def _beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
@@ -101,8 +78,8 @@ def _ours(cell: Beside | None) -> Cell:
     return Cell(f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}")
 
 
-def _figures(document: Puchaud2019Document) -> Iterator[Block]:
-    yield Grid(
+def _figures(document: Puchaud2019Document) -> Grid:
+    return Grid(
         [
             _bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),
             _bars("Figure 5: kinematic error, mm", document.kinematic_error_mm),

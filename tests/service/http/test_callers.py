@@ -89,13 +89,41 @@ def test_on_this_machine_no_key_is_needed_until_there_is_one(served: Served) -> 
     assert served.call("GET", "/v1/jobs", key).status_code == 200
 
 
-def test_keys_cannot_be_guessed_quickly(tmp_path: Path) -> None:
-    with serving(settings_in(tmp_path), loopback=False) as served:
+def test_wrong_keys_are_slowed_down_and_lock_out_no_right_one(tmp_path: Path) -> None:
+    with serving(settings_in(tmp_path, request_rate=0.1, request_burst=20), loopback=False) as served:
         key = served.key("lab")
-        codes = [served.call("GET", "/v1/jobs", f"scs_0_{k}").status_code for k in range(12)]
-        assert codes[:10] == [401] * 10
-        assert codes[-1] == 429
-        assert served.call("GET", "/v1/jobs", key).status_code == 429  # until the address has calmed down
+        codes = [served.call("GET", "/v1/jobs", f"scs_0_{k}").status_code for k in range(30)]
+        assert codes == [401] * 20 + [429] * 10
+        assert served.call("GET", "/v1/jobs", key).status_code == 200
+
+
+FOREIGN: list[dict[str, str]] = [
+    {"Origin": "http://evil.example"},
+    {"Origin": "null"},
+    {"Sec-Fetch-Site": "cross-site"},
+    {"Sec-Fetch-Site": "same-site"},
+]
+
+
+@pytest.mark.parametrize("headers", FOREIGN)
+def test_a_page_of_another_site_cannot_change_anything(served: Served, headers: dict[str, str]) -> None:
+    for method, path in (
+        ("POST", "/v1/examples"),
+        ("PUT", "/v1/subjects/S01/files/a"),
+        ("POST", "/v1/subjects"),
+    ):
+        answer = served.call(method, path, headers=headers | {"Content-Type": "text/plain"}, data=b"")
+        assert (answer.status_code, answer.json()["type"]) == (403, "urn:scaling-service:ForeignOrigin")
+    assert served.call("GET", "/v1/subjects", headers=headers).json()["items"] == []
+
+
+def test_the_services_own_page_and_whoever_has_a_key_may_change_things(served: Served) -> None:
+    own = {"Origin": served.url, "Sec-Fetch-Site": "same-origin"}
+    assert served.call("POST", "/v1/subjects", headers=own, json=person("S01")).status_code == 201
+    key = served.key(
+        "lab"
+    )  # a proxy's name is another origin; a key is nothing that browsers send by themselves
+    assert served.call("POST", "/v1/subjects", key, headers=FOREIGN[0], json=person("S01")).status_code == 201
 
 
 def test_a_page_of_another_site_cannot_ask_through_the_browser(served: Served) -> None:

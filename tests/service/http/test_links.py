@@ -53,22 +53,13 @@ def test_a_link_of_another_owner_shows_what_that_owner_has(lab: tuple[Served, st
 
 
 def test_tickets_end_and_cannot_be_made_elsewhere() -> None:
-    tickets, path = Tickets(), "/v1/jobs/1/files.zip"
-    ticket, until_s = tickets.issue("lab", path, now_s=1000.0)
+    now = 1000.0
+    tickets, path = Tickets(clock=lambda: now), "/v1/jobs/1/files.zip"
+    ticket, until_s = tickets.issue("lab", path)
     assert until_s == 1000 + LIFETIME_S
-    assert tickets.owner_of(ticket, path, now_s=until_s) == "lab"
-    assert tickets.owner_of(ticket, path, now_s=until_s + 1) is None
-    assert Tickets().owner_of(ticket, path, now_s=1000.0) is None
-    until, owner, signed = ticket.split(".")
-    for forged in (
-        f"{int(until) + 9999}.{owner}.{signed}",
-        f"{until}.b3RoZXI=.{signed}",
-        f"{until}.{owner}.",
-        f"{until}.{owner}",
-        f"{until}.é.{signed}",
-        f"²{until}.{owner}.{signed}",
-        "9" * 5000,
-        "",
-        "...",
-    ):
-        assert tickets.owner_of(forged, path, now_s=1000.0) is None, forged
+    for forged in ("", "...", ticket[:-1], f"{ticket}A", "é", "9" * 5000, Tickets().issue("lab", path)[0]):
+        assert tickets.owner_of(forged, path) is None, forged
+    now = until_s
+    assert tickets.owner_of(ticket, path) == "lab"
+    now = until_s + 1
+    assert tickets.owner_of(ticket, path) is None

@@ -10,9 +10,9 @@ import yaml
 from pydantic import ValidationError
 
 from scaling_service.capabilities.discovery.job import DiscoverRequest
+from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.discovery.saving import save_discovery
-from scaling_service.capabilities.discovery.settings import DiscoverSettings
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.files.trc import write_trc

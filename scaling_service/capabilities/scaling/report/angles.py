@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.report.blocks import Block, Details, Grid, Heading, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, cycle_figure, lines, ranges, stretches
-from scaling_service.report.methods import method_legend, words
+from scaling_service.report.figures import Figure, chart, cycle_figure, lines, ranges
+from scaling_service.report.methods import method_legend, percent_spans, words
 from scaling_service.report.page import Section
 
 
@@ -81,7 +81,7 @@ def _over_cycle(curve: CycleCurves) -> Figure:
         f"{ranges(curve.mean)}"
     )
     sd = curve.sd if curve.n_cycles > 1 else {}
-    return cycle_figure(title, described, curve.mean, sd, curve.anova)
+    return cycle_figure(title, described, curve.mean, sd, [] if curve.anova is None else curve.anova.spans)
 
 
 def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
@@ -91,10 +91,10 @@ def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
         assert test is not None
         p = f"{test.p:.3f}" if test.can_decide else f"cannot decide (smallest possible {test.smallest_p:.2g})"
         pairs = [
-            f"{method}: {stretches(pair) if pair.can_decide else 'too few cycles'}"
+            f"{method}: {percent_spans(pair.spans) if pair.can_decide else 'too few cycles'}"
             for method, pair in curve.pairs.items()
         ]
-        cells = [str(curve.n_cycles), p, stretches(test), "; ".join(pairs) or "not tested"]
+        cells = [str(curve.n_cycles), p, percent_spans(test.spans), "; ".join(pairs) or "not tested"]
         rows.append(Row(words(curve.name), cells))
     return Table(
         "Do the methods differ along the curve?",

@@ -9,7 +9,14 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.capabilities.scaling.comparison.curves import Curves
-from scaling_service.documents.results import ComparisonDocument, JointCentre, MethodResult, TrialError
+from scaling_service.capabilities.scaling.report.tables import (
+    FAR_MM,
+    Methods,
+    axis_table,
+    error_table,
+    length_table,
+)
+from scaling_service.documents.results import ComparisonDocument, JointCentre, MethodResult
 from scaling_service.report.blocks import Block, Cell, Grid, Heading, Row, Table, Text
 from scaling_service.report.figures import Figure, chart, lines, plain
 from scaling_service.report.methods import (
@@ -17,18 +24,14 @@ from scaling_service.report.methods import (
     method_columns,
     method_legend,
     number,
-    signed,
     styles,
     union,
     words,
 )
 from scaling_service.report.page import Section
 
-Methods = Mapping[str, MethodResult]
-
 _ROLES = (("evaluation", "Held out: never fitted"), ("calibration", "Used to fit"))
 _DARKEST = 30.0  # mm; chosen: beyond it a marker is lost rather than badly followed
-_FAR = 20.0  # mm; the darkest shade. Chosen: twice what counts as agreeing with an image
 _SHIFTED = 40.0  # mm; of marker shifts. Chosen: a little less than their usual bound of 50 mm
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x")
 """Of each method in turn, each smaller than the one before, so that those in one place all show."""
@@ -48,16 +51,7 @@ def _errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
         "Fitted trials flatter a fit. Held-out ones do less, above all where they show another movement than "
         "the fitted ones: skin that slides the same way in both is not found out."
     )
-    rows: list[Row] = []
-    for role, title in _ROLES:
-        rows += [Row(title)] if trials[role] else []
-        rows += [
-            Row(trial, [_mean_sd(m.kinematic_error_mm.get(trial)) for m in methods.values()])
-            for trial in trials[role]
-        ]
-    yield Table(
-        "Kinematic error, mm: mean ± SD over frames (largest)", ["", *method_columns(list(methods))], rows
-    )
+    yield error_table(methods)
     yield method_legend(list(methods))
     for role, title in _ROLES:
         drawn = [c for c in curves if c.held_out == (role == "evaluation")]
@@ -77,10 +71,6 @@ def _errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
 
 def _trials(methods: Methods, role: str) -> list[str]:
     return union({t: e for t, e in m.kinematic_error_mm.items() if e.role == role} for m in methods.values())
-
-
-def _mean_sd(error: TrialError | None) -> str:
-    return "–" if error is None else f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
 
 
 def _over_time(curve: Curves) -> Figure:
@@ -139,7 +129,7 @@ def _geometry(
     elif imaged is not None:
         lengths = methods[imaged].segment_lengths_mm
         reference, title = {name: lengths[name] for name in imaged_lengths if name in lengths}, "image"
-    yield _lengths(methods, reference, title)
+    yield length_table(methods, reference, title)
     yield from _rests_on(methods)
     if reference:
         yield _length_differences(methods, reference, title)
@@ -158,7 +148,7 @@ def _geometry(
             ]
         )
     if any(m.knee_axis_deg for m in methods.values()):
-        yield _axes(methods)
+        yield axis_table(methods)
     moved = {name: m.marker_shift_mm for name, m in methods.items() if any(m.marker_shift_mm.values())}
     if moved:
         yield _heat_map(
@@ -168,27 +158,6 @@ def _geometry(
             "Over 26 persons: 5.6 ± 12.7 mm (MB_lam), 12.3 ± 9.8 mm (MB_am), 6.3 ± 7.8 mm (EB_am; Puchaud "
             "2019, section 3.1).",
         )
-
-
-def _lengths(methods: Methods, reference: Mapping[str, float], title: str) -> Table:
-    rows = []
-    for name in union(m.segment_lengths_mm for m in methods.values()):
-        cells: list[str | Cell] = []
-        for method in methods.values():
-            value, against = method.segment_lengths_mm.get(name), reference.get(name)
-            estimate = method.length_estimates.get(name)
-            text = number(value) + (f" ± {number(estimate.sd_mm)}" if estimate is not None else "")
-            if value is not None and against is not None:
-                cells.append(Cell(f"{text} ({signed(value - against)})", shade=abs(value - against) / _FAR))
-            else:
-                cells.append(text)
-        rows.append(Row(words(name), [*cells, *([number(reference.get(name))] if reference else [])]))
-    note = "± is one standard deviation, from the errors of markers and sizes."
-    note += f" In brackets: the difference from the {title}." if reference else ""
-    if title == "image":
-        note += " Only lengths between imaged joint centres are held against the image."
-    columns: list[str | Cell] = ["", *method_columns(list(methods)), *([title] if reference else [])]
-    return Table("Segment lengths between joint centres, mm", columns, rows, note)
 
 
 def _rests_on(methods: Methods) -> Iterator[Block]:
@@ -279,7 +248,7 @@ def _hip_table(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mapping[st
                 cells: list[str | Cell] = [f"{v:.1f}" for v in xyz]
                 if imaged:
                     gap = math.dist(xyz, imaged[name].xyz)
-                    cells.append(Cell(f"{gap:.1f}", shade=gap / _FAR))
+                    cells.append(Cell(f"{gap:.1f}", shade=gap / FAR_MM))
                 rows.append(Row(Cell(method, colour=known[method].colour), cells))
     return Table(
         "Hip centres in the frame of the pelvis, mm",
@@ -298,19 +267,4 @@ def _hip_view(hips: Mapping[str, Mapping[str, JointCentre]], up: int, title: str
         title,
         f"Hip centres of all methods in the pelvis, {title.lower()}; the numbers are in the table.",
         280,
-    )
-
-
-def _axes(methods: Methods) -> Table:
-    rows = []
-    for side in union(m.knee_axis_deg for m in methods.values()):
-        axes = [m.knee_axis_deg.get(side) for m in methods.values()]
-        name = {"r": "right", "l": "left"}.get(side, side)
-        rows.append(Row(f"{name}, about x", [signed(None if a is None else a.x) for a in axes]))
-        rows.append(Row(f"{name}, about y", [signed(None if a is None else a.y) for a in axes]))
-    return Table(
-        "Knee axes: turned from the thigh's z axis, degrees",
-        ["", *method_columns(list(methods))],
-        rows,
-        "Over 26 persons the turns were within 2° on average and 2 to 4° SD (Puchaud 2019, table 3).",
     )

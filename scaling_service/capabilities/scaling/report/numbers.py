@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from scaling_service.capabilities.scaling.report.tables import fitted_table
 from scaling_service.documents.results import ComparisonDocument, FittedParameter, MethodResult
 from scaling_service.report.blocks import Block, Cell, Details, Row, Table, Text
-from scaling_service.report.methods import method_columns
 from scaling_service.report.page import Section
 from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
 
@@ -25,20 +25,7 @@ def _numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
     if not fitted:
         yield Text("No method fitted any number.")
         return
-    yield Table(
-        "How many",
-        ["", *method_columns(list(fitted))],
-        [
-            Row("in all", [str(len(m.parameters)) for m in fitted.values()]),
-            Row(
-                "not determined",
-                [str(sum(not p.identifiable for p in m.parameters)) for m in fitted.values()],
-            ),
-            Row("at a bound", [str(sum(p.at_bound for p in m.parameters)) for m in fitted.values()]),
-        ],
-        "Not determined: the recordings say less about it than the first guess, or it belongs to a "
-        "combination that changes nothing in the markers. Such numbers mean little alone.",
-    )
+    yield fitted_table(methods)
     for name, method in fitted.items():
         yield Details(
             f"{name}: all {len(method.parameters)}",

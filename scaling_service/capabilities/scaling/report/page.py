@@ -17,12 +17,13 @@ from scaling_service.capabilities.scaling.report.angles import angles_section
 from scaling_service.capabilities.scaling.report.bodies import errors_section, geometry_section
 from scaling_service.capabilities.scaling.report.clinical import clinical_section
 from scaling_service.capabilities.scaling.report.numbers import numbers_section, provenance_section
+from scaling_service.capabilities.scaling.report.tables import plain_measure, truth_table
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.capabilities.scaling.scene import overlay
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from scaling_service.model.trial import Trial
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Row, Table, Text, Tone
-from scaling_service.report.methods import method_columns, number, union
+from scaling_service.report.methods import method_columns, union
 from scaling_service.report.page import Page, Section
 
 _TONES: dict[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
@@ -124,24 +125,13 @@ def _gates(gates: tuple[Gate, ...]) -> Table:
 
 def _truth(chosen: str, truth: TruthDocument) -> Iterator[Block]:
     """Of a virtual person: how the verdict fares against what is known."""
-    methods, names = list(truth.errors), union(truth.errors.values())
-    plain = {name: name.rpartition("_")[0].replace("_", " ") for name in names}
+    names = union(truth.errors.values())
     best = [
-        plain[name]
+        plain_measure(name)
         for name in names
         if truth.errors[chosen][name] <= min(errors[name] for errors in truth.errors.values())
     ]
-    yield Table(
-        "This person is virtual: distance from the truth on held-out trials",
-        ["", *method_columns(methods)],
-        [
-            Row(
-                f"{plain[name]}, {name.rpartition('_')[2]}",
-                [number(truth.errors[method].get(name)) for method in methods],
-            )
-            for name in names
-        ],
-    )
+    yield truth_table(truth)
     which = f": {', '.join(best)}." if best else "."
     yield Text(
         f"The verdict does not know these numbers. {chosen} is nearest to the truth in {len(best)} of "

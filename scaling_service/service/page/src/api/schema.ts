@@ -340,6 +340,7 @@ export interface DiscoveryDocument {
   repairs: Record<string, Array<RepairNote>>;
   sizes: Record<string, number>;
   verdict: "found" | "nothing" | "unexplained";
+  headline: string;
   reason: string;
   disagreements: Array<DisagreementDocument>;
   effects: Array<EffectDocument>;
@@ -410,6 +411,7 @@ export interface EvidenceDocument {
   p_held_out: number | null;
   p_family_wise: number | null;
   by_blocks: boolean;
+  summary: string;
 }
 
 export interface ExampleList {

@@ -4,7 +4,7 @@ import { getResult } from "../api/jobs.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
-import { few, figures } from "../ui/words.ts";
+import { few } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
 import { unseen } from "./unseen.ts";
@@ -37,27 +37,14 @@ function verdict(document: DiscoveryDocument): HTMLElement[] {
   return [
     h("p", { class: "quiet" }, subtitle(document)),
     callout(
-      headline(document),
+      document.headline,
       TONES[document.verdict],
       effects.length > 0 && h("ol", null, ...effects.map(({ name }) => h("li", null, name))),
-      left !== "" && h("p", null, `Still above the floor, and like no effect that is known: ${left}.`),
+      left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
-}
-
-function headline(document: DiscoveryDocument): string {
-  const level = document.gap.held_out.whitened;
-  const unseen = document.held_out_trials.length > 0 ? "held-out recordings" : "the recordings (none was held out)";
-  if (document.verdict === "nothing") {
-    const left = level === null ? "" : `: ${unseen} are followed to ${figures(level.after)} times the floor`;
-    return `Nothing stands above the noise${left}`;
-  }
-  if (document.verdict === "unexplained") return "Something stands above the noise, and nothing in the catalogue explains it";
-  const count = document.effects.length;
-  const closed = level === null ? "" : `; the gap on ${unseen} falls from ${figures(level.before)} to ${figures(level.after)} times the floor`;
-  return `${count === 1 ? "One missing effect was" : `${count} missing effects were`} found${closed}`;
 }
 
 function subtitle({ start, fitted_trials, held_out_trials }: DiscoveryDocument): string {

@@ -8,10 +8,10 @@ import { h } from "../ui/dom.ts";
 import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { chance, figures, percent } from "../ui/words.ts";
+import { figures } from "../ui/words.ts";
 
 const MOST_TRIED = 10;
-const TWINS = 6;
+const MOST_ALIKE = 6;
 const NORMAL_95 = 1.96;
 
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
@@ -23,23 +23,17 @@ export function what(document: DiscoveryDocument, signal: AbortSignal, place: HT
 }
 
 function chapter(effect: EffectDocument, count: number): HTMLElement[] {
-  const twins = effect.confusable_with;
+  const alike = effect.confusable_with;
   return [
     h("h2", null, `${count}. ${placed(effect)}`),
-    h("p", null, `${sentence(effect.name)} ${evidence(effect)}`),
+    h("p", null, `${sentence(effect.name)} ${effect.evidence.summary}`),
     numbers(effect),
-    twins.length > 0
-      ? h("div", null, h("p", null, "These recordings do not tell it from its twins:"), bullets(twins.slice(0, TWINS).map(placed)),
-          twins.length > TWINS && folded(`${twins.length - TWINS} more`, bullets(twins.slice(TWINS).map(placed))),
+    alike.length > 0
+      ? h("div", null, h("p", null, "These recordings do not tell it from:"), bullets(alike.slice(0, MOST_ALIKE).map(placed)),
+          alike.length > MOST_ALIKE && folded(`${alike.length - MOST_ALIKE} more`, bullets(alike.slice(MOST_ALIKE).map(placed))),
           effect.would_separate !== null && h("p", null, `This would tell them apart: ${effect.would_separate}.`))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];
-}
-
-function evidence({ evidence: { gain_held_out, p_held_out, p_family_wise, by_blocks } }: EffectDocument): string {
-  const unseen = by_blocks ? "blocks of time that did not fit it" : "recordings that did not fit it";
-  return `It takes ${percent(gain_held_out)} off the squared disagreement of ${unseen} (by chance: ${chance(p_held_out)}). ` +
-    `The chance of naming anything in the whole catalogue where nothing is: ${chance(p_family_wise)}.`;
 }
 
 function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement {
@@ -85,9 +79,9 @@ const namesWidth = (): number => Math.min(330, 0.4 * innerWidth);
 
 function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
   return table({
-    caption: "Above the floor, and like no effect that is known",
+    caption: "Above the noise floor, and like no effect that is known",
     name: "unexplained",
-    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "floor" }],
+    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "noise floor" }],
     rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }

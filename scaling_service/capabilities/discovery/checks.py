@@ -1,4 +1,4 @@
-"""Whether a model follows the recordings at all; before that, no effect is worth a name."""
+"""What is refused before the search, and what is said of recordings too short to decide much."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.signals.splines import MIN_SAMPLES
 
 LARGEST_M = 0.08
 """Median distance between measured and model markers above which the two do not belong together, m. Chosen:
@@ -25,27 +27,43 @@ _MENDED = 0.5
 fortieth is left where the model is theirs. Where it is not scaled yet up to nine tenths are, which is as much
 as in a model of another size with the right labels: of such a model it cannot be said."""
 
-_FRAMES = 24
-"""Chosen: poses enough to tell a model that never fits from one that strays."""
-
+_FRAMES = 24  # chosen: poses enough to tell a model that never fits from one that strays
+_FEW_BLOCKS = 8  # chosen: with fewer an effect of three numbers has at most five degrees of freedom left
 _OTHER_SIDE = str.maketrans("rlRL", "lrLR")
 
 
+def check_lengths(trials: Sequence[Trial]) -> None:
+    """Refuse trials with too few frames for accelerations, and having none at all (TrialUnusable)."""
+    if not trials:
+        raise TrialUnusable(
+            "there is no movement to compare with the model",
+            field="trials",
+            remedy="Name recordings under `calibration:` and `evaluation:`",
+        )
+    for trial in trials:
+        if trial.n_frames < MIN_SAMPLES:
+            raise TrialUnusable(
+                f"too few frames for a movement, {trial.n_frames}: accelerations take {MIN_SAMPLES} at least",
+                file=trial.name,
+                field="trials",
+                remedy="Leave it out, or name a recording of standing under `static:`",
+            )
+
+
+def describe_limits(recordings: Sequence[Recording], block_s: float) -> tuple[str, ...]:
+    """Plain sentences on what recordings cannot decide in blocks of ``block_s`` (s) each."""
+    lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
+    count = sum(max(2, int(length / block_s)) for length in lengths)
+    if count >= _FEW_BLOCKS:
+        return ()
+    return (
+        f"{sum(lengths):.1f} s to fit are {count} blocks of {block_s:g} s that count as independent: "
+        "only strong effects can be told from chance, and hardly any from their likes",
+    )
+
+
 def check_fits(model: BodyModel, trials: Sequence[Trial]) -> None:
-    """Refuse a model that is metres, sizes, sides or persons away from its recordings.
-
-    Parameters
-    ----------
-    model : BodyModel
-        Without parameters.
-    trials : sequence of Trial
-
-    Raises
-    ------
-    TrialUnusable
-        A trial's median marker distance is above :data:`LARGEST_M`, or halves once left and right are
-        exchanged; or none of its markers is the model's.
-    """
+    """Refuse a model that is metres, sizes, sides or persons away from its recordings (TrialUnusable)."""
     for trial in trials:
         away = typical_distance(model, trial)
         if away > SUSPECT_M and _sides_exchanged(model, trial, away):
@@ -69,16 +87,11 @@ def check_fits(model: BodyModel, trials: Sequence[Trial]) -> None:
 
 def typical_distance(model: BodyModel, trial: Trial) -> float:
     """Median distance between measured and model markers over some frames, m."""
-    motion = inverse_kinematics(model, _some(trial))
-    return float(np.nanmedian(motion.distances))
-
-
-def _some(trial: Trial) -> Trial:
-    """Some frames that show something, spread over the trial."""
     shown = np.flatnonzero(np.any(seen(trial.markers), axis=1))
-    if len(shown) <= _FRAMES:
-        return trial.frames(shown) if len(shown) else trial
-    return trial.frames(shown[np.linspace(0, len(shown) - 1, _FRAMES).round().astype(np.intp)])
+    if len(shown) > _FRAMES:
+        shown = shown[np.linspace(0, len(shown) - 1, _FRAMES).round().astype(np.intp)]
+    motion = inverse_kinematics(model, trial.frames(shown) if len(shown) else trial)
+    return float(np.nanmedian(motion.distances))
 
 
 def _sides_exchanged(model: BodyModel, trial: Trial, away: float) -> bool:

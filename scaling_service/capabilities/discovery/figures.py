@@ -1,0 +1,256 @@
+"""The figures of a search's report: places ranked, places over time, the gap, candidates side by side.
+
+Colours: Okabe & Ito 2008, "Color Universal Design".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, Literal
+
+import numpy as np
+import plotly.graph_objects as go
+
+from scaling_service.capabilities.discovery.document import (
+    DisagreementDocument,
+    DiscoveryDocument,
+    GapDocument,
+    LevelDocument,
+)
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.text import figures, placed
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.methods import INK
+
+BEFORE_COLOUR: Final = "#E69F00"
+AFTER_COLOUR: Final = "#0072B2"
+_FLOOR, _BOUND, _OTHER = "#9aa5b1", "#009E73", "#CC79A7"
+_HEAT: Final = [[0.0, "#ffffff"], [0.25, "#fde3a7"], [0.6, "#e08214"], [1.0, "#7f2704"]]
+"""From nothing to much: lightness falls all the way, so that it reads in grey, too."""
+
+_MOST_TRIALS = 4
+"""Chosen: heat maps of more recordings are scrolled past; those with the largest disagreement are shown."""
+
+_COLUMNS = 160  # chosen: as many blocks of time as a page shows apart
+_DARKEST = 98.0  # per cent of places and times that are lighter than the darkest (chosen)
+_ROW_PX, _LEAST_PX = 15, 150
+_TRIED = 10  # chosen: of what was not named, as many as stay readable
+_HAIR = (
+    0.01  # per cent: so short is the bar of what takes nothing off; without length it has no name beside it
+)
+_LONGEST_NAME = 60
+_MM = 1e3
+
+_HEAT_UNITS = (("mm", "distance from the model", "mm"), ("floors", "wrench over its noise floor", "times"))
+
+Which = Literal["before", "after"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatMap:
+    """How far model and recording are apart, place by place over time, before and after."""
+
+    trial: str
+    held_out: bool
+    unit: str  # ``mm``, or ``floors`` for multiples of what noise leaves
+    places: Sequence[str]
+    times: Array  # (n,), s: middles of the blocks that were averaged
+    before: Array  # before, after: (n_places, n); NaN where nothing was measured
+    after: Array
+
+
+def heat_maps(results: DiscoverResults) -> Iterator[HeatMap]:
+    """Of the recordings with the largest disagreement: markers, and the wrench where there are forces."""
+    ranking = [d.where for d in results.findings.disagreements]
+    wrenches = {item.name: item for item in results.before.wrenches}
+    corrected = {item.name: item for item in results.after.wrenches}
+    for before, after in _shown(results):
+        yield _of_markers(before, after, ranking)
+        if before.name in wrenches and before.name in corrected:
+            yield _of_wrench(wrenches[before.name], corrected[before.name])
+
+
+def _shown(results: DiscoverResults) -> list[tuple[TrackedTrial, TrackedTrial]]:
+    """A few recordings, at least one of each role, in the order in which they were given."""
+    given = list(zip(results.before.tracked, results.after.tracked, strict=True))
+
+    def typical(pair: tuple[TrackedTrial, TrackedTrial]) -> float:
+        return float(np.nanmean((pair[0].residuals / pair[0].floor[:, None]) ** 2))
+
+    pairs = sorted(given, key=typical, reverse=True)
+    chosen = pairs[:_MOST_TRIALS]
+    for role in ("fit", "held_out"):
+        of_role = [pair for pair in pairs if pair[0].role == role]
+        if of_role and not any(pair[0].role == role for pair in chosen):
+            chosen = [*chosen[: _MOST_TRIALS - 1], of_role[0]]
+    return [pair for pair in given if any(pair[0] is one for one, _ in chosen)]
+
+
+def _of_markers(before: TrackedTrial, after: TrackedTrial, ranking: Sequence[str]) -> HeatMap:
+    """Markers in the order of the ranking, so that all recordings have the same."""
+    order = sorted(range(len(before.markers)), key=lambda k: ranking.index(before.markers[k]))
+    away = [_MM * np.linalg.norm(item.residuals, axis=2)[:, order] for item in (before, after)]
+    return _binned(before, "mm", [before.markers[k] for k in order], away[0], away[1])
+
+
+def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
+    away = [
+        np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan)
+        for item in (before, after)
+    ]
+    return _binned(before, "floors", COMPONENTS, away[0], away[1])
+
+
+def _binned(
+    item: TrackedTrial | WrenchFit, unit: str, places: Sequence[str], before: Array, after: Array
+) -> HeatMap:
+    times = item.times
+    edges = np.linspace(0, len(times), min(_COLUMNS, len(times)) + 1).round().astype(np.intp)
+    middles = np.array([times[a:b].mean() for a, b in pairwise(edges)])
+
+    def rms(values: Array) -> Array:
+        known = np.isfinite(values)
+        square = np.add.reduceat(np.where(known, values, 0.0) ** 2, edges[:-1], axis=0)
+        count = np.add.reduceat(known.astype(float), edges[:-1], axis=0)
+        mean = np.divide(square, count, out=np.full_like(square, np.nan), where=count > 0)
+        return np.asarray(np.sqrt(mean).T)
+
+    return HeatMap(item.name, item.role == "held_out", unit, places, middles, rms(before), rms(after))
+
+
+def draw_heat_maps(maps: Sequence[HeatMap], which: Which) -> Iterator[Figure]:
+    """Places against time, one recording after the other; before and after have the same colours."""
+    for unit, name, colours in _HEAT_UNITS:
+        chosen = [m for m in maps if m.unit == unit]
+        # what only a few places and times exceed is drawn darkest, so that these do not hide the rest
+        values = np.concatenate([np.zeros(0), *(m.before[np.isfinite(m.before)] for m in chosen)])
+        top = float(np.percentile(values, _DARKEST)) if len(values) else 0.0
+        if top > 0.0:
+            yield from (_heat_map(heat, which, top, name, colours) for heat in chosen)
+
+
+def _heat_map(heat: HeatMap, which: Which, top: float, name: str, unit: str) -> Figure:
+    values = heat.before if which == "before" else heat.after
+    trace = go.Heatmap(
+        x=np.round(heat.times, 3), y=[plain(p) for p in heat.places],
+        z=np.round(values, 2).astype(np.float32),
+        zmin=0.0, zmax=top, colorscale=_HEAT, colorbar={"title": {"text": unit}, "thickness": 12, "len": 1.0},
+        hovertemplate=f"%{{y}} at %{{x:.2f}} s: %{{z:.1f}} {unit}<extra></extra>",
+    )  # fmt: skip
+    figure = chart(
+        [trace], x_title="time, s", hovermode="closest", yaxis_autorange="reversed",
+        yaxis_tickfont={"size": 10}, yaxis_dtick=1, margin={"l": 70, "r": 8, "t": 6, "b": 38},
+    )  # fmt: skip
+    role = "held out" if heat.held_out else "used to fit"
+    words = "before" if which == "before" else "with what was named"
+    return Figure(
+        figure,
+        f"{heat.trial} ({role}), {words}: {name}; darkest {figures(top)} {unit} or more",
+        f"{name} of {len(heat.places)} places over time in {heat.trial}, {words}; the most is "
+        f"{np.nanmax(values) if np.isfinite(values).any() else 0.0:.1f} {unit}.",
+        max(_LEAST_PX, 60 + _ROW_PX * len(heat.places)),
+    )
+
+
+def draw_ranking(places: Sequence[DisagreementDocument], title: str, unit: str) -> Figure:
+    """What is left over at every place, with its floor."""
+    order = sorted(places, key=lambda p: p.rms)
+    names = [plain(p.where) for p in order]
+    traces = [
+        go.Bar(
+            x=[round(p.rms, 3) for p in order], y=names, orientation="h", marker={"color": BEFORE_COLOUR},
+            name="left over", hovertemplate=f"%{{x:.1f}} {unit}",
+        ),
+        go.Scatter(
+            x=[p.floor for p in order], y=names, mode="markers", name="noise floor",
+            marker={"symbol": "line-ns", "size": 11, "line": {"width": 3, "color": INK}},
+            hovertemplate=f"%{{x:.2f}} {unit}",
+        ),
+    ]  # fmt: skip
+    figure = chart(
+        traces, x_title=f"RMS of what is left over, {unit}", hovermode="y unified", bargap=0.25,
+        showlegend=True, legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
+        margin={"l": 70, "r": 10, "t": 28, "b": 40}, xaxis_rangemode="tozero",
+    )  # fmt: skip
+    worst = ", ".join(f"{p.where} {p.rms:.1f}" for p in order[::-1][:3])
+    return Figure(
+        figure,
+        f"{title}: what is left over, and its noise floor (black marks)",
+        f"Bars of all places, the largest first: {worst} {unit}.",
+        max(_LEAST_PX, 90 + 18 * len(order)),
+    )
+
+
+def draw_gap(gaps: Mapping[str, GapDocument], field: str, name: str, unit: str) -> Figure:
+    """Before, after, black-box bound and floor, of each role of recordings."""
+    roles = [(role, level) for role, gap in gaps.items() if (level := getattr(gap, field)) is not None]
+    x, levels = [role for role, _ in roles], [level for _, level in roles]
+    bars = (
+        ("before", "before", BEFORE_COLOUR),
+        ("after", "after", AFTER_COLOUR),
+        ("ceiling", "black-box bound", _BOUND),
+        ("floor", "noise floor", _FLOOR),
+    )
+    traces = [
+        go.Bar(
+            x=x, y=[getattr(level, of) for level in levels], name=label, marker={"color": colour},
+            error_y=_error(levels) if of == "after" else None,
+            text=[figures(getattr(level, of)) for level in levels],
+            textposition="outside" if of == "floor" else "inside",
+            insidetextanchor="start", textangle=0, textfont={"size": 10}, cliponaxis=False,
+            hovertemplate="%{y:.3g}",
+        )
+        for of, label, colour in bars
+    ]  # fmt: skip
+    figure = chart(
+        traces, y_title=f"RMS, {unit}", barmode="group", bargap=0.25, showlegend=True,
+        legend={"orientation": "h", "y": -0.16, "x": 0}, margin={"l": 50, "r": 8, "t": 18, "b": 60},
+        yaxis_rangemode="tozero",
+    )  # fmt: skip
+    said = "; ".join(
+        f"{role}: {figures(v.before)} before, {figures(v.after)} after, noise floor {figures(v.floor)}"
+        for role, v in roles
+    )
+    return Figure(figure, f"{name.capitalize()}, {unit}", f"{said} {unit}.", 290)
+
+
+def _error(levels: Sequence[LevelDocument]) -> dict[str, object]:
+    """The 95 % interval as lengths to either side."""
+    above = [0.0 if v.high is None or v.after is None else max(v.high - v.after, 0.0) for v in levels]
+    below = [0.0 if v.low is None or v.after is None else max(v.after - v.low, 0.0) for v in levels]
+    return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, "thickness": 1.5}
+
+
+def draw_candidates(document: DiscoveryDocument) -> Figure:
+    """Named effects and the best of what was not, by what each took off what did not fit it."""
+    named = [(placed(e), e.evidence.gain_held_out or 0.0, True) for e in document.effects]
+    tried = sorted(((placed(t), t.gain or 0.0, False) for t in document.tried), key=lambda c: -c[1])[:_TRIED]
+    bars = [*sorted(named, key=lambda c: -c[1]), *tried][::-1]
+    short = [n if len(n) <= _LONGEST_NAME else f"{n[: _LONGEST_NAME - 1]}…" for n, _, _ in bars]
+    trace = go.Bar(
+        x=[max(_HAIR, round(100 * gain, 2)) for _, gain, _ in bars],
+        y=[f"{len(bars) - k}." for k in range(len(bars))],
+        text=[plain(name) for name in short], textposition="auto", insidetextanchor="start",
+        insidetextfont={"color": ["#ffffff" if found else INK for _, _, found in bars]},
+        textangle=0, constraintext="none", cliponaxis=False, orientation="h",
+        marker={"color": [AFTER_COLOUR if found else _OTHER for _, _, found in bars]},
+        customdata=[f"{plain(name)}: {figures(100 * gain)} %" for name, gain, _ in bars],
+        hovertemplate="%{customdata}<extra></extra>",
+    )  # fmt: skip
+    figure = chart(
+        [trace], x_title="share of the squared disagreement taken off what did not fit it, %",
+        hovermode="closest", bargap=0.25, margin={"l": 34, "r": 12, "t": 6, "b": 40},
+        yaxis_type="category",
+    )  # fmt: skip
+    listed = ", ".join(f"{name} {gain:.0%}" for name, gain, _ in named) or "none was named"
+    return Figure(
+        figure,
+        "Candidates: named (blue), each when it was named; and the best of what was not (pink), at the end",
+        f"Bars of {len(bars)} candidates: {listed}.",
+        max(_LEAST_PX, 70 + 22 * len(bars)),
+    )

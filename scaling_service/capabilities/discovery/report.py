@@ -1,0 +1,291 @@
+"""The report of a search as a story: where, what, after, on unseen data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from scaling_service.capabilities.discovery import text
+from scaling_service.capabilities.discovery.document import (
+    DisagreementDocument,
+    DiscoveryDocument,
+    EffectDocument,
+    GapDocument,
+    LevelDocument,
+    PlacedEffect,
+    UnexplainedDocument,
+)
+from scaling_service.capabilities.discovery.figures import (
+    HeatMap,
+    draw_candidates,
+    draw_gap,
+    draw_heat_maps,
+    draw_ranking,
+    heat_maps,
+)
+from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.scene import draw_largest_change
+from scaling_service.capabilities.discovery.text import chance, figures, placed
+from scaling_service.core.text import few
+from scaling_service.report.blocks import (
+    Block,
+    Bullets,
+    Callout,
+    Cell,
+    Details,
+    Grid,
+    Heading,
+    Row,
+    Table,
+    Text,
+    Tone,
+)
+from scaling_service.report.page import Page, Section
+from scaling_service.report.provenance import input_blocks, repair_blocks
+from scaling_service.report.scene import Scene
+
+_TONES: dict[str, Tone] = {"found": "good", "nothing": "plain", "unexplained": "fair"}
+_OBSERVABLES = (("marker", "Markers", "mm"), ("force", "Ground force", "N"), ("moment", "Moment", "N m"))
+_MOST_PLACES, _MOST_ALIKE, _MOST_LEFT = 12, 6, 10
+"""Places in a table, effects that are not told apart, places left over (chosen); discovery.json has all."""
+
+
+def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Page:
+    """The page of one search; ``document`` is what is written as ``discovery.json``."""
+    maps = list(heat_maps(results))
+    scene = draw_largest_change(results) if document.effects else None
+    held = f"; held out: {', '.join(document.held_out_trials)}" if document.held_out_trials else ""
+    hidden = text.describe_hidden(document)
+    return Page(
+        f"What is missing in the model of {document.subject}",
+        [
+            Section("Verdict", list(_verdict(document))),
+            Section("1. Where: model and recordings before", list(_where(document, maps))),
+            Section("2. What: the effects that explain it", list(_what(document)), new_page=True),
+            Section("3. After: with what was named", list(_after(document, maps, scene)), new_page=True),
+            Section("4. On unseen data", list(_unseen(document)), new_page=True),
+            *([Section("What had been hidden in this virtual person", [Bullets(hidden)])] if hidden else []),
+            Section("Where it comes from", list(_provenance(document))),
+        ],
+        subtitle=f"Search from the {text.describe_model(document)}. "
+        f"Fitted: {', '.join(document.fitted_trials)}{held}",
+        footer=f"scaling-service {document.code_version}. The numbers are in discovery.json, too.",
+    )
+
+
+def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
+    blocks: list[Block] = [Bullets([effect.name for effect in document.effects], numbered=True)]
+    classes = list(text.describe_classes(document.effects))
+    if classes:
+        blocks.append(Bullets(classes))
+    if document.unexplained:
+        left = few([place for u in document.unexplained for place in u.where])
+        blocks.append(Text(f"Still above the noise floor, and like no effect that is known: {left}."))
+        if document.verdict == "unexplained":
+            blocks.append(Text(f"Described best: {document.unexplained[0].law}."))
+    yield Callout(document.headline, blocks, _TONES[document.verdict])
+    if document.effects:
+        yield text.tabulate_effects(document)
+    if document.notes:
+        yield Heading("What was not tried, or cannot be decided")
+        yield Bullets(document.notes)
+
+
+def _provenance(document: DiscoveryDocument) -> Iterator[Block]:
+    yield Text(f"The search took {document.wall_s:.1f} s and stopped: {document.reason}.")
+    yield from repair_blocks(document)
+    yield from input_blocks(document)
+
+
+# 1. Where
+
+
+def _where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterator[Block]:
+    places = document.disagreements
+    yield Text(
+        "The model follows every recording as closely as it can. What is left over is compared with the "
+        "noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark "
+        "are explained."
+    )
+    for observable, title, unit in _OBSERVABLES:
+        chosen = [p for p in places if p.observable == observable]
+        if chosen:
+            yield draw_ranking(chosen, title, unit)
+    if places:
+        yield _tabulate_places(places)
+    yield from draw_heat_maps(maps, "before")
+
+
+def _tabulate_places(places: Sequence[DisagreementDocument]) -> Table:
+    rows = [
+        Row(
+            p.where,
+            [
+                f"{figures(p.rms)} {p.unit}",
+                f"{figures(p.floor)} {p.unit}",
+                _share(p.share),
+                chance(p.p),
+                p.when or "–",
+                p.along or "–",
+            ],
+        )
+        for p in places[:_MOST_PLACES]
+    ]
+    left_out = len(places) > _MOST_PLACES
+    more = f" The first {len(rows)} of {len(places)}; the others are in discovery.json." if left_out else ""
+    return Table(
+        "Where, when, and along with what",
+        ["place", "left over", "noise floor", "share", "by chance", "most", "follows"],
+        rows,
+        f"Share: of all that stands above the noise floors. By chance: p over all places looked at.{more}",
+    )
+
+
+def _share(value: float | None) -> Cell:
+    return Cell("–" if value is None else f"{value:.0%}", shade=None if value is None else max(value, 0.0))
+
+
+# 2. What
+
+
+def _what(document: DiscoveryDocument) -> Iterator[Block]:
+    if not document.effects:
+        yield Text(f"No effect was named: {document.reason}.")
+    for number, effect in enumerate(document.effects, start=1):
+        yield Heading(f"{number}. {placed(effect)}")
+        yield Text(f"{text.meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
+        yield _tabulate_numbers(effect)
+        yield from _alike(effect)
+    if document.effects or document.tried:
+        yield draw_candidates(document)
+    if document.effects:
+        yield Text(f"The search then stopped: {document.reason}.", quiet=True)
+
+
+def _tabulate_numbers(effect: EffectDocument) -> Table:
+    rows = []
+    for name, quantity in effect.parameters.items():
+        value = quantity.value
+        said = ", ".join(f"{v:.2f}" for v in value) if isinstance(value, tuple) else figures(value)
+        smallest = figures(effect.smallest_nameable.get(name))
+        rows.append(Row(name, [said, text.interval(quantity), smallest]))
+    return Table(
+        "Its numbers",
+        ["", "value", "95 % interval", "named from"],
+        rows,
+        "The unit is in the name. True minus modelled, or measured over true for a factor. Named from: the "
+        "size, in the same proportions, that is named nine times in ten.",
+    )
+
+
+def _alike(effect: EffectDocument) -> Iterator[Block]:
+    """Its equivalence class, and what would separate it."""
+    if not effect.confusable_with:
+        return
+
+    def said(other: PlacedEffect) -> str:
+        return placed(other) if other.kind == effect.kind else f"{placed(other)}: {text.meaning(other.kind)}"
+
+    yield Text("These recordings do not tell it from:")
+    yield Bullets([said(other) for other in effect.confusable_with[:_MOST_ALIKE]])
+    more = len(effect.confusable_with) - _MOST_ALIKE
+    if more > 0:
+        yield Text(f"and from {more} more, which are in discovery.json.", quiet=True)
+    if effect.would_separate:
+        yield Text(f"This would tell them apart: {effect.would_separate}.")
+
+
+# 3. After
+
+
+def _after(document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | None) -> Iterator[Block]:
+    if not document.effects:
+        yield Text("Nothing was named, so nothing changed: the picture is the one before.")
+    else:
+        yield Text("The same places and times in the same colours as before.")
+        yield from draw_heat_maps(maps, "after")
+    if scene is not None:
+        yield Heading("Without and with it, in space")
+        yield Text(
+            "Black dots are the measured markers, labels back in place where they were exchanged. Rings are "
+            "the model's markers, dots its joint centres, dashed lines its knee axes. Drag to turn."
+        )
+        yield scene
+    yield Heading("What is left")
+    left = document.unexplained
+    if not left:
+        yield Text("Nothing that is left stands clearly above the noise floor.")
+        return
+    yield _tabulate_left("Above the noise floor, and like no effect of the catalogue", left[:_MOST_LEFT])
+    if len(left) > _MOST_LEFT:
+        rest = _tabulate_left("Further places", left[_MOST_LEFT:])
+        yield Details(f"{len(left) - _MOST_LEFT} more places", [rest])
+
+
+def _tabulate_left(caption: str, items: Sequence[UnexplainedDocument]) -> Table:
+    rows = [
+        Row(", ".join(u.where), [f"{figures(u.rms)} {u.unit}", f"{figures(u.floor)} {u.unit}", u.law])
+        for u in items
+    ]
+    return Table(
+        caption, ["place", "left over", "noise floor", "the simplest law that describes it"], rows, words=True
+    )
+
+
+# 4. On unseen data
+
+
+def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
+    unseen = (
+        f"The right half of each picture shows recordings that fitted nothing: "
+        f"{', '.join(document.held_out_trials)}."
+        if document.held_out_trials
+        else "No recording was held out: effects had to prove themselves on blocks of time that did not fit "
+        "them, and the picture shows the recordings that were fitted."
+    )
+    yield Text(
+        f"What fits the recordings that it was fitted to is no proof. {unseen} Black-box bound: what a "
+        "correction with as many numbers reaches, which knows nothing of bodies."
+    )
+    gaps = text.gaps_of(document)
+    held_out = document.gap.held_out
+    yield Grid([draw_gap(gaps, *of) for of in text.LEVELS if getattr(held_out, of[0]) is not None])
+    yield text.tabulate_gaps(document)
+    level = held_out.whitened
+    if held_out.absorbed is not None and level is not None and level.after is not None:
+        verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
+        yield Text(
+            f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
+            f"{figures(held_out.absorbed)} times the noise floor would be left on what did not fit it, "
+            f"against {figures(level.after)}: {verdict}."
+        )
+    yield _tabulate_levels(gaps)
+
+
+def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
+    """Place by place; the gap closed is what of before minus floor is gone."""
+    last = list(gaps.values())[-1].places
+    order = sorted(last, key=lambda name: -(last[name].before or 0.0) / (last[name].floor or 1.0))
+    rows = [
+        Row(f"{name}, {last[name].unit}", [c for g in gaps.values() for c in _cells(g.places.get(name))])
+        for name in order
+    ]
+    names = ("before", "after", "noise floor", "closed")
+    return Table(
+        f"Place by place: {', then '.join(gaps)}",
+        ["place", *(f"{role}: {name}" if name == "before" else name for role in gaps for name in names)],
+        rows,
+        "Closed: the share of what stood above the noise floor that is gone; none where hardly anything did.",
+    )
+
+
+def _cells(level: LevelDocument | None) -> list[str | Cell]:
+    if level is None:
+        return ["–"] * 4
+    return [figures(level.before), figures(level.after), figures(level.floor), _share(_closed(level))]
+
+
+def _closed(level: LevelDocument) -> float | None:
+    if level.before is None or level.after is None or level.floor is None:
+        return None
+    room = level.before - level.floor
+    return (level.before - level.after) / room if room > 0.2 * level.floor else None

@@ -1,0 +1,245 @@
+"""What is said of a search, once for the terminal, the report and the page: sentences, numbers, tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from scaling_service.capabilities.discovery.document import (
+    DiscoveryDocument,
+    EffectDocument,
+    GapDocument,
+    LevelDocument,
+    PlacedEffect,
+    QuantityDocument,
+)
+from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.core.text import few
+from scaling_service.report.blocks import Row, Table
+from scaling_service.report.methods import words
+
+LEVELS = (
+    ("whitened", "all together", "times the noise floor"),
+    ("markers_mm", "markers", "mm"),
+    ("force_N", "ground force", "N"),
+    ("moment_Nm", "ground moment", "N m"),
+)
+"""Fields of a gap, what each is of, and its unit."""
+
+_NORMAL_95 = 1.96
+_MOST_NUMBERS, _MOST_ALIKE, _MOST_PLACES = 4, 3, 5  # chosen: as many as fit a screen; discovery.json has all
+_SUFFIXES = (
+    ("_mm_per_deg", " mm/deg"),
+    ("_deg_per_deg", " deg/deg"),
+    ("_kgmm", " kg mm"),
+    ("_mm", " mm"),
+    ("_deg", " deg"),
+    ("_Nm", " N m"),
+    ("_N", " N"),
+    ("_hz", " Hz"),
+    ("_s", " s"),
+)
+
+
+def meaning(kind: str) -> str:
+    """What an effect is, in a sentence without its place."""
+    return known_effects()[kind].meaning
+
+
+# Sentences
+
+
+def describe_effect(
+    kind: str,
+    where: tuple[str, ...],
+    driver: tuple[str, ...],
+    trials: tuple[str, ...],
+    parameters: Mapping[str, QuantityDocument],
+) -> str:
+    """An effect for people: place, meaning, size.
+
+    Examples
+    --------
+    >>> gain = {"factor": QuantityDocument(value=1.02, sd=0.001)}
+    >>> describe_effect("plate_gain", ("plate_1",), (), (), gain)
+    'plate_1: the plate measures a multiple of the true force: factor 1.02'
+    """
+    following = f", here {few([words(d) for d in driver])}" if driver else ""
+    only = f", in {few(trials)} only" if trials else ""
+    sizes = ", ".join(shown(name, quantity) for name, quantity in parameters.items())
+    return f"{few(where)}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
+
+
+def placed(effect: PlacedEffect) -> str:
+    """An effect in a line: what, where, along with what, in which recording.
+
+    Examples
+    --------
+    >>> placed(PlacedEffect(kind="plate_gain", where=["plate_1"]))
+    'plate gain at plate_1'
+    """
+    following = f" with {', '.join(effect.driver)}" if effect.driver else ""
+    only = f" in {', '.join(effect.trials)}" if effect.trials else ""
+    said = f" ({effect.note})" if effect.note else ""
+    return f"{effect.kind.replace('_', ' ')} at {', '.join(effect.where)}{following}{only}{said}"
+
+
+def describe_model(document: DiscoveryDocument) -> str:
+    """Which model the search started from."""
+    return "model as given" if document.start == "none" else f"model scaled by {document.start}"
+
+
+def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_out: bool) -> str:
+    """The verdict in one sentence; ``level``: of all together, on what was held out if anything was."""
+    unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
+    if verdict == "nothing":
+        left = f": {unseen} are followed to {figures(level.after)} times the noise floor" if level else ""
+        return f"Nothing stands above the noise{left}"
+    if verdict == "unexplained":
+        return "Something stands above the noise, and nothing in the catalogue explains it"
+    things = "One missing effect was" if effects == 1 else f"{effects} missing effects were"
+    if level is None:
+        return f"{things} found"
+    fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
+    return f"{things} found; the gap on {unseen} {fall}"
+
+
+def describe_evidence(named: NamedEffect) -> str:
+    """What speaks for an effect."""
+    held_out = named.held_out
+    unseen = "blocks of time that did not fit it" if held_out.folds else "recordings that did not fit it"
+    gain = f"{held_out.gain:.0%}" if math.isfinite(held_out.gain) else "an unknown share"
+    return (
+        f"It takes {gain} off the squared disagreement of {unseen} (by chance: {chance(held_out.p)}). The "
+        f"chance of naming anything in the whole catalogue where nothing is: {chance(named.p_family)}."
+    )
+
+
+def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
+    """Which effects these recordings do not tell from others, and what would."""
+    for effect in effects:
+        if effect.confusable_with:
+            others = [placed(other) for other in effect.confusable_with]
+            more = f" and {len(others) - _MOST_ALIKE} more" if len(others) > _MOST_ALIKE else ""
+            apart = f". To separate: {effect.would_separate}" if effect.would_separate else ""
+            yield f"{placed(effect)} cannot be told here from {'; '.join(others[:_MOST_ALIKE])}{more}{apart}"
+
+
+def describe_unexplained(document: DiscoveryDocument) -> list[str]:
+    """What is left above the floor, the first places with the law that describes each."""
+    found = [
+        f"{', '.join(u.where)}: {figures(u.rms)} {u.unit} above a noise floor of {figures(u.floor)}: {u.law}"
+        for u in document.unexplained
+    ]
+    more = [f"and {len(found) - _MOST_PLACES} more places"] if len(found) > _MOST_PLACES else []
+    return [*found[:_MOST_PLACES], *more]
+
+
+def describe_hidden(document: DiscoveryDocument) -> list[str]:
+    """What a search of a virtual person should have found."""
+    return [
+        f"{placed(h)}: {', '.join(f'{name} {value:.3g}' for name, value in h.parameters.items())}"
+        for h in document.hidden or ()
+    ]
+
+
+# Tables
+
+
+def tabulate_effects(document: DiscoveryDocument) -> Table:
+    """Effect, where, size, and the gap of its places on what was not fitted."""
+    unseen = "held-out gap" if document.held_out_trials else "gap"
+    rows = []
+    for effect in document.effects:
+        following = f"\nwith {', '.join(effect.driver)}" if effect.driver else ""
+        only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
+        sizes = [shown(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
+        more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []
+        levels = document.gap.held_out.places
+        gaps = [
+            f"{name} {figures(level.before)} → {figures(level.after)} ({figures(level.floor)}) {level.unit}"
+            for name, level in ((name, levels[name]) for name in effect.where if name in levels)
+        ]
+        cells = [", ".join(effect.where) + following + only, "\n".join([*sizes[:_MOST_NUMBERS], *more])]
+        rows.append(Row(effect.kind.replace("_", " "), [*cells, "\n".join(gaps)]))
+    columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
+    return Table("The missing effects", columns, rows, words=True)
+
+
+def gaps_of(document: DiscoveryDocument) -> dict[str, GapDocument]:
+    """Role of recordings to their gap; one only where none was held out."""
+    found = {"used to fit": document.gap.fit}
+    return found | ({"held out": document.gap.held_out} if document.held_out_trials else {})
+
+
+def tabulate_gaps(document: DiscoveryDocument) -> Table:
+    """All of one kind together, before and after, between the noise floor and the black-box bound."""
+    rows = [
+        Row(
+            f"{role}: {name}, {unit}",
+            [figures(v) for v in (level.before, level.after, level.floor, level.ceiling)],
+        )
+        for role, gap in gaps_of(document).items()
+        for field, name, unit in LEVELS
+        if (level := getattr(gap, field)) is not None
+    ]
+    return Table("The gap, RMS", ["", "before", "after", "noise floor", "black-box bound"], rows)
+
+
+# Numbers
+
+
+def figures(value: float | None, count: int = 3) -> str:
+    """A number to some figures, a dash where there is none.
+
+    Examples
+    --------
+    >>> figures(0.020134), figures(None), figures(1234.5)
+    ('0.0201', '–', '1.23e+03')
+    """
+    return "–" if value is None else f"{value:.{count}g}"
+
+
+def chance(p: float | None) -> str:
+    """A p-value as shown.
+
+    Examples
+    --------
+    >>> chance(0.3), chance(3e-9)
+    ('0.30', '< 0.001')
+    """
+    if p is None or math.isnan(p):
+        return "–"
+    return "< 0.001" if p < 1e-3 else f"{p:.2f}" if p >= 0.01 else f"{p:.3f}"
+
+
+def shown(name: str, quantity: QuantityDocument, *, spread: bool = False) -> str:
+    """A number of an effect with its unit, and its standard deviation where asked for.
+
+    Examples
+    --------
+    >>> shown("x_mm_per_deg", QuantityDocument(value=0.2013, sd=0.011), spread=True)
+    'x 0.201 ± 0.011 mm/deg'
+    >>> shown("delay_s", QuantityDocument(value=0.02, sd=None))
+    'delay 0.02 s'
+    """
+    suffix, unit = next(((s, u) for s, u in _SUFFIXES if name.endswith(s)), ("", ""))
+    stem = name.removesuffix(suffix).replace("_", " ")
+    if name == "kg":
+        stem, unit = "", " kg"
+    if isinstance(quantity.value, tuple):
+        return f"{stem} ({', '.join(f'{v:.2f}' for v in quantity.value)}){unit}"
+    sd = quantity.sd if spread else None
+    if sd is None or sd <= 0.0:
+        return f"{stem} {quantity.value:.3g}{unit}".strip()
+    digits = max(0, 1 - math.floor(math.log10(sd)))
+    return f"{stem} {quantity.value:.{digits}f} ± {sd:.{digits}f}{unit}".strip()
+
+
+def interval(quantity: QuantityDocument) -> str:
+    """95 % interval of a number; a dash where its spread is not known."""
+    if quantity.sd is None or isinstance(quantity.value, tuple):
+        return "–"
+    half = _NORMAL_95 * quantity.sd
+    return f"{figures(quantity.value - half)} to {figures(quantity.value + half)}"

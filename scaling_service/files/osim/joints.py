@@ -1,0 +1,202 @@
+"""A body model's chains as OpenSim's custom joints: what can be written, and what cannot by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import ModelRefused
+from scaling_service.model.body import BodyModel, Joint, Law, Segment
+from scaling_service.numerics.multibody.rigid import rotation_about
+
+Array = NDArray[np.float64]
+
+_PARALLEL = 1e-9
+"""Sine below which two axes count as one (chosen: far below OpenSim's own limit for axes that differ)."""
+_COLLINEAR = 1e-5
+"""Sine below which OpenSim's CustomJoint refuses two axes (CustomJoint::extendFinalizeFromProperties)."""
+_REMEDY = "OpenSim's CustomJoint has up to three translations followed by up to three rotations"
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """Where a joint's frame lies in a body."""
+
+    shift: Array  # (3,), m
+    rotation: Array  # (3, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One of a custom joint's six axes, with its coordinate and law; idle without."""
+
+    direction: Array
+    coordinate: str | None = None
+    law: Law = field(default_factory=Law)
+
+
+@dataclass(frozen=True, slots=True)
+class CustomJoint:
+    """Three rotations and three translations; a weld where there are no axes."""
+
+    name: str
+    parent: str
+    child: str
+    parent_offset: Offset
+    child_offset: Offset
+    axes: tuple[Axis, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EqualCoordinates:
+    """A constraint that keeps one coordinate equal to another."""
+
+    independent: str
+    dependent: str
+
+
+def plan_joints(model: BodyModel) -> tuple[list[CustomJoint], list[EqualCoordinates]]:
+    """All joints as custom (or, where nothing moves, weld) joints, and the couplers they need.
+
+    A coordinate of OpenSim's belongs to one joint. Where a second joint follows it, that joint gets
+    a coordinate of its own that a coupler keeps equal to the first.
+
+    Raises ModelRefused: a chain of moves that a CustomJoint cannot hold; ``field`` names the joint.
+    """
+    known = {c.independent: c.dependent for c in model.couplers if c.law == Law.of(c.independent)}
+    taken: set[str] = set()
+    plans: list[CustomJoint] = []
+    couplers: list[EqualCoordinates] = []
+    for segment in model.segments:
+        plan, own = _plan(segment), {}
+        for name in sorted({axis.coordinate for axis in plan.axes if axis.coordinate is not None}):
+            own[name] = name
+            if name in taken:
+                own[name] = known.pop(name, f"{name}_of_{segment.joint_name}")
+                couplers.append(EqualCoordinates(name, own[name]))
+            taken.add(own[name])
+        axes = tuple(replace(axis, coordinate=own.get(axis.coordinate or "")) for axis in plan.axes)
+        plans.append(replace(plan, axes=axes))
+    return plans, couplers
+
+
+def _refused(segment: Segment, problem: str, remedy: str = _REMEDY) -> ModelRefused:
+    return ModelRefused(f"joint '{segment.joint_name}' {problem}", field=segment.joint_name, remedy=remedy)
+
+
+@dataclass
+class _Form:
+    """A chain in OpenSim's order: offset, translations, rotations, offset."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    shift: Array = field(default_factory=lambda: np.zeros(3))
+    translations: list[tuple[Array, Law]] = field(default_factory=list)
+    rotations: list[tuple[Array, Law]] = field(default_factory=list)
+    after_rotation: Array = field(default_factory=lambda: np.eye(3))
+    after_shift: Array = field(default_factory=lambda: np.zeros(3))
+
+
+def _plan(segment: Segment) -> CustomJoint:
+    form = _normal_form(segment)
+    axes: tuple[Axis, ...] = ()
+    if form.translations or form.rotations:
+        axes = (
+            *_three_axes(segment, form.rotations, "rotation"),
+            *_three_axes(segment, form.translations, "translation"),
+        )
+    # The child's frame as seen from its body is the inverse of what follows the last move.
+    back = form.after_rotation.T
+    return CustomJoint(
+        segment.joint_name,
+        segment.parent,
+        segment.name,
+        Offset(form.shift, form.rotation),
+        Offset(-back @ form.after_shift, back),
+        axes,
+    )
+
+
+def _normal_form(segment: Segment) -> _Form:
+    """Push constant rotations to the end of the chain and constant shifts to the front."""
+    form = _Form()
+    moving = [k for k, joint in enumerate(segment.joints) if not joint.law.is_constant]
+    first = moving[0] if moving else len(segment.joints)
+    last = moving[-1] if moving else len(segment.joints)
+    for joint in segment.joints[:first]:
+        form.rotation, form.shift = _after(form.rotation, form.shift, joint)
+    for joint in segment.joints[first : last + 1]:
+        _take(segment, form, joint)
+    for joint in segment.joints[last + 1 :]:
+        form.after_rotation, form.after_shift = _after(form.after_rotation, form.after_shift, joint)
+    return form
+
+
+def _after(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, Array]:
+    """A constant transform followed by a constant joint."""
+    value, axis = joint.law.constant_part, np.array(joint.axis)
+    if joint.kind == "translation":
+        return rotation, shift + rotation @ (value * axis)
+    return rotation @ rotation_about(axis, value), shift
+
+
+def _take(segment: Segment, form: _Form, joint: Joint) -> None:
+    """Add one joint between the first and the last moving one."""
+    axis = form.after_rotation @ np.array(joint.axis)
+    if joint.kind == "rotation":
+        if joint.law.is_constant:
+            form.after_rotation = form.after_rotation @ rotation_about(joint.axis, joint.law.constant_part)
+        else:
+            _append(form.rotations, axis, joint.law, only_last=True)
+    elif form.rotations:
+        raise _refused(segment, "translates between its rotations")
+    elif joint.law.is_constant:
+        form.shift = form.shift + form.rotation @ (joint.law.constant_part * axis)
+    else:
+        _append(form.translations, axis, joint.law, only_last=False)
+
+
+def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: bool) -> None:
+    """Add a move, joined with one about the same axis (of rotations only with the one just before)."""
+    candidates = range(len(axes) - 1, max(-1, len(axes) - 2) if only_last else -1, -1)
+    for k in candidates:
+        if np.linalg.norm(np.cross(axes[k][0], axis)) < _PARALLEL:
+            sign = float(np.sign(axes[k][0] @ axis))
+            axes[k] = (axes[k][0], axes[k][1] + law.scaled(sign))
+            return
+    axes.append((axis, law))
+
+
+def _three_axes(segment: Segment, chosen: Sequence[tuple[Array, Law]], what: str) -> list[Axis]:
+    if len(chosen) > 3:
+        raise _refused(segment, f"has {len(chosen)} moving {what}s")
+    directions = [axis for axis, _ in chosen]
+    for k, a in enumerate(directions):
+        if any(np.linalg.norm(np.cross(a, b)) < _COLLINEAR for b in directions[:k]):
+            raise _refused(segment, f"has two {what} axes that are parallel")
+    driven = [Axis(axis, _coordinate_of(segment, law), law) for axis, law in chosen]
+    return driven + [Axis(direction) for direction in _completed(directions)]
+
+
+def _completed(axes: Sequence[Array]) -> list[Array]:
+    """Directions for the unused axes, well away from the used ones."""
+    if not axes:
+        return list(np.eye(3))
+    if len(axes) == 3:
+        return []
+    second = axes[1] if len(axes) == 2 else np.eye(3)[int(np.argmin(np.abs(axes[0])))]
+    third = np.cross(axes[0], second)
+    third /= np.linalg.norm(third)
+    return [third] if len(axes) == 2 else [np.cross(third, axes[0]), third]
+
+
+def _coordinate_of(segment: Segment, law: Law) -> str:
+    """The only coordinate that drives an axis."""
+    if any(t.parameter is not None or t.signal is not None for t in law.terms):
+        raise _refused(segment, "depends on a free parameter or signal", "Fold the parameters in first")
+    names = sorted({t.coordinate for t in law.terms if t.coordinate is not None})
+    if len(names) > 1:
+        raise _refused(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
+    return names[0]

@@ -1,0 +1,150 @@
+"""OpenSim models in and out, as body models; the opensim library works in a process of its own."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.files.osim.process import ask
+from scaling_service.files.osim.setups import parse_xml
+from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.document import from_document, to_document
+
+_NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
+_NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+
+
+def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
+    """Read an OpenSim model of any version that OpenSim itself can upgrade.
+
+    ``path``: the ``.osim`` file.
+    ``marker_set``: an OpenSim MarkerSet file. Its markers are added; those of the same name are replaced.
+    One segment per body, in topological order. A segment's chain is: the parent's joint frame (constant
+        translations that scale with the parent, constant rotation), the joint's translations, its rotations,
+        and the child's joint frame inverted. Coordinates that an enforced CoordinateCouplerConstraint makes
+        dependent are replaced in the laws and listed as couplers only. A coordinate is of kind ``rotation``
+        only where OpenSim calls it rotational: only those are converted to degrees in OpenSim's motion
+        files. Markers that OpenSim keeps fixed in its marker placement are ``anatomical``.
+    Raises DependencyMissing: if the opensim library is not installed.
+    Raises FileUnreadable: if a file is absent or OpenSim cannot read it.
+    Raises ModelRefused: if a component cannot be represented; ``field`` names it.
+
+    A marker in an offset frame is expressed in the body; when such a frame is turned against the body, a
+    later non-uniform scaling differs from OpenSim's, which scales along the offset frame.
+    """
+    return _read(_version(path), _version(marker_set) if marker_set is not None else None)
+
+
+class _Version(NamedTuple):
+    """A file as it is now: a changed one is another key of the cache."""
+
+    path: Path
+    mtime_ns: int
+    size: int
+
+
+def _version(path: Path) -> _Version:
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise FileUnreadable(
+            f"cannot be opened ({error.strerror})", file=path, remedy="Check the path"
+        ) from error
+    return _Version(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=16)  # chosen: more models than one subject ever uses
+def _read(model: _Version, marker_set: _Version | None) -> BodyModel:
+    request = {
+        "operation": "read",
+        "file": str(model.path.resolve()),
+        "marker_set": str(marker_set.path.resolve()) if marker_set is not None else None,
+    }
+    try:
+        found = from_document(ask(request)["model"], file=model.path)
+    except FileUnreadable:
+        # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
+        root = parse_xml(model.path)
+        if root.tag != "Model" and root.find("Model") is None:
+            raise _no_model(model.path) from None
+        if marker_set is not None:
+            parse_xml(marker_set.path)
+        raise
+    if not found.segments:
+        raise _no_model(model.path)
+    return replace(found, source=str(model.path))
+
+
+def _no_model(path: Path) -> FileUnreadable:
+    return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
+
+
+def write_osim(
+    path: Path,
+    model: BodyModel,
+    *,
+    source: Path | None = None,
+    factors: Mapping[str, Vector] = _NO_FACTORS,
+    axis_tilts: Mapping[str, tuple[float, float]] = _NO_TILTS,
+    mass_kg: float | None = None,
+    marker_set: Path | None = None,
+    preserve_mass_distribution: bool = True,
+    inertia_from_model: bool = False,
+) -> None:
+    """Write a model for OpenSim, complete or not at all.
+
+    ``path``: the file to write; replaced in one step once the content has been checked.
+    ``model``: what the file must represent, with all parameters folded into the laws.
+    ``source``: the generic ``.osim`` file it was made from: it is scaled by OpenSim itself with ``factors``
+        (muscles, wraps and meshes follow), its joints are tilted, its markers become the model's. Without it
+        (built-in models) bodies, joints and markers are made from ``model`` alone, and the arguments below
+        are not used, for the model holds them already.
+    ``factors``: segment to its x, y, z factors.
+    ``axis_tilts``: joint to the turns x and y (rad) of its axes: rotations become T R T^-1, T = Ry(y) Rx(x),
+        in the parent's joint frame; translations stay.
+    ``mass_kg``: total mass to scale to.
+    ``marker_set``: as for reading; the model's markers replace it in the end.
+    ``preserve_mass_distribution``: as for OpenSim's scale tool.
+    ``inertia_from_model``: take masses, centres of mass and inertias from ``model`` instead of OpenSim's
+        scaling.
+    Raises DependencyMissing, FileUnreadable: as for reading.
+    Raises ModelRefused: if OpenSim cannot represent a component, or the file read back differs from ``model``
+        by more than ``to_opensim.SAME`` at some pose; ``field`` names it.
+    Raises InputError: if the file cannot be written.
+    """
+    if model.parameters:
+        raise ValueError("fold the parameters into the laws before writing a model")
+    request = {
+        "operation": "write",
+        "model": to_document(model),
+        "file": str(source.resolve()) if source is not None else None,
+        "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
+        "factors": dict(factors),
+        "axis_tilts": dict(axis_tilts),
+        "mass_kg": mass_kg,
+        "preserve_mass_distribution": preserve_mass_distribution,
+        "inertia_from_model": inertia_from_model,
+    }
+    _replace(path, ask(request)["text"])
+
+
+def _replace(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot be written ({error.strerror})",
+            file=path,
+            remedy="Choose a folder that can be written to",
+        ) from error

@@ -1,0 +1,364 @@
+"""From a body model to the text of an OpenSim file (worker side), checked by reading it back."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.core.errors import FileUnreadable, ModelRefused
+from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
+from scaling_service.files.osim.from_opensim import body_model, is_pure
+from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
+from scaling_service.files.osim.library import items, load, numbers, opensim, short
+from scaling_service.files.osim.shapes import EXACT, one_shape, values
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
+from scaling_service.model.parameters import tilt_rotation
+
+Array = NDArray[np.float64]
+
+_WRITTEN = "written.osim"  # in the worker's own scratch directory
+_PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint"})
+
+
+def write(model: BodyModel, request: Mapping[str, Any]) -> str:
+    """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
+    check_writable(model)
+    osim = _amended(model, request) if request["file"] is not None else _built(model)
+    _set_coordinates(osim, model)
+    _set_markers(osim, model.markers)
+    osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
+    check_same(model, _written(osim))
+    return Path(_WRITTEN).read_text(encoding="utf-8")
+
+
+def _written(osim: Any) -> BodyModel:
+    """Write the file, and say what a fresh reading of it gives."""
+    try:
+        osim.finalizeConnections()
+        osim.printToXML(_WRITTEN)
+    except RuntimeError as error:
+        raise ModelRefused(
+            f"OpenSim cannot write the model ({short(error)})", remedy="Check the model in OpenSim"
+        ) from error
+    try:
+        return body_model(load(Path(_WRITTEN)))
+    except FileUnreadable as error:
+        raise ModelRefused(
+            f"OpenSim does not read back what it wrote: {error.problem}",
+            remedy="Check names, masses and inertias of the model",
+        ) from error
+
+
+def _amended(model: BodyModel, request: Mapping[str, Any]) -> Any:
+    """The model of a file, scaled and turned; its inertias ours where asked."""
+    osim = load(Path(request["file"]), request["marker_set"])
+    factors = request["factors"]
+    if factors or request["mass_kg"] is not None:
+        _scale(osim, factors, request["mass_kg"], request["preserve_mass_distribution"])
+    for joint, tilt in request["axis_tilts"].items():
+        _tilt(osim, joint, tilt_rotation(tilt))
+    if request["inertia_from_model"]:
+        for segment in model.segments:
+            if not osim.getBodySet().contains(segment.name):
+                raise ModelRefused(
+                    f"the source model has no body '{segment.name}'",
+                    field=segment.name,
+                    remedy="Write the model without a source",
+                )
+            _set_inertia(osim.updBodySet().get(segment.name), segment)
+    return osim
+
+
+def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | None, preserve: bool) -> None:
+    library = opensim()
+    scales = library.ScaleSet()
+    for segment, xyz in factors.items():
+        if not model.getBodySet().contains(segment):
+            raise ModelRefused(
+                f"there is a scale factor for '{segment}', which the model does not have",
+                field=segment,
+                remedy="Use the names of the model's bodies",
+            )
+        scale = library.Scale()
+        scale.setSegmentName(segment)
+        scale.setScaleFactors(library.Vec3(*xyz))
+        scale.setApply(True)
+        scales.cloneAndAppend(scale)
+    oblique = _oblique_translations(model)
+    try:
+        model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
+    except RuntimeError as error:
+        raise ModelRefused(
+            f"OpenSim cannot scale the model ({short(error)})",
+            remedy="Check the model in OpenSim's scale tool",
+        ) from error
+    for joint, number, gain in oblique:
+        _scale_componentwise(model, factors, joint, number, gain)
+
+
+def _custom_joints(model: Any) -> list[Any]:
+    cast = opensim().CustomJoint.safeDownCast
+    return [custom for joint in items(model.getJointSet()) if (custom := cast(joint)) is not None]
+
+
+def _oblique_translations(model: Any) -> list[tuple[str, int, float]]:
+    """Custom joints' translations along axes that OpenSim does not scale component by component."""
+    found = []
+    for joint in _custom_joints(model):
+        for number in (3, 4, 5):
+            axis = joint.getSpatialTransform().getTransformAxis(number)
+            if is_pure(axis.getFunction()) or sorted(map(abs, numbers(axis.get_axis()))) == [0.0, 0.0, 1.0]:
+                continue
+            multiplier = opensim().MultiplierFunction.safeDownCast(axis.getFunction())
+            gain = multiplier.getScale() if multiplier is not None else 1.0
+            found.append((joint.getName(), number, gain))
+    return found
+
+
+def _scale_componentwise(
+    model: Any, factors: Mapping[str, Sequence[float]], name: str, number: int, gain: float
+) -> None:
+    """Replace OpenSim's scaling of an oblique translation, which is not one for factors of one."""
+    joint = opensim().CustomJoint.safeDownCast(model.updJointSet().get(name))
+    parent = joint.getParentFrame().findBaseFrame().getName()
+    if parent not in factors:
+        return
+    axis = joint.updSpatialTransform().updTransformAxis(number)
+    direction = np.array(numbers(axis.get_axis()))
+    direction = direction / np.linalg.norm(direction) * factors[parent]
+    length = float(np.linalg.norm(direction))
+    opensim().MultiplierFunction.safeDownCast(axis.upd_function()).setScale(gain * length)
+    axis.setAxis(_vec3(direction / length))
+
+
+def _tilt(model: Any, name: str, turn: Array) -> None:
+    """Turn a joint's rotation axes in the parent's joint frame."""
+    library = opensim()
+    if not model.getJointSet().contains(name):
+        raise ModelRefused(
+            f"there is an axis tilt for '{name}', which the model does not have",
+            field=name,
+            remedy="Use the names of the model's joints",
+        )
+    joint = model.updJointSet().get(name)
+    custom = library.CustomJoint.safeDownCast(joint)
+    if custom is not None:
+        _turn_custom_axes(custom, turn)
+    elif joint.getConcreteClassName() in _PURE_TURNS:
+        _insert_turned_frames(joint, turn)
+    else:
+        raise _no_axis(name, joint.getConcreteClassName())
+
+
+def _no_axis(name: str, kind: str) -> ModelRefused:
+    return ModelRefused(
+        f"joint '{name}', a {kind}, has no rotation axis that can be tilted",
+        field=name,
+        remedy="Tilt a PinJoint, UniversalJoint, GimbalJoint, BallJoint or CustomJoint",
+    )
+
+
+def _turn_custom_axes(joint: Any, turn: Array) -> None:
+    transform = joint.updSpatialTransform()
+    axes = [transform.updTransformAxis(k) for k in range(3)]
+    moving = [k for k, axis in enumerate(axes) if axis.getCoordinateNamesInArray().getSize()]
+    if not moving:
+        raise _no_axis(joint.getName(), "CustomJoint")
+    for k, axis in enumerate(axes):
+        # An axis that never turns may go along, so that no two become parallel; one with a constant
+        # turn before or after the moving ones keeps its direction.
+        constant = opensim().Constant.safeDownCast(axis.getFunction())
+        idle = constant is not None and constant.getValue() == 0.0
+        if idle or moving[0] <= k <= moving[-1]:
+            turned = turn @ numbers(axis.get_axis())
+            axis.setAxis(_vec3(turned))
+
+
+def _insert_turned_frames(joint: Any, turn: Array) -> None:
+    """Both joint frames turned alike: frames within the present ones, so that others keep theirs."""
+    for end, frame, connect in (
+        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
+        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
+    ):
+        turned = opensim().PhysicalOffsetFrame(frame, opensim().Transform())
+        turned.setName(f"{joint.getName()}_tilted_{end}")
+        turned.set_orientation(opensim().Vec3(*_euler_xyz(turn)))
+        joint.addFrame(turned)
+        turned.thisown = False  # the joint deletes it
+        connect(turned)
+
+
+def _euler_xyz(r: Array) -> tuple[float, float, float]:
+    """Body-fixed x, y, z angles of a rotation matrix, as OpenSim's orientations are given."""
+    across = math.hypot(r[0, 0], r[0, 1])
+    y = math.atan2(r[0, 2], across)
+    if across < 1e-12:  # chosen: z and x turn about one axis, any split serves
+        return math.atan2(r[2, 1], r[1, 1]), y, 0.0
+    return math.atan2(-r[1, 2], r[2, 2]), y, math.atan2(-r[0, 1], r[0, 0])
+
+
+def _set_inertia(body: Any, segment: Segment) -> None:
+    body.set_mass(segment.mass)
+    body.set_mass_center(opensim().Vec3(*segment.com))
+    body.set_inertia(opensim().Vec6(*segment.inertia))
+
+
+def _set_coordinates(osim: Any, model: BodyModel) -> None:
+    """Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay."""
+    used = {t.coordinate for _, joint in model.joints() for t in joint.law.terms}
+    present = osim.updCoordinateSet()
+    for item in model.coordinates:
+        if item.name not in used:
+            continue
+        if not present.contains(item.name):
+            raise ModelRefused(
+                f"the OpenSim model has no coordinate '{item.name}'",
+                field=item.name,
+                remedy="Write the model without a source, or without the added degree of freedom",
+            )
+        coordinate = present.get(item.name)
+        if coordinate.get_prescribed():
+            continue
+        coordinate.set_range(0, item.lower if np.isfinite(item.lower) else -_open_end(item))
+        coordinate.set_range(1, item.upper if np.isfinite(item.upper) else _open_end(item))
+        coordinate.setDefaultValue(item.default)
+        coordinate.setDefaultClamped(item.clamped)
+        coordinate.setDefaultLocked(item.locked)
+
+
+def _open_end(coordinate: Coordinate) -> float:
+    """What stands for infinity (rad or m): OpenSim's own default where the range does not bind."""
+    return 1000.0 if coordinate.clamped else 10.0  # chosen: 1000 is beyond any laboratory
+
+
+def _set_markers(osim: Any, markers: Sequence[Marker]) -> None:
+    """Exactly these markers, in this order."""
+    library = opensim()
+    osim.updMarkerSet().clearAndDestroy()
+    for item in markers:
+        if item.segment != GROUND and not osim.getBodySet().contains(item.segment):
+            raise ModelRefused(
+                f"marker '{item.name}' sits on '{item.segment}', which the OpenSim model lacks",
+                field=item.name,
+                remedy="Use the names of the model's bodies",
+            )
+        marker = library.Marker(item.name, _body(osim, item.segment), library.Vec3(*item.nominal))
+        marker.set_fixed(item.anatomical)
+        _give(osim.addMarker, marker)
+
+
+def _body(osim: Any, name: str) -> Any:
+    return osim.getGround() if name == GROUND else osim.getBodySet().get(name)
+
+
+def _give(add: Callable[[Any], None], item: Any) -> None:
+    """Add something to a model, which then deletes it."""
+    add(item)
+    item.thisown = False
+
+
+def _built(model: BodyModel) -> Any:
+    """Bodies, joints and couplers made anew."""
+    joints, couplers = plan_joints(model)
+    library = opensim()
+    osim = library.Model()
+    for segment in model.segments:
+        body = library.Body()
+        body.setName(segment.name)
+        _set_inertia(body, segment)
+        _give(osim.addBody, body)
+    for joint in joints:
+        _give(osim.addJoint, _joint(osim, joint))
+    for item in couplers:
+        coupler = library.CoordinateCouplerConstraint()
+        coupler.setName(f"{item.dependent}_coupler")
+        coupler.setIndependentCoordinateNames(_names(item.independent))
+        coupler.setDependentCoordinateName(item.dependent)
+        coupler.setFunction(library.LinearFunction(1.0, 0.0))
+        _give(osim.addConstraint, coupler)
+    try:
+        osim.finalizeConnections()
+    except RuntimeError as error:
+        raise ModelRefused(
+            f"OpenSim does not accept the model ({short(error)})",
+            remedy="Check masses, inertias and joint axes",
+        ) from error
+    return osim
+
+
+def _names(name: str) -> Any:
+    names = opensim().ArrayStr()
+    names.append(name)
+    return names
+
+
+def _joint(osim: Any, joint: CustomJoint) -> Any:
+    library = opensim()
+    frames = (
+        *_frame(_body(osim, joint.parent), joint.parent_offset),
+        *_frame(_body(osim, joint.child), joint.child_offset),
+    )
+    if not joint.axes:
+        return library.WeldJoint(joint.name, *frames)
+    transform = library.SpatialTransform()
+    for k, axis in enumerate(joint.axes):
+        _set_axis(transform.updTransformAxis(k), axis)
+    return library.CustomJoint(joint.name, *frames, transform)
+
+
+def _frame(body: Any, offset: Offset) -> tuple[Any, Any, Any]:
+    library = opensim()
+    return body, _vec3(offset.shift), library.Vec3(*_euler_xyz(offset.rotation))
+
+
+def _vec3(values: Array) -> Any:
+    return opensim().Vec3(*(float(v) for v in values))
+
+
+def _set_axis(transform_axis: Any, axis: Axis) -> None:
+    transform_axis.setAxis(_vec3(axis.direction))
+    if axis.coordinate is not None:
+        transform_axis.setCoordinateNames(_names(axis.coordinate))
+    transform_axis.set_function(_function(axis.law))
+
+
+def _function(law: Law) -> Any:
+    """A law of one coordinate, or of none, as a function of OpenSim's."""
+    library = opensim()
+    if law.is_constant:
+        return library.Constant(law.constant_part)
+    if all(t.shape is None for t in law.terms):
+        slope = sum(t.gain for t in law.terms if t.coordinate is not None)
+        return library.LinearFunction(slope, law.constant_part)
+    shape = one_shape(law)
+    single = _single_polynomial(shape)
+    if single is not None:
+        coefficients = library.Vector(len(single), 0.0)
+        for k, value in enumerate(single):
+            coefficients.set(k, value)
+        return library.PolynomialFunction(coefficients)
+    straight = all(not any(piece[:-2]) for piece in shape.coefficients)
+    spline = library.PiecewiseLinearFunction() if straight else library.SimmSpline()
+    for x, y in zip(shape.breaks, values(shape, np.array(shape.breaks)).tolist(), strict=True):
+        spline.addPoint(x, y)
+    return spline
+
+
+def _single_polynomial(shape: Shape) -> list[float] | None:
+    """Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)."""
+    middle = len(shape.coefficients) // 2
+    local = np.poly1d(shape.coefficients[middle])
+    breaks = np.array(shape.breaks)
+    between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
+    there = values(shape, between)
+    size = max(1e-3, float(np.abs(there).max()))
+    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
+        return None
+    moved = local(np.poly1d([1.0, -breaks[middle]]))
+    return [float(c) for c in np.atleast_1d(moved.coeffs)]

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from scaling_service.capabilities.discovery.command import find_hidden
-from scaling_service.capabilities.scaling.screen import show
+from scaling_service.capabilities.scaling.command import show
 from scaling_service.capabilities.shared.arguments import Out, Report
 from scaling_service.capabilities.shared.flags import Only, with_flags
 from scaling_service.capabilities.shared.screen import running

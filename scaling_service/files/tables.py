@@ -10,28 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Array, Repair, repair_each
 
-MISSING = frozenset(
-    (
-        "",
-        *[
-            "-",
-            "--",
-            "na",
-            "n/a",
-            "nan",
-            "nan(ind)",
-            "-nan(ind)",
-            "-nan",
-            "-1.#ind",
-            "1.#qnan",
-            "-1.#qnan",
-            "null",
-            "none",
-        ],
-    )
-)
+MISSING = frozenset(("", "-", "--", "na", "n/a", "nan", "nan(ind)", "-nan(ind)", "-nan", "null", "none"))
+MISSING |= {"-1.#ind", "1.#qnan", "-1.#qnan"}
 """Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""
 
 FARTHEST_M = 1e6
@@ -287,20 +269,11 @@ def clean_positions(markers: Array, labels: Sequence[str]) -> tuple[Array, tuple
     whole: Flags = np.all(known, axis=-1)
     partial: Flags = np.any(known, axis=-1) & ~whole
     far: Flags = np.any(np.abs(np.where(known, markers, 0.0)) > FARTHEST_M, axis=-1) & ~partial
+    missing = "a coordinate is missing, so the marker was taken as not seen"
     repairs = (
-        *_per_label(zero, labels, "lost_marker", "exactly (0, 0, 0) was taken as not seen"),
-        *_per_label(
-            partial,
-            labels,
-            "partial_position",
-            "a coordinate is missing, so the marker was taken as not seen",
-        ),
-        *_per_label(far, labels, "impossible_position", "farther than 1000 km away, taken as not seen"),
+        *repair_each(zero, labels, "lost_marker", "exactly (0, 0, 0) was taken as not seen"),
+        *repair_each(partial, labels, "partial_position", missing),
+        *repair_each(far, labels, "impossible_position", "farther than 1000 km away, taken as not seen"),
     )
     unusable = zero | far | ~whole
     return np.where(unusable[..., None], np.nan, markers), repairs
-
-
-def _per_label(flags: Flags, labels: Sequence[str], what: str, detail: str) -> tuple[Repair, ...]:
-    counts = flags.sum(axis=0).tolist()
-    return tuple(Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n)

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import (
@@ -48,47 +50,34 @@ def builtin(name: str) -> BodyModel:
     >>> builtin("lower_limb_14dof").segment_names
     ('pelvis', 'femur_r', 'tibia_r', 'femur_l', 'tibia_l')
     """
-    return _load(_known(name))[0]
+    return _load(name)[0]
 
 
 def generic_person(name: str) -> GenericPerson:
     """The stature, mass and sex that a built-in model's numbers belong to; errors as :func:`builtin`."""
-    return _load(_known(name))[1]
+    return _load(name)[1]
 
 
-def _known(name: str) -> str:
+@lru_cache(maxsize=16)
+def _load(name: str) -> tuple[BodyModel, GenericPerson]:
     if name not in BUILTIN_NAMES:
         raise InputError(
             f"there is no built-in model '{name}'",
             field="model",
             remedy=f"Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file",
         )
-    return name
-
-
-@lru_cache(maxsize=16)
-def _load(name: str) -> tuple[BodyModel, GenericPerson]:
-    document = _read(name)
-    base = document.get("extends")
-    return expand(document, file=f"{name}.yaml", base=_load(_known(base)) if base else None)
-
-
-def _read(name: str) -> dict[str, Any]:
     document = read_reference(reference_folder() / f"{name}.yaml")
-    if not isinstance(document, dict):
-        raise InputError("the model is not a mapping", file=f"{name}.yaml", remedy="Reinstall the package")
-    return document
+    base = document.get("extends")
+    return expand(document, file=f"{name}.yaml", base=_load(base) if base else None)
 
 
-_AXES: dict[str, Vector] = {
-    sign + name: (factor * x, factor * y, factor * z)
-    for sign, factor in (("", 1.0), ("-", -1.0))
-    for name, (x, y, z) in {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}.items()
-}
+class _Entry(BaseModel):
+    """A part of the short form; every key must be known, and every number has its source."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-@dataclass(frozen=True, slots=True)
-class GenericPerson:
+class GenericPerson(_Entry):
     """Whom a generic model depicts: m, kg."""
 
     sex: Literal["F", "M"]
@@ -96,34 +85,71 @@ class GenericPerson:
     mass_kg: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader:
-    """Takes keys out of a mapping and complains about those that are missing or left."""
+class _Person(GenericPerson):
+    source: str
 
-    file: str
-    field: str
-    content: dict[str, Any]
+    def depicted(self) -> GenericPerson:
+        return GenericPerson(sex=self.sex, height_m=self.height_m, mass_kg=self.mass_kg)
 
-    def error(self, problem: str, remedy: str) -> InputError:
-        return InputError(problem, file=self.file, field=self.field, remedy=remedy)
 
-    def need(self, key: str) -> Any:
-        if key not in self.content:
-            raise self.error(f"'{key}' is missing", f"Add '{key}'")
-        return self.content.pop(key)
+class _Centre(_Entry):
+    at: Vector
+    source: str
 
-    def maybe(self, key: str, default: Any = None) -> Any:
-        return self.content.pop(key, default)
 
-    def sub(self, key: str) -> _Reader:
-        return _Reader(self.file, f"{self.field}.{key}", dict(self.need(key)))
+class _Move(_Entry):
+    """A turn ``about`` or a glide ``along`` an axis: by a coordinate, or by a constant angle."""
 
-    def vector(self, key: str) -> Vector:
-        return vector(self.need(key))
+    about: str | None = None
+    along: str | None = None
+    coordinate: str = ""
+    default_m: float = 0.0
+    range_deg: tuple[float, float] = (-math.inf, math.inf)
+    angle_deg: float | None = None
+    source: str | None = None
 
-    def done(self) -> None:
-        if self.content:
-            raise self.error(f"unknown key '{next(iter(self.content))}'", "Remove it or correct its spelling")
+
+class _Inertia(_Entry):
+    """Percentages, written down or of a row of a published table, of a length from an origin."""
+
+    length: float
+    origin: Vector = Field(default=(0.0, 0.0, 0.0), alias="from")
+    table: str | None = None
+    row: str = ""
+    mass_pct: float = 0.0
+    com_pct: Vector = (0.0, 0.0, 0.0)
+    radii_pct: Vector = (0.0, 0.0, 0.0)
+    products_pct: Vector = (0.0, 0.0, 0.0)
+    source: str
+
+
+class _Segment(_Entry):
+    name: str
+    parent: str
+    joint: str
+    mirrored: bool = False
+    centre: _Centre | None = None
+    moves: tuple[_Move, ...] = ()
+    inertia: _Inertia
+
+
+class _Marker(_Entry):
+    name: str
+    segment: str
+    at: Vector
+    mirrored: bool = False
+    tracking: bool = False
+    source: str
+
+
+class _Document(_Entry):
+    name: str
+    source: str
+    extends: str | None = None
+    person: _Person
+    segments: tuple[_Segment, ...]
+    markers: tuple[_Marker, ...] = ()
+    landmarks: tuple[_Marker, ...] = ()
 
 
 def expand(
@@ -137,125 +163,84 @@ def expand(
     model that ``extends`` names, segments, coordinates and markers come first; its landmarks (markers of
     weight zero) are not taken over. A missing or unknown key is an InputError that names ``file``.
     """
-    top = _Reader(file, "document", dict(document))
-    name, source = str(top.need("name")), str(top.need("source"))
-    top.maybe("extends")
-    person = _person(top.sub("person"))
-    if base is not None and base[1] != person:
-        raise top.error("the extended model depicts another person", "Give both the same `person`")
-    segments, coordinates, markers = _start(base[0] if base else None)
+    try:
+        written = _Document.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(map(str, first["loc"]))
+        raise InputError(first["msg"], file=file, field=field, remedy="Correct this key") from None
+    person = written.person.depicted()
+    segments = list(base[0].segments) if base else []
+    coordinates = list(base[0].coordinates) if base else []
+    markers = [m for m in base[0].markers if m.weight > 0.0] if base else []
     left: list[Segment] = []
     left_coordinates: list[Coordinate] = []
-    for entry in top.need("segments"):
-        segment, moved, mirrored = _segment(_Reader(file, "segments", dict(entry)), person)
+    for entry in written.segments:
+        segment, moved = _segment(entry, person)
         segments.append(segment)
         coordinates += moved
-        if mirrored:
+        if entry.mirrored:
             left.append(_mirror_segment(segment))
             left_coordinates += [replace(c, name=_left(c.name)) for c in moved]
-    for key, weight in (("markers", 1.0), ("landmarks", 0.0)):
-        for entry in top.maybe(key, []):
-            markers += _markers(_Reader(file, key, dict(entry)), weight)
-    top.done()
+    for entries, weight in ((written.markers, 1.0), (written.landmarks, 0.0)):
+        markers += [marker for entry in entries for marker in _markers(entry, weight)]
     everything = (*segments, *left), (*coordinates, *left_coordinates), tuple(markers)
-    return BodyModel(name, *everything, source=source), person
+    return BodyModel(written.name, *everything, source=written.source), person
 
 
-def _start(base: BodyModel | None) -> tuple[list[Segment], list[Coordinate], list[Marker]]:
-    if base is None:
-        return [], [], []
-    return list(base.segments), list(base.coordinates), [m for m in base.markers if m.weight > 0.0]
-
-
-def _person(reader: _Reader) -> GenericPerson:
-    reader.need("source")
-    person = GenericPerson(reader.need("sex"), float(reader.need("height_m")), float(reader.need("mass_kg")))
-    reader.done()
-    return person
-
-
-def _segment(reader: _Reader, person: GenericPerson) -> tuple[Segment, list[Coordinate], bool]:
-    name, parent, joint_name = (str(reader.need(key)) for key in ("name", "parent", "joint"))
-    reader = replace(reader, field=f"segments.{name}")
-    mirrored = bool(reader.maybe("mirrored", False))
+def _segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
     joints: list[Joint] = []
-    if "centre" in reader.content:
-        centre = reader.sub("centre")
-        joints += _offset(centre.vector("at"), parent)
-        centre.need("source")
-        centre.done()
+    if entry.centre is not None:
+        # Zeros stay, so that a centre can be moved in place.
+        follows = None if entry.parent == GROUND else entry.parent
+        places = zip("XYZ", entry.centre.at, strict=True)
+        joints += [Joint("translation", _AXES[axis], Law.constant(at), follows) for axis, at in places]
     coordinates: list[Coordinate] = []
-    for entry in reader.maybe("moves", []):
-        joint, coordinate = _move(_Reader(reader.file, f"{reader.field}.moves", dict(entry)))
-        joints.append(joint)
-        coordinates += [coordinate] if coordinate else []
-    mass, com, inertia = _inertia(reader.sub("inertia"), person)
-    reader.done()
-    return Segment(name, parent, joint_name, tuple(joints), mass, com, inertia), coordinates, mirrored
+    for move in entry.moves:
+        axis = _AXES[move.about or move.along or ""]
+        if move.angle_deg is not None:
+            joints.append(Joint("rotation", axis, Law.constant(math.radians(move.angle_deg))))
+            continue
+        kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
+        lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
+        joints.append(Joint(kind, axis, Law.of(move.coordinate)))
+        coordinates.append(Coordinate(move.coordinate, kind, move.default_m, lower, upper))
+    inertia = _inertia(entry.inertia, person)
+    return Segment(entry.name, entry.parent, entry.joint, tuple(joints), *inertia), coordinates
 
 
-def _offset(at: Vector, parent: str) -> list[Joint]:
-    """Three translations in the parent's frame; zeros stay, so that a centre can be moved in place."""
-    scales_with = None if parent == GROUND else parent
-    return [
-        Joint("translation", _AXES[axis], Law.constant(value), scales_with)
-        for axis, value in zip("XYZ", at, strict=True)
-    ]
+_AXES: dict[str, Vector] = {
+    sign + name: (factor * x, factor * y, factor * z)
+    for sign, factor in (("", 1.0), ("-", -1.0))
+    for name, (x, y, z) in {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}.items()
+}
 
 
-def _move(reader: _Reader) -> tuple[Joint, Coordinate | None]:
-    kind: Literal["rotation", "translation"] = "rotation" if "about" in reader.content else "translation"
-    axis = _AXES[str(reader.need("about" if kind == "rotation" else "along"))]
-    if "angle_deg" in reader.content:
-        reader.need("source")
-        turn = Joint(kind, axis, Law.constant(math.radians(reader.need("angle_deg"))))
-        reader.done()
-        return turn, None
-    name = str(reader.need("coordinate"))
-    unit, factor = ("deg", math.pi / 180.0) if kind == "rotation" else ("m", 1.0)
-    default = factor * float(reader.maybe(f"default_{unit}", 0.0))
-    lower, upper = (factor * float(v) for v in reader.maybe(f"range_{unit}", (-math.inf, math.inf)))
-    reader.done()
-    return Joint(kind, axis, Law.of(name)), Coordinate(name, kind, default, lower, upper)
-
-
-def _inertia(reader: _Reader, person: GenericPerson) -> tuple[float, Vector, Tensor]:
-    """Mass, centre of mass and tensor from percentages, written down or of a published table.
+def _inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:
+    """Mass, centre of mass and tensor from percentages.
 
     Tables give the mass in % of the body's, the centre of mass in % of a length L from an origin,
     and the tensor as radii r in % of L: ``I = m (r L)^2``, with the sign of a product kept apart
     (Dumas et al. 2007, tables 1 and 2, where a negative product is an imaginary radius).
     """
-    length = float(reader.need("length"))
-    origin = reader.vector("from") if "from" in reader.content else (0.0, 0.0, 0.0)
-    if "table" in reader.content:
-        row = inertia_table(str(reader.need("table"))).row(str(reader.need("row")), person.sex)
+    mass_pct, com_pct, radii = entry.mass_pct, entry.com_pct, (*entry.radii_pct, *entry.products_pct)
+    if entry.table is not None:
+        row = inertia_table(entry.table).row(entry.row, person.sex)
         mass_pct, com_pct = row.mass_pct, vector(row.com_pct or ())
         radii = (*vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
-    else:
-        mass_pct, com_pct = float(reader.need("mass_pct")), reader.vector("com_pct")
-        radii = (*reader.vector("radii_pct"), *reader.vector("products_pct"))
     mass = person.mass_kg * mass_pct / 100.0
-    com = tuple(o + length * c / 100.0 for o, c in zip(origin, com_pct, strict=True))
-    moments = [math.copysign(mass * (r * length / 100.0) ** 2, r) if r else 0.0 for r in radii]
-    reader.need("source")
-    reader.done()
+    com = tuple(o + entry.length * c / 100.0 for o, c in zip(entry.origin, com_pct, strict=True))
+    moments = [math.copysign(mass * (r * entry.length / 100.0) ** 2, r) if r else 0.0 for r in radii]
     return mass, vector(com), tensor(moments)
 
 
-def _markers(reader: _Reader, weight: float) -> list[Marker]:
-    name, segment, at = str(reader.need("name")), str(reader.need("segment")), reader.vector("at")
-    reader = replace(reader, field=f"{reader.field}.{name}")
-    mirrored, tracking = bool(reader.maybe("mirrored", False)), bool(reader.maybe("tracking", False))
-    reader.need("source")
-    reader.done()
-    anatomical = weight > 0.0 and not tracking
-    markers = [Marker.at(name, segment, at, weight=weight, anatomical=anatomical)]
-    if mirrored:
-        if not name.startswith("R"):
-            raise reader.error("a mirrored marker starts with R", "Rename it or drop `mirrored`")
-        at = (at[0], at[1], -at[2])
-        markers.append(Marker.at(f"L{name[1:]}", _left(segment), at, weight=weight, anatomical=anatomical))
+def _markers(entry: _Marker, weight: float) -> list[Marker]:
+    anatomical = weight > 0.0 and not entry.tracking
+    markers = [Marker.at(entry.name, entry.segment, entry.at, weight=weight, anatomical=anatomical)]
+    if entry.mirrored:
+        x, y, z = entry.at
+        name, segment = f"L{entry.name[1:]}", _left(entry.segment)
+        markers.append(Marker.at(name, segment, (x, y, -z), weight=weight, anatomical=anatomical))
     return markers
 
 

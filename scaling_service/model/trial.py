@@ -103,6 +103,12 @@ class Repair:
     frames: int = 0
 
 
+def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
+    """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
+    counts = flags.sum(axis=0).tolist()
+    return [Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
     """Marker trajectories on one clock."""

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import Array, Repair, Trial, repair_each
+from scaling_service.numerics.least_squares.masks import Mask, seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import fill_short_gaps, runs
 from scaling_service.recording.settings import LONGEST_SPLINE_S
-
-Mask = NDArray[np.bool_]
 
 MIN_COMMON_FRAMES = 10
 """Frames in which a marker and three others are seen together (chosen: 0.1 s at 100 Hz, so that one bad frame
@@ -44,35 +42,25 @@ def fill(
     out of real walking, squats and hip movements this lowers the error by 1.5 to 6 times; at 1.5 s it does
     not matter.
     """
-    before = ~_seen(trial.markers)
+    before = ~seen(trial.markers)
     longest = int(np.floor(longest_spline_s * trial.rate_hz + 1e-6))
     markers, splined = fill_short_gaps(trial.markers, longest=longest)
-    repairs = _note(
+    repairs = repair_each(
         splined, trial.labels, "gap_spline", f"gaps of at most {longest} frames interpolated by a C2 spline"
     )
     filled = markers.copy()
     for segment, labels in clusters.items():
         for part in _solidify(markers, trial.labels, segment, labels, min_common_frames):
             # A marker listed for two segments is filled by the first that can.
-            new = part.frames & ~_seen(filled[:, part.column])
+            new = part.frames & ~seen(filled[:, part.column])
             if new.any():
                 filled[new, part.column] = part.positions[new]
                 repairs.append(
                     Repair("gap_solidification", trial.labels[part.column], part.detail, int(new.sum()))
                 )
-    left = before & ~_seen(filled)
-    repairs += _note(left, trial.labels, "gap_left", "not seen and not filled")
+    left = before & ~seen(filled)
+    repairs += repair_each(left, trial.labels, "gap_left", "not seen and not filled")
     return trial.with_markers(filled, *repairs)
-
-
-def _seen(markers: Array) -> Mask:
-    seen: Mask = np.all(np.isfinite(markers), axis=-1)
-    return seen
-
-
-def _note(flags: Mask, labels: tuple[str, ...], what: str, detail: str) -> list[Repair]:
-    counts = flags.sum(axis=0).tolist()
-    return [Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,12 +78,12 @@ def _solidify(
 ) -> list[_Solid]:
     columns = [all_labels.index(label) for label in dict.fromkeys(labels) if label in all_labels]
     cloud = markers[:, columns]
-    seen = _seen(cloud)
+    shown = seen(cloud)
     parts = []
     for k, column in enumerate(columns):
-        others = seen.sum(axis=1) - seen[:, k]
-        wanted = ~seen[:, k] & (others >= MIN_POINTS)
-        common = seen[:, k] & (others >= MIN_POINTS)
+        others = shown.sum(axis=1) - shown[:, k]
+        wanted = ~shown[:, k] & (others >= MIN_POINTS)
+        common = shown[:, k] & (others >= MIN_POINTS)
         if wanted.any() and common.sum() >= min_common:
             part = _carry(cloud, k, wanted, common)
             if part is not None:
@@ -145,8 +133,8 @@ def mean_shape(cloud: Array) -> Array:
     Generalised Procrustes: every frame is fitted to the shape so far, the shape is the mean of the fitted
     frames, until it settles.
     """
-    seen = _seen(cloud)
-    shape: Array = cloud[int(np.argmax(seen.sum(axis=1)))]
+    shown = seen(cloud)
+    shape: Array = cloud[int(np.argmax(shown.sum(axis=1)))]
     for _ in range(_SHAPE_ROUNDS):
         rotation, shift = fit_rigid(shape, cloud)
         local = np.einsum("fji,fmj->fmi", rotation, cloud - shift[:, None])

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Repair, Trial
+from scaling_service.model.trial import Repair, Trial, repair_each
 from scaling_service.numerics.signals.filters import butterworth, moving_average
 from scaling_service.recording import gaps, orientation
 from scaling_service.recording.settings import ProcessingSettings
@@ -71,10 +69,6 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> T
         )
     result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=order)
     detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
-    counts = np.any(result.unfiltered, axis=-1).sum(axis=0).tolist()
-    short = [
-        Repair("not_smoothed", label, "seen too briefly between gaps to be filtered; left as measured", n)
-        for label, n in zip(trial.labels, counts, strict=True)
-        if n
-    ]
+    brief = "seen too briefly between gaps to be filtered; left as measured"
+    short = repair_each(result.unfiltered.any(axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import Array, Repair, Trial, repair_each
 from scaling_service.numerics.least_squares.masks import seen
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
@@ -102,11 +102,7 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     if not flags.any():
         return trial
     detail = f"over {FARTHEST:g} times farther from the other markers than usual, taken as not seen"
-    repairs = [
-        Repair("stray", label, detail, n)
-        for label, n in zip(trial.labels, flags.sum(axis=0).tolist(), strict=True)
-        if n
-    ]
+    repairs = repair_each(flags, trial.labels, "stray", detail)
     markers = np.where(flags[..., None], np.nan, trial.markers)
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 

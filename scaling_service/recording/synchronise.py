@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Array, Repair, repair_each
 from scaling_service.numerics.signals.filters import butterworth, runs
 
 ORDER = 4
@@ -91,12 +91,10 @@ def _filtered(
     result = butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=order)
     detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
     notes = [Repair("smoothing", forces.name, detail, len(times))]
-    for plate, count in zip(forces.plates, result.unfiltered.any(axis=2).sum(axis=0).tolist(), strict=True):
-        if count:
-            notes.append(
-                Repair("not_smoothed", plate, "known too briefly between gaps to be filtered", count)
-            )
-    return result.values, notes
+    brief = "known too briefly between gaps to be filtered"
+    return result.values, notes + repair_each(
+        result.unfiltered.any(axis=2), forces.plates, "not_smoothed", brief
+    )
 
 
 def _sampled(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:

@@ -10,9 +10,8 @@ import pytest
 from scaling_service.capabilities.consistent.estimate import consistent
 from scaling_service.capabilities.consistent.motion import consistent_motion
 from scaling_service.capabilities.consistent.planar import loads_in_plane, plane_of
-from scaling_service.capabilities.consistent.problem import State
+from scaling_service.capabilities.consistent.problem import ConsistentSettings, State
 from scaling_service.capabilities.consistent.recording import classical_motion, limits, problem_of
-from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.studies.futamure.squatters import virtual_squatter

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.consistent.artefact import artefact_m
 from scaling_service.capabilities.consistent.geometric import GeometryPrior, KnownMotion, identify_geometry
+from scaling_service.capabilities.consistent.recording import artefact_m
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.builtin import builtin

@@ -21,7 +21,7 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     evidence_of,
     most_likely_noise,
 )
-from scaling_service.capabilities.dynamics.inertia.prior import (
+from scaling_service.capabilities.dynamics.inertia.parameters import (
     COM_SD,
     LENGTH_SD,
     MASS_SD,

@@ -10,8 +10,13 @@ import pytest
 from scaling_service.capabilities.dynamics.inverse_dynamics import inverse_dynamics
 from scaling_service.capabilities.dynamics.residuals import evaluate_residuals
 from scaling_service.capabilities.dynamics.uncertainty.linear import LAGS, wrench_jacobians
-from scaling_service.capabilities.dynamics.uncertainty.points import HALO, PointBody, second_difference
-from scaling_service.capabilities.dynamics.uncertainty.reference import LowPass, Reference
+from scaling_service.capabilities.dynamics.uncertainty.reference import (
+    HALO,
+    LowPass,
+    PointBody,
+    Reference,
+    second_difference,
+)
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor

@@ -7,9 +7,9 @@ from dataclasses import replace
 from scaling_service.capabilities.scaling.clinical.gait import clinical_of
 from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
-from scaling_service.capabilities.scaling.documents import comparison_document, method_document
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.saving import comparison_document, method_document
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.report.reading import Node, read
 

@@ -7,30 +7,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.artefact import artefact_m
 from scaling_service.capabilities.consistent.geometric import (
     GeometricIdentification,
     KnownMotion,
     identify_geometry,
 )
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, consistent_motion
-from scaling_service.capabilities.consistent.problem import Objectives, State
+from scaling_service.capabilities.consistent.problem import PLAIN, ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
     ConsistentRecording,
+    artefact_m,
     classical_motion,
     inertial_freedom,
     limits,
     problem_of,
     repeats,
 )
-from scaling_service.capabilities.consistent.settings import PLAIN, ConsistentSettings
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
     identify_inertia,
 )
-from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
+from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.model.body import BodyModel

@@ -12,8 +12,8 @@ import numpy as np
 from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
 from scaling_service.capabilities.consistent.estimate import consistent as identify
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
+from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
     inverse_dynamics,
     judged_frames,

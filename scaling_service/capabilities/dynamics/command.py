@@ -52,8 +52,7 @@ def dynamics(
 
 def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
-    from scaling_service.capabilities.dynamics.report import inertial_tables, told
-    from scaling_service.capabilities.dynamics.report_residuals import residual_tables
+    from scaling_service.capabilities.dynamics.report import inertial_tables, residual_tables, told
 
     console, inertial = console_of_results(), document.inertial
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"

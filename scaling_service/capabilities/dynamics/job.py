@@ -29,8 +29,7 @@ def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progre
     Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.dynamics.run import dynamics
-    from scaling_service.capabilities.dynamics.saving import save_dynamics
-    from scaling_service.capabilities.dynamics.scene import write_residuals
+    from scaling_service.capabilities.dynamics.saving import save_dynamics, write_residuals
 
     chosen = request.part(DynamicsSettings)
     results = dynamics(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)

@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
 
 from scaling_service.capabilities.dynamics.document import (
     DynamicsDocument,
     IdentificationDocument,
     InertialChange,
+    TrialDynamicsDocument,
 )
-from scaling_service.capabilities.dynamics.report_residuals import Curves, residual_blocks, uncertainty_blocks
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS
+from scaling_service.capabilities.dynamics.residuals import COMPONENTS, HICKS
 from scaling_service.core.text import few
-from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Row, Table, Text, Tone
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.report.blocks import (
+    Block,
+    Bullets,
+    Callout,
+    Cell,
+    Details,
+    Grid,
+    Heading,
+    Legend,
+    Row,
+    Table,
+    Text,
+    Tone,
+)
+from scaling_service.report.figures import Figure, chart
+from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
 from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
 
@@ -190,4 +210,196 @@ def _combinations(found: IdentificationDocument) -> Table:
         "Parts, change and SD in units of the prior's SD; information over that of the prior. S: second "
         "moment of the mass about its centre.",
         words=True,
+    )
+
+
+Curves = Mapping[str, tuple[Array, Array]]
+"""By trial: times (n,), s, and residual (n, 6), N and N m; NaN in frames that do not count."""
+
+_AXES = (("x, forward", "#0072B2", "solid"), ("y, up", "#D55E00", "dash"), ("z, right", "#009E73", "dot"))
+"""Name, colour and dash of each axis; colours of Okabe & Ito 2008."""
+_PLATE = "#0072B2"
+_LOW, _HIGH = 1e-4, 100.0  # %; chosen: from below any plate's noise to the whole body weight
+
+
+def residual_blocks(document: DynamicsDocument, curves: Curves) -> Iterator[Block]:
+    """Residuals of every recording over time, against published limits, and their RMS."""
+    yield Text(
+        "The residual is the force and moment that the motion needs and the plates do not show. Its moment "
+        "is about the origin of the root segment. Grey lines: the peak that Hicks et al. 2015 allow, 5 % of "
+        "the net external force, and 1 % of it times the height of the centre of mass."
+    )
+    yield Legend([*_AXES, ("limit of Hicks et al. 2015", FAINT, "solid")])
+    for name, (times, residual) in curves.items():
+        trial = document.trials[name]
+        yield Heading(f"{name} ({trial.role}), forces from {trial.forces_from}")
+        yield Grid(
+            [
+                _over_time(name, trial, times, residual[:, :3], "force", "N"),
+                _over_time(name, trial, times, residual[:, 3:], "moment", "N m"),
+            ]
+        )
+    yield from residual_tables(document.trials)
+
+
+def _over_time(
+    name: str, trial: TrialDynamicsDocument, times: Array, residual: Array, what: str, unit: str
+) -> Figure:
+    limit = next(g.limit for g in trial.gates if g.name == f"peak {what}" and g.source == HICKS)
+    traces = [
+        go.Scatter(
+            x=np.round(times, 4),
+            y=np.round(residual[:, k], 2).astype(np.float32),
+            name=axis,
+            mode="lines",
+            line={"color": colour, "dash": dash, "width": 1.5},
+            hovertemplate=f"%{{y:.1f}} {unit}",
+        )
+        for k, (axis, colour, dash) in enumerate(_AXES)
+    ]
+    across = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "line": {"color": FAINT, "width": 1.5}}
+    bounds = [across | {"y0": at, "y1": at} for at in (limit, -limit)]
+    peaks = np.nanmax(np.abs(residual), axis=0)
+    said = ", ".join(f"{axis} {peak:.0f}" for (axis, _, _), peak in zip(_AXES, peaks, strict=True))
+    return Figure(
+        chart(traces, x_title="time, s", y_title=f"residual {what}, {unit}", shapes=bounds),
+        f"{name}: residual {what}",
+        f"Residual {what} of {name} over time, {unit}. Largest: {said}. Limit {limit:.0f}.",
+        240,
+    )
+
+
+def residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
+    """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
+    first = next(iter(trials.values()))
+    columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
+    rms = Table(
+        "RMS of the residual",
+        columns,
+        [
+            *(
+                Row(
+                    key.replace("_", ", ").replace("Nm", "N m"),
+                    [f"{getattr(trial.residual_rms, key):.1f}" for trial in trials.values()],
+                )
+                for key in first.residual_rms.model_dump()
+            ),
+            Row("frames that count", [str(t.frames) for t in trials.values()]),
+            Row("frames left out", [str(t.left_out) for t in trials.values()]),
+        ],
+        "Left out: frames whose motion or forces are not all known, and half a period of the filter's cutoff "
+        "at both ends of the others.",
+    )
+    shares = Table(
+        "Residual (its uncertainty), % of weight, of weight × height",
+        columns,
+        [
+            *(
+                Row(
+                    component,
+                    [f"{100 * t.dr[k]:.1f} ({100 * t.uncertainty.total[k]:.1f})" for t in trials.values()],
+                )
+                for k, component in enumerate(COMPONENTS)
+            ),
+            Row("marker error, mm", [f"{t.reconstruction_error_mm:.1f}" for t in trials.values()]),
+        ],
+    )
+    gates = Table(
+        "Residuals against published limits: value (limit)",
+        columns,
+        [
+            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_gate_cell(t, k) for t in trials.values()])
+            for k, gate in enumerate(first.gates)
+        ],
+        "Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation checklist, which "
+        "holds for walking. Keeping them is necessary, not sufficient.",
+    )
+    return rms, shares, gates
+
+
+def _gate_cell(trial: TrialDynamicsDocument, k: int) -> Cell:
+    gate = trial.gates[k]
+    return Cell(
+        f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
+        tone="good" if gate.passed else "poor",
+    )
+
+
+def uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:
+    """Residual indicator and uncertainty of every recording."""
+    yield Text(
+        "Errors of markers and plates alone give a residual, whatever the inertia. Where the residual stands "
+        "below that, nothing can be learnt of the inertia from it: an identification would fit noise. "
+        "Motions with a larger reconstruction error are drawn and filtered as the measured one; the "
+        "dispersion of their residuals grows in proportion to the added error. At an added error as large "
+        "as the recording's own it is the kinematic uncertainty (Muller et al. 2017)."
+    )
+    yield Legend(
+        [
+            ("residual", INK, "solid"),
+            ("uncertainty by the motion", FAINT, "solid"),
+            ("uncertainty by the plates", _PLATE, "solid"),
+        ]
+    )
+    yield Grid([_bars(name, trial) for name, trial in document.trials.items()])
+    for name, trial in document.trials.items():
+        yield _shares(name, trial)
+
+
+def _bars(name: str, trial: TrialDynamicsDocument) -> Figure:
+    sets = (
+        ("residual", trial.dr, INK),
+        ("by the motion", trial.uncertainty.kinematic, FAINT),
+        ("by the plates", trial.uncertainty.plate, _PLATE),
+    )
+    traces = [
+        go.Bar(
+            x=list(COMPONENTS),
+            y=[max(100.0 * v, _LOW) for v in values],
+            name=title,
+            marker={"color": colour},
+            hovertemplate="%{y:.3g} %",
+        )
+        for title, values, colour in sets
+    ]
+    ticks = [10.0**k for k in range(-4, 3)]
+    drawn = chart(traces, y_title="% of weight, of weight × height", barmode="group")
+    # whole decades, at least up to the body weight
+    top = math.ceil(math.log10(max(100.0 * max(*trial.dr, *trial.uncertainty.kinematic), _HIGH)))
+    drawn.update_yaxes(
+        type="log", range=[math.log10(_LOW), top], tickvals=ticks, ticktext=[f"{t:g}" for t in ticks]
+    )
+    said = ", ".join(
+        f"{c} {100 * d:.2g} against {100 * u:.2g}"
+        for c, d, u in zip(COMPONENTS, trial.dr, trial.uncertainty.total, strict=True)
+    )
+    return Figure(
+        drawn,
+        f"{name}, logarithmic",
+        f"Residual of {name} against its uncertainty, % of body weight or of weight times height: {said}.",
+        300,
+    )
+
+
+def _shares(name: str, trial: TrialDynamicsDocument) -> Table:
+    spread = trial.uncertainty
+    shares = zip(trial.dr, spread.kinematic, spread.plate, spread.total, trial.slopes_per_cm, strict=True)
+    rows = [
+        Row(
+            component,
+            [
+                *(f"{100.0 * share:.3g}" for share in row),
+                f"{r2:.3f}",
+                Cell("yes", tone="good") if yes else Cell("no", tone="unknown"),
+            ],
+        )
+        for component, row, r2, yes in zip(
+            COMPONENTS, shares, trial.r2, trial.calibration_supported, strict=True
+        )
+    ]
+    return Table(
+        f"{name}: shares of body weight (forces) and of weight times height (moments), %",
+        ["", "residual", "motion", "plates", "uncertainty", "slope per cm", "R²", "can calibrate inertia"],
+        rows,
+        f"Mean reconstruction error {trial.reconstruction_error_mm:.1f} mm.",
     )

@@ -16,7 +16,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
     identify_inertia,
 )
-from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
+from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
     InverseDynamics,
     inverse_dynamics,

@@ -15,11 +15,13 @@ from scaling_service.capabilities.dynamics.document import (
     TrialDynamicsDocument,
     WeightDocument,
 )
-from scaling_service.capabilities.dynamics.inertia.result import InertialIdentification
+from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
+from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
+from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
@@ -27,6 +29,7 @@ from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.osim import write_osim
 from scaling_service.files.sto import Table, write_sto
+from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.inertia import total_mass
@@ -191,3 +194,26 @@ def _identification(found: InertialIdentification, before: BodyModel) -> Identif
         },
         from_attributes=True,
     )
+
+
+RESIDUALS_FILE = f"{FOLDER}/residuals.json"
+
+
+def write_residuals(results: DynamicsResults, outputs: Path) -> ResidualScene:
+    """Write ``scene/residuals.json`` with its tables.
+
+    ``outputs``: the folder of the job's files.
+    """
+    files = ArrayFiles(outputs, FOLDER)
+    found = {}
+    for name, trial in results.trials.items():
+        times = trial.dynamics.motion.times
+        values = np.where(trial.frames[:, None], trial.dynamics.residual, np.nan)
+        found[name] = ResidualTrial(
+            start_s=float(times[0]),
+            rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
+            residual=files.write(f"{name}.residual", values, "N, N m"),
+        )
+    document = ResidualScene(trials=found)
+    write_json(outputs / RESIDUALS_FILE, document)
+    return document

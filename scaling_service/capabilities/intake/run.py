@@ -20,20 +20,26 @@ from scaling_service.capabilities.intake.document import (
     ProofDocument,
     RecordingProof,
 )
-from scaling_service.capabilities.intake.files import InputFile, look_into
+from scaling_service.capabilities.intake.files import (
+    InputFile,
+    RecordingFile,
+    axes_entry,
+    look_into,
+    problem_of,
+    session_axes,
+)
 from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
 from scaling_service.capabilities.intake.markers import extra_markers, propose_markers, with_extra_markers
-from scaling_service.capabilities.intake.proposal import (
+from scaling_service.capabilities.intake.roles import (
     assign_roles,
     named_in,
     ordered,
     propose_subject,
     sizes_proof,
+    static_of,
     unknown_person,
     with_sizes,
 )
-from scaling_service.capabilities.intake.recordings import RecordingFile, axes_entry, problem_of, session_axes
-from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.tables import Ground, recording_proof
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings

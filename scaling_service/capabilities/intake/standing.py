@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.markers import said_of
-from scaling_service.capabilities.intake.recordings import RecordingFile
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.model.trial import Trial

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.document import ProblemEntry, RecordingProof
-from scaling_service.capabilities.intake.recordings import RecordingFile
+from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis, sort_by_segment
 from scaling_service.capabilities.intake.tables import OFFSET_N

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.observability import determined
 from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.capabilities.motion.uncertainty import determined
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (

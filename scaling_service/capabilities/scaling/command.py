@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scaling_service.capabilities.scaling.screen import show
 from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
 from scaling_service.capabilities.shared.flags import names, with_flags
 from scaling_service.capabilities.shared.names import method_names
-from scaling_service.capabilities.shared.screen import running
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    introduce,
+    list_files,
+    print_tables,
+    running,
+    say,
+)
 from scaling_service.capabilities.shared.settings import Settings
+
+if TYPE_CHECKING:
+    from scaling_service.documents.results import ComparisonDocument
 
 
 @with_flags
@@ -77,3 +86,18 @@ def _compare(
 
 
 COMMANDS = (scale, compare)
+
+
+def show(document: ComparisonDocument, out: Path) -> None:
+    """Tables, warnings, verdict, and what was written, one line for each folder."""
+    from scaling_service.capabilities.scaling.report.tables import comparison_tables
+
+    console = console_of_results()
+    introduce(console, document)
+    print_tables(console, comparison_tables(document))
+    say(console, "Note", "yellow", document.all_warnings)
+    if document.verdict is not None and (out / "comparison.json").is_file():
+        say(console, "Verdict", "bold", [document.verdict.headline])
+    files = [f"{m.method}/  {', '.join([*m.files, 'scaling.json'])}" for m in document.methods.values()]
+    files += [name for name in ("comparison.json", "report.html") if (out / name).is_file()]
+    list_files(console, out, files)

@@ -34,7 +34,7 @@ from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import Child, Progress
-from scaling_service.service.sandbox.launcher import launcher
+from scaling_service.service.sandbox.launcher import warm_up
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Outcome
 from scaling_service.service.sandbox.supervisor import supervise
@@ -246,7 +246,7 @@ def executor_maker(settings: ServiceSettings) -> MakeExecutor:
 
 def local_executor(workers: int) -> Executor:
     """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
-    launcher().start()
+    warm_up()
     return ThreadPoolExecutor(workers, thread_name_prefix="attempt")
 
 

@@ -12,6 +12,9 @@ import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -42,14 +45,16 @@ class Child:
     folder: Path
     limits: Limits
 
-    def __call__(self, messages: int, lifeline: int) -> None:
+    def __call__(self, messages: Connection) -> None:
         """Do the work and end this process with everything that it started."""
         os.setsid()
         os.nice(_NICENESS)
-        _bind(lifeline)
-        _alone_in(self.folder)
+        pipe, parent = messages.fileno(), parent_process()
+        assert parent is not None
+        _end_with(parent.sentinel)
+        _alone_in(self.folder, {pipe, parent.sentinel})
         self.limits.apply()
-        _tell(messages, self._answer(lambda what, share: _tell(messages, {"progress": [what[:200], share]})))
+        _tell(pipe, self._answer(lambda what, share: _tell(pipe, {"progress": [what[:200], share]})))
         os.killpg(os.getpgrp(), signal.SIGKILL)
 
     def _answer(self, progress: Progress) -> dict[str, Any]:
@@ -104,7 +109,7 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
         seen = seen.__cause__ or seen.__context__
 
 
-def _bind(lifeline: int) -> None:
+def _end_with(lifeline: int) -> None:
     """Have the kernel kill this process group when the writing end of a pipe closes.
 
     No thread of ours has to run for that, so it also ends a process that is stuck in a library: SIGKILL is
@@ -119,13 +124,16 @@ def _bind(lifeline: int) -> None:
         os.killpg(os.getpgrp(), signal.SIGKILL)
 
 
-def _alone_in(folder: Path) -> None:
-    """Be quiet, know no secrets, and keep everything temporary in the attempt's folder."""
+def _alone_in(folder: Path, pipes: set[int]) -> None:
+    """Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in range(3):
         os.dup2(nowhere, descriptor)
-    os.close(nowhere)
+    ends = [2, *sorted(pipes), os.sysconf("SC_OPEN_MAX")]
+    for before, after in pairwise(ends):
+        os.closerange(before + 1, after)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     for name in [name for name in os.environ if name.startswith(SECRETS)]:
         del os.environ[name]
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")

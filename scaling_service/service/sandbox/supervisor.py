@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
-import select
 import signal
 import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
-from scaling_service.service.sandbox.launcher import Launched, Launcher, launcher
+from scaling_service.service.sandbox.launcher import Launched
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
@@ -37,18 +37,16 @@ _LONGEST_PATH = 512  # characters, as in the table of files
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
 
 
-def supervise(
-    child: Child, *, stop: Callable[[], bool], progress: Progress, launch: Launcher | None = None
-) -> Outcome:
+def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> Outcome:
     """Have work done in a limited process, and wait for its end, whatever that is.
 
     ``stop`` is asked ten times a second whether to stop; ``progress`` is told what is being done and the
     share that is done.
     """
     try:
-        launched = (launch or launcher()).launch(child)
-    except OSError as error:
-        return Hindered(f"no process could be started: {error.strerror}")
+        launched = Launched(child)
+    except (OSError, EOFError) as error:
+        return Hindered(f"no process could be started ({error})")
     try:
         answer = _follow(launched, child, stop, progress)
     finally:
@@ -61,17 +59,17 @@ def _follow(
 ) -> dict[str, Any] | Outcome:
     """The child's answer, or how it ended without one."""
     begun = looked = time.monotonic()
-    lines = _Lines(launched.messages)
+    pipe = launched.messages.fileno()
+    lines = _Lines(pipe)
     while True:
-        watched = [launched.status] if lines.ended else [launched.messages, launched.status]
-        ready, _, _ = select.select(watched, [], [], TICK_S)
-        if launched.messages in ready:
+        ready = wait([launched.sentinel] if lines.ended else [pipe, launched.sentinel], TICK_S)
+        if pipe in ready:
             for message in lines.read():
                 if "progress" not in message:
                     return message
                 _pass_on(message["progress"], progress)
-        elif launched.status in ready:  # all messages were read before
-            return _ending(os.read(launched.status, 64), child.limits)
+        elif launched.sentinel in ready:  # all messages were read before
+            return _ending(launched.exit_code, child.limits)
         if lines.broken:
             return Lost("it sent what cannot be read")
         now = time.monotonic()
@@ -172,9 +170,8 @@ def _written(folder: Path) -> int:
     return total
 
 
-def _ending(status: bytes, limits: Limits) -> Outcome:
+def _ending(code: int | None, limits: Limits) -> Outcome:
     """What the exit of a child that gave no answer means."""
-    code = int(status) if status.strip() else None
     if code == -signal.SIGXCPU:
         return Failed.of(limits.exceeded("limit_cpu_s"))
     if code is not None and -code in _CRASHES:
@@ -185,4 +182,4 @@ def _ending(status: bytes, limits: Limits) -> Outcome:
                 remedy="Check that the files are sound: damaged ones can do this",
             )
         )
-    return Lost("the fork server is gone" if code is None else f"the process ended with {code}")
+    return Lost(f"the process ended with {code}")

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from scaling_service.capabilities.consistent.estimate import consistent
+from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.run import read
-from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings

@@ -17,8 +17,8 @@ from scaling_service.capabilities.consistent.planar import (
     plane_of,
     scale_squat,
 )
+from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
-from scaling_service.capabilities.consistent.settings import ConsistentSettings
 from scaling_service.capabilities.dynamics.inverse_dynamics import ORDER
 from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics

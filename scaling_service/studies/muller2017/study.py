@@ -14,7 +14,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
     identify_inertia,
 )
-from scaling_service.capabilities.dynamics.inertia.prior import PriorSpread
+from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
     InverseDynamics,
     dynamics_of,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.capabilities.motion.observability import determined
 from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.capabilities.motion.uncertainty import determined
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.numerics.bodies import leg, leg_motion, random_tree

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import sys
-from typing import cast
 
-from scaling_service.cli import main
-from scaling_service.service.http import serving
-from scaling_service.service.jobs import process
-from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.process import FROM_PARENT
-from scaling_service.service.sandbox import launcher
-from tests.service.http.busy import BUSY
-from tests.service.jobs.wholes import WHOLES
+
+def main() -> int:
+    """Run the server or its runner; imports stand here, for each process that computes imports this file."""
+    from scaling_service import cli
+    from scaling_service.service.http import serving
+    from scaling_service.service.jobs import process
+    from scaling_service.service.jobs.kinds import KINDS
+    from scaling_service.service.sandbox import launcher
+    from tests.service.http.busy import BUSY
+    from tests.service.jobs.wholes import WHOLES
+
+    KINDS.update(WHOLES | BUSY)  # type: ignore[attr-defined]
+    if sys.argv[1:] == [process.FROM_PARENT]:
+        launcher.PRELOAD = "tests.service.jobs.wholes"  # warm at once: tiny jobs need little
+        return process.main(sys.argv[1:])
+    serving.RunnerProcess.module = "tests.service.http.tiny_server"
+    return cli.main(["serve", *sys.argv[1:]])
+
 
 if __name__ == "__main__":
-    cast("dict[str, Kind]", KINDS).update(WHOLES | BUSY)
-    if sys.argv[1:] == [FROM_PARENT]:
-        launcher._LAUNCHER = launcher.Launcher(
-            "tests.service.jobs.wholes"
-        )  # warm at once: tiny jobs need little
-        sys.exit(process.main(sys.argv[1:]))
-    serving.RunnerProcess.module = "tests.service.http.tiny_server"
-    sys.exit(main(["serve", *sys.argv[1:]]))
+    sys.exit(main())

@@ -7,36 +7,28 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from scaling_service.service.sandbox.child import Child, Work
-from scaling_service.service.sandbox.launcher import Launcher
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
 from scaling_service.service.sandbox.supervisor import supervise
 from tests.service.jobs import tasks
 
 
-@pytest.fixture(scope="module")
-def launch() -> Iterator[Launcher]:
-    """A fork server that imports little, so that it starts at once."""
-    made = Launcher("scaling_service.service.sandbox.child")
-    yield made
-    made.close()
-
-
 @pytest.fixture
-def run(tmp_path: Path, launch: Launcher) -> Callable[..., Outcome]:
+def run(tmp_path: Path) -> Callable[..., Outcome]:
     for name in ("inputs", "outputs", "tmp"):
         (tmp_path / name).mkdir()
 
     def run(work: Work, stop: Callable[[], bool] = lambda: False, **bounds: Any) -> Outcome:
         child = Child(work, tmp_path, Limits(**bounds))
-        return supervise(child, stop=stop, progress=lambda _what, _share: None, launch=launch)
+        return supervise(child, stop=stop, progress=lambda _what, _share: None)
 
     return run
 
@@ -132,15 +124,12 @@ def test_other_ends_are_told_apart(run: Callable[..., Outcome], work: Work, kind
     assert isinstance(run(work), kind)
 
 
-def test_nothing_that_a_child_says_is_passed_on_unseen(
-    run: Callable[..., Outcome], launch: Launcher, tmp_path: Path
-) -> None:
+def test_nothing_that_a_child_says_is_passed_on_unseen(run: Callable[..., Outcome], tmp_path: Path) -> None:
     seen = list[tuple[str, float]]()
     outcome = supervise(
         Child(tasks.mad_progress, tmp_path, Limits()),
         stop=lambda: False,
         progress=lambda what, share: seen.append((what, share)),
-        launch=launch,
     )
     assert isinstance(outcome, Finished)
     assert seen == [("a b a b a b ", 0.0), ("large", 1.0)]
@@ -181,10 +170,9 @@ def test_secrets_are_not_handed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in ("outputs", "tmp"):
         (tmp_path / name).mkdir()
     monkeypatch.setenv("SCALING_SERVICE_DATABASE_URL", "postgresql://user:secret@/x")
-    fresh = Launcher("scaling_service.service.sandbox.child")
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]  # a new one knows what is set now
     child = Child(tasks.environment, tmp_path, Limits())
-    outcome = supervise(child, stop=lambda: False, progress=lambda _what, _share: None, launch=fresh)
-    fresh.close()
+    outcome = supervise(child, stop=lambda: False, progress=lambda _what, _share: None)
     assert isinstance(outcome, Finished)
     assert outcome.result["ours"] == []
     assert outcome.result["temporary"].endswith("/tmp")
@@ -194,12 +182,12 @@ SUPERVISING = """
 import sys
 from pathlib import Path
 from scaling_service.service.sandbox.child import Child
-from scaling_service.service.sandbox.launcher import Launcher
+from scaling_service.service.sandbox import launcher
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.supervisor import supervise
 from tests.service.jobs import tasks
-supervise(Child(tasks.grandchild, Path(sys.argv[1]), Limits()), stop=lambda: False,
-          progress=lambda *_: None, launch=Launcher("scaling_service.service.sandbox.child"))
+launcher.PRELOAD = "scaling_service.service.sandbox.child"
+supervise(Child(tasks.grandchild, Path(sys.argv[1]), Limits()), stop=lambda: False, progress=lambda *_: None)
 """
 
 

@@ -22,17 +22,15 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     most_likely_noise,
     weighed,
 )
-from scaling_service.capabilities.dynamics.inertia.prior import (
+from scaling_service.capabilities.dynamics.inertia.parameters import (
+    InertialIdentification,
     InertialPrior,
     PriorSpread,
-    inertial_prior,
-)
-from scaling_service.capabilities.dynamics.inertia.result import (
-    InertialIdentification,
     Solution,
     WrenchFit,
     describe_combinations,
     describe_parameters,
+    inertial_prior,
 )
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import few

@@ -27,13 +27,15 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     error_and_indicator,
     slopes_through_zero,
 )
-from scaling_service.capabilities.dynamics.uncertainty.points import (
+from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
     STENCIL,
+    NoiseOn,
     PointBody,
+    Recording,
+    Reference,
     second_difference,
 )
-from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Recording, Reference
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, Poses, cross, jacobian, positions, rates_of
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY

@@ -1,13 +1,40 @@
-"""The chapter on joint angles: over the gait cycle where there is one, over time elsewhere."""
+"""The chapters on joint angles: by method over time and the gait cycle, and as a clinic reads them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, Literal
 
+import numpy as np
+import plotly.graph_objects as go
+
+from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, Band, schwartz2008
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
-from scaling_service.report.blocks import Block, Details, Grid, Heading, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, cycle_figure, lines, ranges
-from scaling_service.report.methods import method_legend, percent_spans, words
+from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
+from scaling_service.model.anatomy.conventional import ANGLES
+from scaling_service.report.blocks import (
+    Block,
+    Bullets,
+    Callout,
+    Cell,
+    Details,
+    Grid,
+    Heading,
+    Legend,
+    Row,
+    Table,
+    Text,
+)
+from scaling_service.report.figures import Figure, band, chart, cycle_figure, faded, lines, ranges
+from scaling_service.report.methods import (
+    FAINT,
+    Style,
+    method_columns,
+    method_legend,
+    number,
+    percent_spans,
+    words,
+)
 from scaling_service.report.page import Section
 
 
@@ -113,3 +140,211 @@ def _over_time(curve: Curves) -> Figure:
         f"{title} over time in {curve.trial} by method, degrees.",
         210,
     )
+
+
+_Side = Literal["r", "l"]
+
+_SIDES: Final[Mapping[_Side, tuple[str, Style]]] = {
+    "l": ("left", Style("#D55E00", "dash")),
+    "r": ("right", Style("#0072B2", "solid")),
+}
+"""As gait laboratories draw them, left in red; colours of Okabe & Ito 2008."""
+
+_BAND = "rgba(154,165,177,0.35)"
+"""The palette's faint grey, seen through."""
+
+_WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
+    "pelvis_anterior_tilt": ("pelvic tilt", "back", "front"),
+    "pelvis_obliquity_up": ("pelvic obliquity", "down", "up"),
+    "pelvis_internal_rotation": ("pelvic rotation", "back", "forward"),
+    "hip_flexion": ("hip flexion", "extension", "flexion"),
+    "hip_adduction": ("hip adduction", "abduction", "adduction"),
+    "hip_internal_rotation": ("hip rotation", "out", "in"),
+    "knee_flexion": ("knee flexion", "extension", "flexion"),
+    "knee_adduction": ("knee adduction", "valgus", "varus"),
+    "knee_internal_rotation": ("knee rotation", "out", "in"),
+    "ankle_dorsiflexion": ("ankle dorsiflexion", "plantar", "dorsal"),
+    "foot_internal_progression": ("foot progression", "out", "in"),
+}
+"""Angle to its name, and what its negative and positive values mean."""
+
+_RESTS_ON = (
+    "Hip, knee, ankle: turns between frames through the model's joint centres and lateral knee and ankle "
+    "markers (Kadaba 1990, Davis 1991). Knee rotation counts from the model's neutral pose, so that tibial "
+    "torsion does not show.",
+    "Pelvis: rotation, obliquity and tilt in this order (Baker 2001). Rotation and foot progression count "
+    "from where the pelvis goes during each cycle.",
+    "Foot: the line from heel to second metatarsal head, level where the model stands on a flat sole. A "
+    "laboratory takes this from its standing trial, so dorsiflexion may differ from its own by a constant.",
+    "Gait Variable Score: RMS distance of a cycle from the reference's mean, averaged over cycles. Gait "
+    "Profile Score: RMS of nine of them; of both sides, with the pelvis counted once (Baker 2009).",
+)
+
+
+def clinical_section(methods: Mapping[str, MethodResult], method: str) -> Section:
+    """Conventional angles of the verdict's method, its profile, and the scores of all methods."""
+    return Section("Angles as a clinic reads them", list(_clinical(methods, method)), new_page=True)
+
+
+def _clinical(methods: Mapping[str, MethodResult], method: str) -> Iterator[Block]:
+    found = {name: m.clinical for name, m in methods.items() if m.clinical is not None}
+    shown = found.get(method)
+    if shown is None or not shown.sides:
+        yield Text(
+            f"No gait cycle is shown: {shown.reason if shown else 'no movement was recorded'}.", quiet=True
+        )
+        yield from _left_out(shown)
+        return
+    if shown.doubtful:
+        yield Callout("Read with doubt", [Bullets([f"{said}." for said in shown.doubtful])], "poor")
+    yield Text(_cycles_in_words(method, shown))
+    yield Legend([(name, style.colour, style.dash) for name, style in _SIDES.values()])
+    bands = schwartz2008().bands
+    yield Grid(
+        [_figure(angle, shown, bands[angle]) for angle in ANGLES if angle in bands and _has(shown, angle)]
+    )
+    yield Heading("Movement Analysis Profile and Gait Profile Score")
+    yield _profile(shown)
+    yield Text(_score_in_words(method, shown))
+    yield from _left_out(shown)
+    yield from _scores(found)
+    yield Details("What these angles and scores rest on", [Bullets(_RESTS_ON)])
+
+
+def _cycles_in_words(method: str, shown: ClinicalDocument) -> str:
+    counts = " and ".join(
+        f"{len(shown.sides[side].cycles)} {name}" for side, (name, _) in _SIDES.items() if side in shown.sides
+    )
+    trials = dict.fromkeys(cycle.trial for side in shown.sides.values() for cycle in side.cycles)
+    several = any(curve.sd_deg is not None for side in shown.sides.values() for curve in side.curves.values())
+    drawn = "Mean and SD (shaded)" if several else "Angles"
+    role = "held out" if shown.held_out else "used to fit"
+    return (
+        f"{drawn} of {method} over gait cycles ({counts}) from {', '.join(trials)} ({role}). Grey: mean ± 1 "
+        f"SD of {shown.population} at free speed (Schwartz 2008). An adult, or a person who walks faster or "
+        "slower, is not one of them."
+    )
+
+
+def _has(shown: ClinicalDocument, angle: str) -> bool:
+    return any(angle in side.curves for side in shown.sides.values())
+
+
+def _figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
+    title, low, high = _WAYS[angle]
+    traces = [band(np.degrees(usual.mean), np.degrees(usual.sd), _BAND)]
+    curves = {side: shown.sides[side].curves[angle] for side in _SIDES if _in(shown, side, angle)}
+    for side, curve in curves.items():
+        if curve.sd_deg is not None:
+            traces.append(
+                band(np.array(curve.mean_deg), np.array(curve.sd_deg), faded(_SIDES[side][1].colour))
+            )
+    traces += [_line(side, curve) for side, curve in curves.items()]
+    said = "; ".join(
+        f"{_SIDES[side][0]} {min(curve.mean_deg):.0f} to {max(curve.mean_deg):.0f}"
+        for side, curve in curves.items()
+    )
+    described = f"{title} over the gait cycle, degrees, {high} positive. Ranges: {said}."
+    drawn = chart(traces, x_title="gait cycle, %", y_title="degrees")
+    return Figure(drawn, f"{title}: {high} +, {low} −", described, 230)
+
+
+def _in(shown: ClinicalDocument, side: _Side, angle: str) -> bool:
+    return side in shown.sides and angle in shown.sides[side].curves
+
+
+def _line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
+    name, style = _SIDES[side]
+    return go.Scatter(
+        x=np.linspace(0.0, 100.0, len(curve.mean_deg)),
+        y=np.asarray(curve.mean_deg, dtype=np.float32),
+        name=name,
+        mode="lines",
+        line={"color": style.colour, "dash": style.dash, "width": 2},
+        hovertemplate="%{y:.1f}",
+    )
+
+
+def _profile(shown: ClinicalDocument) -> Figure:
+    scored = [a for a in VARIABLES if any(a in side.gvs_deg for side in shown.sides.values())]
+    whole = any(side.gps_deg is not None for side in shown.sides.values())
+    names = [*(_WAYS[angle][0] for angle in scored), *(["GPS"] if whole else [])]
+    labels = [name.replace(" ", "<br>") for name in names]
+    bars: list[go.Bar | go.Scatter] = []
+    said = []
+    for side, (name, style) in _SIDES.items():
+        if side not in shown.sides:
+            continue
+        scores = shown.sides[side]
+        values = [*(scores.gvs_deg.get(angle) for angle in scored), *([scores.gps_deg] if whole else [])]
+        bars.append(
+            go.Bar(x=labels, y=values, name=name, marker={"color": style.colour}, hovertemplate="%{y:.1f}")
+        )
+        known = [f"{n} {v:.1f}" for n, v in zip(names, values, strict=True) if v is not None]
+        said.append(f"{name}: {', '.join(known)}")
+    typical = [shown.reference_gvs_deg[angle] for angle in scored]
+    typical += [shown.reference_gps_deg] if whole else []
+    bars.append(
+        go.Scatter(
+            x=labels,
+            y=typical,
+            name="reference",
+            mode="markers",
+            marker={"symbol": "line-ew-open", "size": 34, "color": FAINT, "line": {"width": 3}},
+            hovertemplate="%{y:.1f}",
+        )
+    )
+    drawn = chart(bars, y_title="degrees", barmode="group", bargap=0.35)
+    drawn.update_xaxes(tickangle=0)
+    return Figure(
+        drawn,
+        "Movement Analysis Profile: distance of each angle from the reference's mean (grey mark: RMS of the "
+        "reference's own members)",
+        f"Gait Variable Scores, degrees. {'. '.join(said)}.",
+        300,
+    )
+
+
+def _score_in_words(method: str, shown: ClinicalDocument) -> str:
+    if shown.gps_deg is None:
+        missing = [
+            _WAYS[angle][0] for angle in VARIABLES if not all(_in(shown, side, angle) for side in _SIDES)
+        ]
+        return f"No Gait Profile Score of both sides is given by {method}: it lacks {', '.join(missing)}."
+    sides = ", ".join(f"{_SIDES[s][0]} {number(shown.sides[s].gps_deg)}" for s in _SIDES if s in shown.sides)
+    return (
+        f"Gait Profile Score by {method}: {shown.gps_deg:.1f} degrees ({sides}). The reference's own members "
+        f"lie {shown.reference_gps_deg:.1f} degrees (RMS) from its mean. A part of any distance is how this "
+        "laboratory places markers, not how this person walks."
+    )
+
+
+def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
+    columns: list[str | Cell] = ["", *method_columns(list(found))]
+    documents = list(found.values())
+    sides = {side: [d.sides.get(side) for d in documents] for side in _SIDES}
+    totals = [
+        _row(f"GPS, {_SIDES[s][0]}", [None if x is None else x.gps_deg for x in of])
+        for s, of in sides.items()
+    ]
+    totals.append(_row("GPS, both sides", [d.gps_deg for d in documents]))
+    if any(totals):
+        yield Table("Gait Profile Score by method, degrees", columns, [row for row in totals if row])
+    rows = [
+        _row(f"{_WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of])
+        for s, of in sides.items()
+        for angle in VARIABLES
+    ]
+    table = Table("Gait Variable Scores by method, degrees", columns, [row for row in rows if row])
+    yield Details("The scores of each angle", [table])
+
+
+def _row(title: str, scores: Sequence[float | None]) -> Row | None:
+    """The scores of all methods; None where no method has one."""
+    known = any(score is not None for score in scores)
+    return Row(title, [number(score) for score in scores]) if known else None
+
+
+def _left_out(shown: ClinicalDocument | None) -> Iterator[Block]:
+    if shown is not None and shown.left_out:
+        yield Bullets([f"Not given: {reason}." for reason in shown.left_out])

@@ -1,4 +1,10 @@
-"""What inertial identification gives: a model, every parameter, and what held-out recordings say of it."""
+"""What is known of a body's inertial parameters before and after forces are measured, in units of its spread.
+
+A segment's mass is described by how much there is, where its centre is, and how it is spread about it: its
+second moments, which are lengths squared times mass. A whitened vector ``z`` has these ten numbers for each
+segment, each change over its prior standard deviation. A thin segment then stays thin: lengths change by
+shares of themselves.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +12,131 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import null_space
 
-from scaling_service.capabilities.dynamics.inertia.prior import PARTS, InertialPrior, tensor_of_second_moments
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR
+from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Inertias
+
+MASS_SD = 0.10
+"""Of a segment's mass, relative. The standard deviation between Dumas 2007, Dumas & Wojtusch 2018, de Leva
+1996 and Winter 2009 on the whole-body model, median over segments and sexes (0.099), is taken for that of a
+person about a table."""
+
+COM_SD = 0.18
+"""Of the centre of mass along each axis, over the root mean square distance of the segment's mass from it
+along that axis. Between tables: 0.18, as above."""
+
+LENGTH_SD = 0.10
+"""Of that root mean square distance, relative. Between tables: 0.094, as above."""
+
+PARTS = ("mass", "com_x", "com_y", "com_z", "Sxx", "Syy", "Szz", "Sxy", "Sxz", "Syz")
+"""The ten numbers of ``z``: S are the second moments about the centre of mass."""
+
+MIRRORED = np.array([1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
+"""Signs of the ten numbers seen in the sagittal plane: z, xz and yz turn round."""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorSpread:
+    """Standard deviations of the prior; see ``MASS_SD``, ``COM_SD`` and ``LENGTH_SD``."""
+
+    mass: float = MASS_SD
+    com: float = COM_SD
+    length: float = LENGTH_SD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InertialPrior:
+    """A Gaussian prior of all inertial parameters."""
+
+    segments: tuple[str, ...]  # length n
+    mean: Array  # (n, 10): the parameters that forces are linear in; see ``Inertias.parameters``
+    # (n, 10): standard deviations of ``PARTS``: kg, m, kg m2. Zero for a segment without mass: it keeps none.
+    sd: Array
+    scale: Array  # (10 n, 10 n): ``mean + scale @ z`` are parameters, to first order about the mean
+    basis: Array  # (10 n, k), orthonormal: the directions of z that may move
+
+
+def inertial_prior(
+    model: BodyModel, spread: PriorSpread, *, mass_known: bool, symmetric: bool
+) -> InertialPrior:
+    """The prior around a model's own inertia, its total mass kept where known.
+
+    Symmetric: segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
+    """
+    inertias = inertias_of(model)
+    sd = _deviations(inertias, spread)
+    scale = np.zeros((sd.size, sd.size))
+    for k, slopes in enumerate(_slopes(inertias)):
+        rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
+        scale[rows, rows] = slopes * sd[k]
+    basis = _moving(model.segment_names, sd, symmetric)
+    if mass_known:
+        basis = basis @ null_space((scale[::N_PARAMETERS].sum(axis=0) @ basis)[None, :])
+    return InertialPrior(model.segment_names, inertias.parameters(), sd, scale, basis)
+
+
+def _deviations(inertias: Inertias, spread: PriorSpread) -> Array:
+    """Standard deviations of ``PARTS``, (n, 10)."""
+    mass, tensor = inertias.mass, inertias.tensor
+    squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
+    sizes = np.sqrt(np.clip(squares, 0.0, None))  # length times root of mass
+    lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
+    # The square of a length has twice its relative deviation; a product of two has root two of it.
+    second = [
+        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
+    ]
+    sd: Array = np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
+    return sd
+
+
+def _slopes(inertias: Inertias) -> Array:
+    """Derivatives of the parameters in ``PARTS``, (n, 10, 10)."""
+    mass, com = inertias.mass, inertias.com
+    slopes = np.zeros((len(mass), N_PARAMETERS, N_PARAMETERS))
+    slopes[:, 0, 0] = 1.0
+    slopes[:, 1:4, 0] = com
+    slopes[:, (1, 2, 3), (1, 2, 3)] = mass[:, None]
+    slopes[:, 4:, 4:] = tensor_of_second_moments()
+    squares = (com**2).sum(axis=1)
+    for row, (i, j) in enumerate(TENSOR, start=4):
+        slopes[:, row, 0] = (i == j) * squares - com[:, i] * com[:, j]
+        for axis in range(3):
+            change = 2.0 * (i == j) * com[:, axis] - (axis == i) * com[:, j] - (axis == j) * com[:, i]
+            slopes[:, row, 1 + axis] = mass * change
+    return slopes
+
+
+def tensor_of_second_moments() -> Array:
+    """The matrix (6, 6) that makes an inertia tensor of second moments: ``tr(S) 1 - S``."""
+    matrix = np.zeros((6, 6))
+    for column, (i, j) in enumerate(TENSOR):
+        if i == j:
+            matrix[:3, column] = 1.0
+            matrix[column, column] = 0.0
+        else:
+            matrix[column, column] = -1.0
+    return matrix
+
+
+def _moving(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
+    """Orthonormal directions of z that may move, whatever the total mass does."""
+    columns = []
+    for k, name in enumerate(segments):
+        twin = {"_r": f"{name[:-2]}_l", "_l": f"{name[:-2]}_r"}.get(name[-2:])
+        other = segments.index(twin) if symmetric and twin in segments else None
+        if other is not None and name.endswith("_l"):
+            continue
+        for j in np.flatnonzero(sd[k]).tolist():
+            column = np.zeros(sd.size)
+            column[N_PARAMETERS * k + j] = 1.0
+            if other is not None and sd[other, j]:
+                column[N_PARAMETERS * other + j] = MIRRORED[j]
+            columns.append(column / np.linalg.norm(column))
+    return np.array(columns).T
+
 
 QUANTITIES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 """kg, m in the segment's frame, kg m2 about the centre of mass in the segment's axes."""

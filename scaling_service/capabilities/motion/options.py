@@ -36,6 +36,11 @@ class MotionOptions(Options):
         default={},
         description="Model marker to label in the recordings, where name and known aliases differ.",
     )
+    skin: Annotated[bool, Flag(name="--skin/--no-skin")] = Field(
+        default=True,
+        description="Whether standard deviations hold the motion of skin over the bone, from published sizes "
+        "and the recording's own; not for markers on bone pins.",
+    )
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis that points up, such as +z; unless given, found from markers.",

@@ -7,15 +7,13 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
-from pkgutil import iter_modules
-from types import FrameType, ModuleType
+from types import FrameType
 from typing import Annotated
 
 import typer
 
-from scaling_service import capabilities
-from scaling_service.capabilities.cohort.screen import Interrupted
+from scaling_service.capabilities import modules_named
+from scaling_service.capabilities.cohort.command import Interrupted
 from scaling_service.cli import demo, service
 from scaling_service.core.errors import InputError
 from scaling_service.studies import command as studies
@@ -26,7 +24,7 @@ EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 """Stopped from the keyboard, as shells count it."""
 
-_FIRST = (
+_FIRST = [
     "demo",
     "proof",
     "scale",
@@ -37,16 +35,8 @@ _FIRST = (
     "discover",
     "batch",
     "landmarks",
-)
+]
 """In the order in which a newcomer needs them; others follow."""
-
-
-def _modules() -> Iterator[ModuleType]:
-    """Whatever has commands: a capability's module ``command``, the demo, the studies, the service."""
-    for folder in iter_modules(capabilities.__path__, f"{capabilities.__name__}."):
-        if any(module.name == "command" for module in iter_modules(import_module(folder.name).__path__)):
-            yield import_module(f"{folder.name}.command")
-    yield from (demo, studies, service)
 
 
 def _program_of_all() -> typer.Typer:
@@ -58,7 +48,7 @@ def _program_of_all() -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    modules = list(_modules())
+    modules = [*modules_named("command"), demo, studies, service]
     commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
     names = (*_FIRST, *(command.__name__ for command in commands))
     for command in sorted(commands, key=lambda command: names.index(command.__name__)):

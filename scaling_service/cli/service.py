@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from scaling_service.service.store.database import Database
+    from scaling_service.service.jobs.service import Service
 
 SettingsFile = Annotated[
     Path | None,
@@ -71,8 +70,8 @@ def create_key(
     """Make a key. It is shown once; the service keeps only its digest."""
     from scaling_service.service.store import keys as store
 
-    with _database(settings) as database:
-        row, secret = store.create(database, owner, label)
+    with _service(settings) as service:
+        row, secret = store.create(service.store.database, owner, label)
     typer.echo(f"Key {row.id} of {row.owner}; it is not shown again:", err=True)
     typer.echo(secret)
 
@@ -82,8 +81,8 @@ def list_keys(settings: SettingsFile = None) -> None:
     """List all keys, without their secrets."""
     from scaling_service.service.store import keys as store
 
-    with _database(settings) as database:
-        rows = store.every(database)
+    with _service(settings) as service:
+        rows = store.every(service.store.database)
     for row in rows:
         state = "valid" if row.revoked_us is None else f"revoked {_day(row.revoked_us)}"
         typer.echo(f"{row.id}  {row.owner}  made {_day(row.created_us)}  {state}  {row.label}".rstrip())
@@ -99,21 +98,16 @@ def revoke_key(
     """Let a key open nothing any more; what its owner has stays."""
     from scaling_service.service.store import keys as store
 
-    with _database(settings) as database:
-        store.revoke(database, key)
+    with _service(settings) as service:
+        store.revoke(service.store.database, key)
     typer.echo(f"Key {key} opens nothing any more.")
 
 
-@contextmanager
-def _database(settings: SettingsFile) -> Iterator[Database]:
-    from scaling_service.service.jobs.service import open_store
+def _service(settings: SettingsFile) -> closing[Service]:
+    from scaling_service.service.jobs.service import Service
     from scaling_service.service.jobs.settings import load_settings
 
-    store = open_store(load_settings(settings))
-    try:
-        yield store.database
-    finally:
-        store.close()
+    return closing(Service.open(load_settings(settings)))
 
 
 def _day(microseconds: int) -> str:
@@ -131,15 +125,9 @@ def delete(
     settings: SettingsFile = None,
 ) -> None:
     """Delete a subject, its files, and all jobs on them: rows, contents and traces."""
-    from scaling_service.service.jobs.service import Service
-    from scaling_service.service.jobs.settings import load_settings
-
-    service = Service.open(load_settings(settings))
-    try:
+    with _service(settings) as service:
         service.delete_subject(owner, subject)
         service.store.tidy()
-    finally:
-        service.close()
     typer.echo(f"Subject {subject} of {owner} and all that rests on it is deleted.")
 
 
@@ -149,16 +137,11 @@ def expire(
     settings: SettingsFile = None,
 ) -> None:
     """Delete jobs and subjects that are older than so many days, now and once."""
-    from scaling_service.service.jobs.service import open_store
-    from scaling_service.service.jobs.settings import load_settings
     from scaling_service.service.store import deletion
 
-    store = open_store(load_settings(settings))
-    try:
-        jobs, subjects = deletion.expire(store.database, store.blobs, days)
-        store.tidy()
-    finally:
-        store.close()
+    with _service(settings) as service:
+        jobs, subjects = deletion.expire(service.store.database, service.store.blobs, days)
+        service.store.tidy()
     typer.echo(f"Deleted for good: {jobs} jobs and {subjects} subjects older than {days:g} days.")
 
 

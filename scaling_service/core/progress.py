@@ -8,8 +8,8 @@ Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
 
-def silent(what: str, share: float) -> None:
-    """No progress is shown."""
+def silent(what: str, share: float = 0.0) -> None:
+    """No progress is shown, whether it is told with a share or by names alone."""
 
 
 def part_of(progress: Progress, start: float, length: float) -> Progress:

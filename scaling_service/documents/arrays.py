@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from scaling_service.documents.base import Part
 
 
-class Overview(BaseModel):
+class Overview(Part):
     """A table's first level: few frames for a first look."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     file: str = Field(description="Path among the job's files.")
     shape: list[int]
     step: int = Field(description="Frames of the table to one of this.")
 
 
-class ArrayEntry(BaseModel):
+class ArrayEntry(Part):
     """A table of little-endian float32 in C order, frames first; NaN is unknown."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     file: str = Field(description="Path among the job's files; frame i begins at byte i times a row's.")
     shape: list[int]
@@ -26,10 +24,8 @@ class ArrayEntry(BaseModel):
     overview: Overview | None = Field(default=None, description="There where the table has many frames.")
 
 
-class PlateEntry(BaseModel):
+class PlateEntry(Part):
     """A force plate in a recording."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
     corners_m: list[tuple[float, float, float]] | None = Field(

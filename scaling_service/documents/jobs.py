@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from scaling_service.documents.base import Part
 
 
 class State(StrEnum):
@@ -30,10 +32,10 @@ class State(StrEnum):
         return self in (State.RUNNING, State.CANCELLING)
 
 
-class Failure(BaseModel):
+class Failure(Part):
     """Why a job failed, in the words of the command line's errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, json_schema_serialization_defaults_required=True)
+    model_config = ConfigDict(json_schema_serialization_defaults_required=True)
 
     kind: str = Field(description="Class of the error, such as MarkerMissing.")
     problem: str = Field(description="What is wrong, one sentence.")

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from scaling_service.documents.base import Part
 
 SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
 
-class _Result(BaseModel):
-    """Frozen, checked on the way out, and refusing what JSON has no number for."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class TrialError(_Result):
+class TrialError(Part):
     """Distances between measured and model markers over one trial, mm."""
 
     role: Literal["calibration", "evaluation"] = Field(description="Evaluation trials were not used to fit.")
@@ -30,14 +26,14 @@ class TrialError(_Result):
     per_marker: dict[str, float] = Field(description="Marker to mean distance.")
 
 
-class JointCentre(_Result):
+class JointCentre(Part):
     """Where a joint turns, in the frame of its proximal segment, mm."""
 
     frame: str
     xyz: tuple[float, float, float]
 
 
-class LengthEstimate(_Result):
+class LengthEstimate(Part):
     """How well a length between joint centres is known, and what decides it; the shares add up to one."""
 
     sd_mm: float = Field(description="Standard deviation.")
@@ -46,7 +42,7 @@ class LengthEstimate(_Result):
     expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
 
 
-class PersonCentre(_Result):
+class PersonCentre(Part):
     """How a joint centre of the person was found in a recording."""
 
     source: str
@@ -55,14 +51,14 @@ class PersonCentre(_Result):
     )
 
 
-class KneeAxis(_Result):
+class KneeAxis(Part):
     """Turns of a knee's axis about x and y of the thigh, degrees."""
 
     x: float
     y: float
 
 
-class FittedParameter(_Result):
+class FittedParameter(Part):
     """A number that was fitted, in ``unit``."""
 
     name: str
@@ -73,14 +69,14 @@ class FittedParameter(_Result):
     identifiable: bool = Field(description="False where the recordings say no more than the bounds do.")
 
 
-class WallTime(_Result):
+class WallTime(Part):
     """Seconds."""
 
     calibration: float
     inverse_kinematics: float
 
 
-class ClinicalCycle(_Result):
+class ClinicalCycle(Part):
     """One gait cycle, from contact to contact of the same foot."""
 
     trial: str
@@ -88,7 +84,7 @@ class ClinicalCycle(_Result):
     end_s: float
 
 
-class ClinicalCurve(_Result):
+class ClinicalCurve(Part):
     """An angle over the gait cycle at 0, 2, … 100 %."""
 
     mean_deg: list[float]
@@ -96,7 +92,7 @@ class ClinicalCurve(_Result):
     n_cycles: int
 
 
-class ClinicalSide(_Result):
+class ClinicalSide(Part):
     """One leg."""
 
     cycles: list[ClinicalCycle]
@@ -107,7 +103,7 @@ class ClinicalSide(_Result):
     gps_deg: float | None = Field(description="Gait Profile Score; null where one of nine angles is missing.")
 
 
-class ClinicalDocument(_Result):
+class ClinicalDocument(Part):
     """Conventional angles of one model: curves, profile and score against a reference population."""
 
     reference: str
@@ -124,7 +120,7 @@ class ClinicalDocument(_Result):
     reason: str = Field(description="Why there is no gait cycle; empty where there is one.")
 
 
-class MethodResult(_Result):
+class MethodResult(Part):
     """One method's model and how well it follows the recordings."""
 
     method: str
@@ -161,7 +157,7 @@ class MethodResult(_Result):
     files: list[str] = Field(description="What was written beside this document.")
 
 
-class RepairNote(_Result):
+class RepairNote(Part):
     """One thing that was changed or decided while reading or processing a recording."""
 
     what: str
@@ -170,7 +166,7 @@ class RepairNote(_Result):
     frames: int
 
 
-class Provenance(_Result):
+class Provenance(Part):
     """What is needed to get the same result again."""
 
     schema_version: int = SCHEMA_VERSION
@@ -191,14 +187,14 @@ class ScalingDocument(Provenance, MethodResult):
     """``scaling.json``: one method."""
 
 
-class TruthDocument(_Result):
+class TruthDocument(Part):
     """The known answer of a virtual subject, and each method's distance from it."""
 
     segment_lengths_mm: dict[str, float]
     errors: dict[str, dict[str, float]] = Field(description="Method to measure to value.")
 
 
-class TrustNote(_Result):
+class TrustNote(Part):
     """How far to trust one thing of a model."""
 
     topic: str
@@ -206,7 +202,7 @@ class TrustNote(_Result):
     text: str
 
 
-class VerdictDocument(_Result):
+class VerdictDocument(Part):
     """Which method to use for this person, why, and how far to trust it."""
 
     method: str

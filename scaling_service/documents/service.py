@@ -5,19 +5,16 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import ConfigDict, Field, StringConstraints
 
+from scaling_service.documents.base import Part
 from scaling_service.documents.jobs import Failure, State
 
 
-class _Travels(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Problem(_Travels):
+class Problem(Part):
     """Why a request was not answered (RFC 9457), in the words of the command line."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
+    model_config = ConfigDict(extra="allow")
 
     type: str = Field(description="Names the kind of the problem.")
     title: str = Field(description="The status in words.")
@@ -29,7 +26,7 @@ class Problem(_Travels):
     remedy: str | None = Field(default=None, description="What to do about it.")
 
 
-class FileEntry(_Travels):
+class FileEntry(Part):
     """A file that is kept."""
 
     name: str = Field(description="Its name, or its path among the files of a job.")
@@ -37,13 +34,13 @@ class FileEntry(_Travels):
     sha256: str = Field(description="Of the content, in hexadecimal.")
 
 
-class FileList(_Travels):
+class FileList(Part):
     """Files by name."""
 
     items: list[FileEntry]
 
 
-class SubjectSummary(_Travels):
+class SubjectSummary(Part):
     """A subject in a list."""
 
     id: str
@@ -59,23 +56,23 @@ class SubjectDetail(SubjectSummary):
     files: list[FileEntry]
 
 
-class SubjectPage(_Travels):
+class SubjectPage(Part):
     """Some subjects, newest first."""
 
     items: list[SubjectSummary]
     next: str | None = Field(description="Give it as `cursor` for those that follow; null at the end.")
 
 
-class ExampleList(_Travels):
+class ExampleList(Part):
     """Examples among the caller's subjects."""
 
     subjects: list[str] = Field(description="Their names.")
 
 
-class LinkRequest(_Travels):
+class LinkRequest(Part):
     """What a link is wanted for."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(strict=True)
 
     path: str = Field(
         max_length=2000,
@@ -83,21 +80,21 @@ class LinkRequest(_Travels):
     )
 
 
-class Link(_Travels):
+class Link(Part):
     """A link that works without a key, for a short time."""
 
     path: str
     until: datetime = Field(description="It must be opened before.")
 
 
-class Progress(_Travels):
+class Progress(Part):
     """How far a job is."""
 
     what: str
     share: float = Field(ge=0.0, le=1.0, description="Of the whole.")
 
 
-class JobDocument(_Travels):
+class JobDocument(Part):
     """A job: where it stands, and where the rest is."""
 
     id: str = Field(description="SHA-256 of what was asked for, the inputs and the code's version.")
@@ -115,14 +112,14 @@ class JobDocument(_Travels):
     links: dict[str, str] = Field(description="Paths of the events, the result and the files.")
 
 
-class JobPage(_Travels):
+class JobPage(Part):
     """Some jobs, newest first."""
 
     items: list[JobDocument]
     next: str | None = Field(description="Give it as `cursor` for those that follow; null at the end.")
 
 
-class Specification(_Travels):
+class Specification(Part):
     """What was asked for; the SHA-256 of its canonical JSON is the job's name."""
 
     kind: str
@@ -133,14 +130,14 @@ class Specification(_Travels):
     owner: str
 
 
-class Origin(_Travels):
+class Origin(Part):
     """How to get a result again."""
 
     specification: Specification
     provenance: dict[str, Any] | None = Field(description="How it was computed; null until it is over.")
 
 
-class MarkerWord(_Travels):
+class MarkerWord(Part):
     """A marker of a model."""
 
     name: str
@@ -148,14 +145,14 @@ class MarkerWord(_Travels):
     anatomical: bool = Field(description="Whether it is on a bony landmark.")
 
 
-class CoordinateWord(_Travels):
+class CoordinateWord(Part):
     """A degree of freedom of a model."""
 
     name: str
     unit: Literal["deg", "m"]
 
 
-class ModelWord(_Travels):
+class ModelWord(Part):
     """A built-in model."""
 
     name: str
@@ -165,7 +162,7 @@ class ModelWord(_Travels):
     feet: bool = Field(description="Whether forces of the ground can act on it.")
 
 
-class MethodWord(_Travels):
+class MethodWord(Part):
     """A method of scaling."""
 
     name: str
@@ -174,7 +171,7 @@ class MethodWord(_Travels):
     needs_images: bool
 
 
-class Vocabulary(_Travels):
+class Vocabulary(Part):
     """Built-in models, methods and bones."""
 
     models: list[ModelWord]
@@ -189,10 +186,8 @@ MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]
 """Label in the recordings to model marker."""
 
 
-class MarkerMap(BaseModel):
+class MarkerMap(Part):
     """Which label is which marker in a laboratory."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     labels: MarkerLabels = Field(
         description="Label in the recordings to model marker.", examples=[{"RKN": "RLFE"}]

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -33,9 +33,9 @@ def code_version() -> str:
         return "not installed"
 
 
-def write_json(path: Path, document: BaseModel) -> None:
-    """A document as JSON for people and programs."""
-    content = document.model_dump(mode="json")
+def write_json(path: Path, document: BaseModel, *, without: Collection[str] = ()) -> None:
+    """A document, some of its fields left out, as JSON for people and programs."""
+    content = document.model_dump(mode="json", exclude=set(without))
     path.write_text(
         json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
     )

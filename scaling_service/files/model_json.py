@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from scaling_service.core.errors import FileUnreadable, ModelRefused
+from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.body import BodyModel, Law
+from scaling_service.model.body import BodyModel
 from scaling_service.model.document import from_document
 
 SUFFIX = ".json"
@@ -21,8 +21,7 @@ def read_model_json(path: str | Path) -> BodyModel:
 
     Returns exactly the one that was written. Raises FileUnreadable: the file is absent, empty, no JSON, or
     holds something else than a model. Raises InputError: a key is unknown or missing, or a value of the
-    wrong kind; its path is the field. Raises ModelRefused: what it describes is no model, or hangs on a
-    signal, which no recording of markers has.
+    wrong kind; its path is the field. Raises ModelRefused: what it describes is no model.
     """
     file = Path(path)
     try:
@@ -35,9 +34,7 @@ def read_model_json(path: str | Path) -> BodyModel:
         raise FileUnreadable(
             f"this is {_other(content)}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
         )
-    model = from_document(content, file=file)
-    _refuse_signals(model, file)
-    return model
+    return from_document(content, file=file)
 
 
 def _other(content: Any) -> str:
@@ -47,17 +44,3 @@ def _other(content: Any) -> str:
     if isinstance(content, dict) and {"subject", "trials"} <= content.keys():
         return "a subject file"
     return "some other document"
-
-
-def _refuse_signals(model: BodyModel, file: Path) -> None:
-    laws: list[tuple[str, Law]] = [(segment.joint_name, joint.law) for segment, joint in model.joints()]
-    laws += [(marker.name, law) for marker in model.markers for law in marker.laws]
-    for where, law in laws:
-        for term in law.terms:
-            if term.signal is not None:
-                raise ModelRefused(
-                    f"its law follows the signal '{term.signal}', which recordings of markers do not have",
-                    file=file,
-                    field=where,
-                    remedy="Remove that term, or replace it by one that follows a coordinate",
-                )

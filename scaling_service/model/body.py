@@ -49,7 +49,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One summand of a law: ``gain * parameter * shape(coordinate)`` or ``gain * parameter * signal``.
+    """One summand of a law: ``gain * parameter * shape(coordinate)``.
 
     Absent factors are one. A coordinate without a shape is taken as it is.
     """
@@ -58,7 +58,11 @@ class Term:
     parameter: str | None = None
     coordinate: str | None = None
     shape: Shape | None = None
-    signal: str | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether nothing but the gain enters."""
+        return self.parameter is None and self.coordinate is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,15 +83,13 @@ class Law:
 
     @property
     def is_constant(self) -> bool:
-        """Whether neither a coordinate, a parameter nor a signal enters."""
-        return all(t.parameter is None and t.coordinate is None and t.signal is None for t in self.terms)
+        """Whether neither a coordinate nor a parameter enters."""
+        return all(t.is_constant for t in self.terms)
 
     @property
     def constant_part(self) -> float:
         """The sum of the terms in which nothing but the gain enters."""
-        return sum(
-            t.gain for t in self.terms if t.parameter is None and t.coordinate is None and t.signal is None
-        )
+        return sum(t.gain for t in self.terms if t.is_constant)
 
     def __add__(self, other: Law) -> Law:
         return Law(self.terms + other.terms)

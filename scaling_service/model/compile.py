@@ -36,27 +36,21 @@ _KEPT = 32  # trees; chosen: the models of one person by all methods, with the m
 class _Index:
     """Numbers for names, and for every distinct factor."""
 
-    def __init__(self, model: BodyModel, signals: Sequence[str]) -> None:
+    def __init__(self, model: BodyModel) -> None:
         self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
         self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
-        self.signals = {name: k for k, name in enumerate(signals)}
-        self._factors: dict[tuple[str | None, Shape | None, str | None], int] = {}
+        self._factors: dict[tuple[str, Shape | None], int] = {}
         self.factors: list[Factor] = []
 
     def factor(self, term: Term) -> int:
         """The number of a term's factor; locked coordinates stay coordinates."""
-        if term.coordinate is None and term.signal is None:
+        if term.coordinate is None:
             return NONE
-        key = (term.coordinate, term.shape, term.signal)
+        key = (term.coordinate, term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            self.factors.append(
-                Factor(
-                    self.coordinates[term.coordinate] if term.coordinate is not None else NONE,
-                    _piecewise(term.shape) if term.shape is not None else None,
-                    self.signals[term.signal] if term.signal is not None else NONE,
-                )
-            )
+            shape = _piecewise(term.shape) if term.shape is not None else None
+            self.factors.append(Factor(self.coordinates[term.coordinate], shape))
         return self._factors[key]
 
     def terms(self, law: Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
@@ -78,9 +72,7 @@ def _piecewise(shape: Shape) -> Piecewise:
     return Piecewise(np.array(shape.breaks), rows)
 
 
-def compile_model(
-    model: BodyModel, markers: Sequence[str] | None = None, *, signals: Sequence[str] = ()
-) -> Tree:
+def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tree:
     """Compile a model, with some or all of its markers in the order given.
 
     Segments that carry none of the markers are left out, for nothing seen depends on them. A model
@@ -88,7 +80,7 @@ def compile_model(
 
     Raises KeyError: a marker that the model does not have.
     """
-    return _compiled(_Same(model), None if markers is None else tuple(markers), tuple(signals))
+    return _compiled(_Same(model), None if markers is None else tuple(markers))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,10 +97,10 @@ class _Same:
 
 
 @lru_cache(maxsize=_KEPT)
-def _compiled(same: _Same, markers: tuple[str, ...] | None, signals: tuple[str, ...]) -> Tree:
+def _compiled(same: _Same, markers: tuple[str, ...] | None) -> Tree:
     model = same.model
     chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
-    index = _Index(model, signals)
+    index = _Index(model)
     kept = _carriers(model, {m.segment for m in chosen})
     number = {segment.name: k for k, segment in enumerate(kept)}
     links = tuple(

@@ -53,7 +53,7 @@ def free_scale(
         if item.segment != segment or not item.follows_size:
             return item
         x, y, z = (
-            Law(tuple(_multiplied(t, name) if _plain(t) else t for t in law.terms)) for law in item.laws
+            Law(tuple(_multiplied(t, name) if t.is_constant else t for t in law.terms)) for law in item.laws
         )
         return replace(item, laws=(x, y, z))
 
@@ -107,17 +107,13 @@ def _shared(law: Law, shares: Mapping[str, float], *, plain_only: bool) -> Law:
     """The law times a weighted sum of parameters: each term once for each of them."""
     terms: list[Term] = []
     for term in law.terms:
-        if plain_only and not _plain(term):
+        if plain_only and not term.is_constant:
             terms.append(term)
         else:
             terms += [
                 replace(_multiplied(term, name), gain=share * term.gain) for name, share in shares.items()
             ]
     return Law(tuple(terms))
-
-
-def _plain(term: Term) -> bool:
-    return term.parameter is None and term.coordinate is None and term.signal is None
 
 
 def _multiplied(term: Term, parameter: str) -> Term:
@@ -198,8 +194,8 @@ def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyMod
             t if t.parameter is None else replace(t, gain=t.gain * known[t.parameter], parameter=None)
             for t in item.terms
         ]
-        varying = tuple(t for t in terms if not _plain(t) and t.gain != 0.0)
-        return Law((*varying, *Law.constant(sum(t.gain for t in terms if _plain(t))).terms))
+        varying = tuple(t for t in terms if not t.is_constant and t.gain != 0.0)
+        return Law((*varying, *Law.constant(sum(t.gain for t in terms if t.is_constant)).terms))
 
     def marker(item: Marker) -> Marker:
         x, y, z = map(law, item.laws)

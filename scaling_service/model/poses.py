@@ -36,7 +36,7 @@ def model_values(model: BodyModel, values: Mapping[str, float] | None = None) ->
 
 
 def neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Frame]:
-    """The frame of every segment in one pose, signals at zero.
+    """The frame of every segment in one pose.
 
     ``values``: coordinates (or parameters) that differ from the default, rad or m. Returns segment to
     ``(R_ground_segment, origin_ground)``, shapes (3, 3) and (3,), m; ground included.
@@ -84,13 +84,11 @@ def marker_position(marker: Marker, values: Mapping[str, float]) -> Array:
 
 
 def law_value(law: Law, values: Mapping[str, float]) -> float:
-    """A law's value, signals at zero; ``values`` holds the coordinates and parameters by name."""
+    """A law's value; ``values`` holds the coordinates and parameters by name."""
     return sum((_term_value(term, values) for term in law.terms), 0.0)
 
 
 def _term_value(term: Term, values: Mapping[str, float]) -> float:
-    if term.signal is not None:
-        return 0.0
     factor = 1.0 if term.parameter is None else values[term.parameter]
     if term.coordinate is not None:
         x = values[term.coordinate]

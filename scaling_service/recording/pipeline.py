@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Repair, Trial, repair_each
 from scaling_service.numerics.signals.filters import butterworth, moving_average
@@ -70,5 +72,5 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> T
     result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=order)
     detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
-    short = repair_each(result.unfiltered.any(axis=-1), trial.labels, "not_smoothed", brief)
+    short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)

@@ -93,7 +93,7 @@ def _filtered(
     notes = [Repair("smoothing", forces.name, detail, len(times))]
     brief = "known too briefly between gaps to be filtered"
     return result.values, notes + repair_each(
-        result.unfiltered.any(axis=2), forces.plates, "not_smoothed", brief
+        np.any(result.unfiltered, axis=2), forces.plates, "not_smoothed", brief
     )
 
 

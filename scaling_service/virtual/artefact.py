@@ -7,13 +7,14 @@ displacement is a law of coordinates, the person with moving skin is again a bod
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.model.body import BodyModel, Law, Marker, Term, Vector, vector
+from scaling_service.model.body import BodyModel, Law, Marker, Vector, vector
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.motion import wander
 
@@ -75,31 +76,49 @@ def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
     found = {}
     for driver, spread in table.items():
         coordinate = f"{driver}_{side}"
-        together = stream(seed, "artefact", marker.segment, coordinate).normal(size=3)
-        alone = stream(seed, "artefact", marker.segment, coordinate, marker.name).normal(size=3)
-        mixed = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
-        found[coordinate] = vector(size * _PER_DEG * np.array(spread) * mixed)
+        drawn = draw_shared(seed, "artefact", marker.segment, coordinate, marker=marker.name)
+        found[coordinate] = vector(size * _PER_DEG * np.array(spread) * drawn)
     return found
+
+
+def draw_shared(seed: int, *names: str, marker: str, count: int = 3) -> Array:
+    """Normal numbers, (count,), of which a segment's markers have the share ``SHARED`` of variance in common.
+
+    ``names``: of the random stream that all markers share.
+    """
+    together = stream(seed, *names).normal(size=count)
+    alone = stream(seed, *names, marker).normal(size=count)
+    return np.asarray(np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone)
 
 
 def with_artefact(model: BodyModel, artefact: Artefact) -> BodyModel:
     """The model with markers that glide with the joint angles (the residual apart)."""
-    return model.with_markers(tuple(_gliding(m, artefact) for m in model.markers))
-
-
-def _gliding(marker: Marker, artefact: Artefact) -> Marker:
-    drivers = artefact.coefficients.get(marker.name, {})
-    x, y, z = (
-        law + sum((_glide(c, h[axis], artefact.reference[c]) for c, h in drivers.items()), Law())
-        for axis, law in enumerate(marker.laws)
+    return model.with_markers(
+        tuple(gliding(m, artefact.coefficients.get(m.name, {}), artefact.reference) for m in model.markers)
     )
+
+
+def gliding(
+    marker: Marker, per_rad: Mapping[str, Vector], reference: Mapping[str, float] = MappingProxyType({})
+) -> Marker:
+    """A marker that moves over its segment with joint angles.
+
+    ``per_rad``: coordinate to displacement, m/rad. ``reference``: coordinate to where there is none, rad.
+    """
+    laws = list(marker.laws)
+    for coordinate, displacement in per_rad.items():
+        standing = reference.get(coordinate, 0.0)
+        for axis, gain in enumerate(vector(displacement)):
+            if gain != 0.0:
+                laws[axis] += Law.of(coordinate, gain, -gain * standing)
+    x, y, z = laws
     return replace(marker, laws=(x, y, z))
 
 
-def _glide(coordinate: str, per_angle: float, standing: float) -> Law:
-    if per_angle == 0.0:
-        return Law()
-    return Law((Term(per_angle, coordinate=coordinate), Term(-per_angle * standing)))
+def shifted(marker: Marker, by: Iterable[float]) -> Marker:
+    """A marker that sits elsewhere on its segment, by (3,), m."""
+    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
+    return replace(marker, laws=(x, y, z))
 
 
 def residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,12 +19,13 @@ from trimesh.exchange.stl import export_stl
 
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
-from scaling_service.model.body import BodyModel, Law, Term, Vector
+from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.virtual.artefact import gliding
 from scaling_service.virtual.image import virtual_image
 from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, session_of, virtual_subject
 
@@ -79,11 +81,7 @@ def _with_sliding(model: BodyModel) -> BodyModel:
     """The model with the marker that slides."""
     (name,), (driver,) = SLIDING.where, SLIDING.driver
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    marker = model.marker(name)
-    x, y, z = (
-        law + Law((Term(gain, coordinate=driver),)) for law, gain in zip(marker.laws, gains, strict=True)
-    )
-    moved = replace(marker, laws=(x, y, z))
+    moved = gliding(model.marker(name), {driver: vector(gains)})
     return model.with_markers(tuple(moved if m.name == name else m for m in model.markers))
 
 
@@ -197,3 +195,7 @@ def _document(name: str, session: Session, bones: list[str]) -> dict[str, Any]:
         "bones": {"units": "mm"} | {bone: f"{bone}.stl" for bone in bones},
         "image_markers": IMAGE_MARKERS,
     }
+
+
+if __name__ == "__main__":
+    write_example(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))

@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.progress import silent
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import landmark_sd
-from scaling_service.model.body import BodyModel, Law, Marker, Vector, vector
+from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.builtin import builtin, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_axis
@@ -24,7 +25,7 @@ from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual import motion
-from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, with_artefact
+from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, shifted, with_artefact
 
 Sex = Literal["F", "M"]
 
@@ -221,13 +222,9 @@ def _imaged(person: VirtualSubject, progress: Callable[[str], None] | None) -> I
     # Bones are built around a virtual subject, so their module imports this one.
     from scaling_service.virtual.image import image_evidence, virtual_image
 
-    report = progress or _silent
+    report = progress or silent
     image = virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
     return image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
-
-
-def _silent(what: str) -> None:
-    """No progress is shown."""
 
 
 def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
@@ -265,13 +262,8 @@ def _truth(
         for joint, turns in tilts.items()
         for letter, v in zip("xy", turns, strict=True)
     }
-    markers = tuple(_moved(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
+    markers = tuple(shifted(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
     return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
-
-
-def _moved(marker: Marker, by: Vector) -> Marker:
-    x, y, z = (law + Law.constant(shift) for law, shift in zip(marker.laws, by, strict=True))
-    return replace(marker, laws=(x, y, z))
 
 
 def _motions(

@@ -18,7 +18,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.run import BatchResult, batch
 from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.cohort.subject import read_record
-from scaling_service.capabilities.cohort.work import work
+from scaling_service.capabilities.cohort.work import summarise
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
@@ -299,7 +299,7 @@ def test_the_services_job_says_what_the_command_says(root: Path, tmp_path: Path)
         for name in NAMES
     ]
     (inputs / ".parts.json").write_text(json.dumps(ended), encoding="utf-8")
-    found = CohortDocument.model_validate(work(request, inputs, outputs, lambda *_: None))
+    found = CohortDocument.model_validate(summarise(request, inputs, outputs, lambda *_: None))
     assert found.statistics == alone.statistics
     assert [s.id for s in found.subjects] == list(NAMES)
     assert [s.groups for s in found.subjects] == [s.groups for s in alone.subjects]
@@ -312,4 +312,4 @@ def test_the_services_job_says_what_the_command_says(root: Path, tmp_path: Path)
         )
     )
     with pytest.raises(InputError, match="no subject can be done by MB, MB_am \\(EB: no bones\\)"):
-        work(request, inputs, outputs, lambda *_: None)
+        summarise(request, inputs, outputs, lambda *_: None)

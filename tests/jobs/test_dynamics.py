@@ -12,8 +12,9 @@ import pytest
 from scaling_service.capabilities.dynamics.forces import trial_forces
 from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
-from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim import read_osim
 from scaling_service.model.builtin import builtin
@@ -151,7 +152,7 @@ def test_a_scaled_model_takes_the_inertia_of_a_table(tmp_path: Path) -> None:
     content = document(trials={"static": "sway.trc", "calibration": ["sway.trc"]})
     content["forces"].pop("swing.trc")
     chosen = DynamicsSettings(start="MB", inertia="deleva1996")
-    prepared = prepare(write_subject(file.parent, content), chosen)
+    prepared = prepare(open_subject(write_subject(file.parent, content), UNSMOOTHED), chosen)
     assert (prepared.start, prepared.inertia) == ("MB", "deleva1996")
     assert prepared.calibration is not None
     assert total_mass(prepared.model) == pytest.approx(content["subject"]["mass_kg"], abs=1e-6)

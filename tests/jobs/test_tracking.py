@@ -17,7 +17,7 @@ from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.core.errors import FileUnreadable, InputError, ModelRefused
+from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
 from scaling_service.model.builtin import builtin
@@ -114,12 +114,6 @@ def test_a_label_can_be_mapped(scaled: Path, tmp_path: Path) -> None:
     )
 
 
-def _with_signal() -> dict[str, Any]:
-    content = to_document(builtin("squat_4dof"))
-    content["markers"][0]["laws"][0] = {"terms": [{"gain": 1.0, "signal": "swing"}]}
-    return content
-
-
 WRONG: list[tuple[str, Callable[[], Any], type[InputError], str]] = [
     ("no JSON", lambda: "segments: [", FileUnreadable, "not JSON"),
     ("nested too deep", lambda: "[" * 100_000, FileUnreadable, "not JSON"),
@@ -138,7 +132,6 @@ WRONG: list[tuple[str, Callable[[], Any], type[InputError], str]] = [
         "version 9",
     ),
     ("an unknown key", lambda: to_document(builtin("squat_4dof")) | {"colour": "red"}, InputError, "colour"),
-    ("a signal", _with_signal, ModelRefused, "the signal 'swing'"),
     (
         "an endless number",
         lambda: json.dumps(to_document(builtin("squat_4dof"))).replace("0.4", "1e999", 1),

@@ -37,9 +37,7 @@ def through_json(document: dict[str, Any]) -> dict[str, Any]:
 def rich_model() -> BodyModel:
     """A model that uses every field away from its default."""
     shape = Shape((0.0, 0.5, 2.0), ((1.0, 0.1, 0.3), (-0.2, 0.7)))
-    law = Law(
-        (Term(0.25), Term(-1.5, parameter="k", coordinate="knee", shape=shape), Term(2.0, signal="time"))
-    )
+    law = Law((Term(0.25), Term(-1.5, parameter="k", coordinate="knee", shape=shape)))
     glide = Joint("translation", (0.6, 0.0, 0.8), law, scales_with="thigh")
     turn = Joint("rotation", (0.0, 0.0, -1.0), Law.of("knee", 0.5, -0.1))
     thigh = Segment("thigh", "ground", "hip", (turn,), 8.1, (0.1, -0.2, 0.3), (1.0, 2.0, 3.0, -0.1, 0.2, 0.3))

@@ -7,7 +7,6 @@ derivatives by the complex step are exact to rounding (Squire & Trapp 1998).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from scaling_service.model.body import (
     Joint,
     Law,
     Marker,
-    Parameter,
     Segment,
     Shape,
     Term,
@@ -123,24 +121,11 @@ def leg_motion(rng: np.random.Generator, n_frames: int) -> Array:
     return motion
 
 
-def with_signal(model: BodyModel, marker: str, signal: str, parameter: str) -> BodyModel:
-    """A marker that moves along its x with ``parameter * signal``, and along y with ``0.01 * signal``."""
-    item = model.marker(marker)
-    x, y, z = item.laws
-    moved = replace(
-        item,
-        laws=(x + Law((Term(1.0, parameter, None, None, signal),)), y + Law((Term(0.01, signal=signal),)), z),
-    )
-    added = Parameter(parameter, 0.02, "1", -1.0, 1.0, "artefact", marker)
-    markers = tuple(moved if m.name == marker else m for m in model.markers)
-    return replace(model, markers=markers, parameters=(*model.parameters, added))
-
-
 # --- the slow recursion -------------------------------------------------------------------------
 
 
 def slow_markers(model: BodyModel, values: Mapping[str, complex]) -> NDArray[np.complex128]:
-    """Marker positions of one frame, (n_markers, 3); ``values`` names coordinates, parameters, signals."""
+    """Marker positions of one frame, (n_markers, 3); ``values`` names coordinates and parameters."""
     frames: dict[str, NDArray[np.complex128]] = {"ground": np.eye(4, dtype=complex)}
     for segment in model.segments:
         pose = frames[segment.parent]
@@ -176,8 +161,6 @@ def _value(law: Law, values: Mapping[str, complex]) -> complex:
         value: complex = term.gain
         if term.parameter is not None:
             value *= values[term.parameter]
-        if term.signal is not None:
-            value *= values[term.signal]
         if term.coordinate is not None:
             x = values[term.coordinate]
             value *= x if term.shape is None else _shape(term.shape, x)
@@ -198,33 +181,23 @@ def _shape(shape: Shape, x: complex) -> complex:
     return complex(polynomial(local) + polynomial.deriv()(local) * (at - edge))
 
 
-def slow_batch(model: BodyModel, q: Array, p: Array, signals: Mapping[str, Array] | None = None) -> Array:
+def slow_batch(model: BodyModel, q: Array, p: Array) -> Array:
     """Positions of all frames, (n_frames, n_markers, 3), one after the other."""
-    return np.array([slow_markers(model, named(model, q, p, k, signals)).real for k in range(len(q))])
+    return np.array([slow_markers(model, named(model, q, p, k)).real for k in range(len(q))])
 
 
-def named(
-    model: BodyModel, q: Array, p: Array, frame: int, signals: Mapping[str, Array] | None = None
-) -> dict[str, complex]:
+def named(model: BodyModel, q: Array, p: Array, frame: int) -> dict[str, complex]:
     """Everything of one frame by name."""
-    return (
-        dict(zip(model.coordinate_names, q[frame].tolist(), strict=True))
-        | {item.name: float(v) for item, v in zip(model.parameters, p, strict=True)}
-        | {name: float(series[frame]) for name, series in (signals or {}).items()}
-    )
+    return dict(zip(model.coordinate_names, q[frame].tolist(), strict=True)) | {
+        item.name: float(v) for item, v in zip(model.parameters, p, strict=True)
+    }
 
 
-def slow_jacobian(
-    model: BodyModel,
-    q: Array,
-    p: Array,
-    names: Sequence[str],
-    signals: Mapping[str, Array] | None = None,
-) -> Array:
+def slow_jacobian(model: BodyModel, q: Array, p: Array, names: Sequence[str]) -> Array:
     """Derivatives by the complex step, (n_frames, n_markers, 3, n_names)."""
     result = np.empty((len(q), len(model.markers), 3, len(names)))
     for frame in range(len(q)):
-        values = named(model, q, p, frame, signals)
+        values = named(model, q, p, frame)
         for column, name in enumerate(names):
             moved = values | {name: values[name] + 1j * _STEP}
             result[frame, :, :, column] = slow_markers(model, moved).imag / _STEP

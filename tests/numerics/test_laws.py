@@ -1,4 +1,4 @@
-"""Joint values from coordinates, parameters and signals."""
+"""Joint values from coordinates and parameters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 
-from scaling_service.numerics.multibody.laws import NONE, Factor, Piecewise, TermArrays, Values
+from scaling_service.numerics.multibody.laws import NONE, Factor, Piecewise, TermArrays, Values, shape_groups
 
 
 def curve(seed: int) -> PPoly:
@@ -38,29 +38,24 @@ def test_it_continues_along_its_tangent_outside(seed: int, beyond: float) -> Non
 
 
 def test_a_law_sums_its_terms() -> None:
-    q, signals = np.array([[0.5, -1.0]]), np.array([[3.0, 4.0]])
+    q = np.array([[0.5, -1.0], [3.0, 4.0]])
     square = Piecewise(np.array([-5.0, 5.0]), np.array([[1.0], [-10.0], [25.0]]))  # (x + 5 - 5)^2
-    factors = (Factor(0), Factor(0, square), Factor(NONE, None, 0))
-    values = Values.of(factors, q, np.array([2.0, 10.0]), signals)
+    factors = (Factor(0), Factor(0, square), Factor(1))
+    values = Values.of(factors, shape_groups(factors), q, np.array([2.0, 10.0]))
     terms = (
         TermArrays(np.array([1.5]), NONE, 0),
         TermArrays(np.array([1.0]), 0, 1),
         TermArrays(np.array([0.1]), 1, 2),
         TermArrays(np.array([7.0]), 0, NONE),
     )
-    expected = 0.25 + 1.5 * q[0] + 2.0 * q[0] ** 2 + 0.1 * 10.0 * signals[0] + 14.0
+    expected = 0.25 + 1.5 * q[0] + 2.0 * q[0] ** 2 + 0.1 * 10.0 * q[1] + 14.0
     np.testing.assert_allclose(values.scalar(0.25, terms), expected, rtol=1e-14)
     np.testing.assert_allclose(values.by_coordinate(terms[1]), 2.0 * 2.0 * q[0], rtol=1e-14)
-    np.testing.assert_allclose(values.by_parameter(terms[2]), signals[0], rtol=1e-14)
+    np.testing.assert_allclose(values.by_parameter(terms[2]), q[1], rtol=1e-14)
 
 
 def test_a_shift_takes_a_vector_of_gains() -> None:
-    values = Values.of((Factor(0),), np.array([[1.0, 2.0]]), np.array([3.0]), None)
+    values = Values.of((Factor(0),), (), np.array([[1.0, 2.0]]), np.array([3.0]))
     terms = (TermArrays(np.array([1.0, 0.0, -1.0]), 0, 0),)
     found = values.vector(np.array([0.1, 0.2, 0.3]), terms)
     np.testing.assert_allclose(found, [[3.1, 6.1], [0.2, 0.2], [-2.7, -5.7]], rtol=1e-14)
-
-
-def test_missing_signals_are_an_error() -> None:
-    with pytest.raises(ValueError, match="signals"):
-        Values.of((Factor(NONE, None, 0),), np.zeros((0, 3)), np.zeros(0), None)

@@ -9,11 +9,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.sweep import SweepSettings, is_articulated, solve_motion
-from scaling_service.numerics.multibody.tree import marker_positions
-from tests.numerics.bodies import Array, leg, leg_motion, with_signal
-from tests.numerics.swept import SEEDS, TIGHT, Case, case
+from tests.numerics.bodies import Array
+from tests.numerics.swept import SEEDS, Case, case
 
 
 def assert_as_scipy(this: Case, free: Array | None = None) -> None:
@@ -163,17 +162,6 @@ def test_a_coordinate_that_no_marker_sees_stays_at_its_start() -> None:
     this.measured[:, tibia] = np.nan
     found = this.solve()
     np.testing.assert_array_equal(found.q[:, 9], this.start[:, 9])
-
-
-def test_known_signals_are_taken_into_account() -> None:
-    rng = np.random.default_rng(30)
-    model = with_signal(leg(rng), "femur1", "strain", "gain")
-    tree, p = compile_model(model, signals=("strain",)), parameter_values(model)
-    truth, strain = leg_motion(rng, 300), rng.normal(size=(300, 1))
-    measured = marker_positions(tree, truth, p, strain)
-    start = truth + rng.normal(0.0, 0.02, truth.shape)
-    found = solve_motion(tree, measured, np.ones(12), start, p, signals=strain, settings=TIGHT)
-    np.testing.assert_allclose(found.q, truth, rtol=0, atol=1e-7)
 
 
 def test_far_from_the_origin_it_is_as_exact() -> None:

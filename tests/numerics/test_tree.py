@@ -21,15 +21,14 @@ from tests.numerics.bodies import (
     random_tree,
     slow_batch,
     slow_jacobian,
-    with_signal,
 )
 
 SEEDS = st.integers(0, 10_000)
 
 
-def fast_jacobian(tree: Tree, q: Array, p: Array, signals: Array | None = None) -> Array:
+def fast_jacobian(tree: Tree, q: Array, p: Array) -> Array:
     """(n_frames, n_markers, 3, n_variables)."""
-    poses = forward(tree, np.ascontiguousarray(q.T), p, None if signals is None else signals.T)
+    poses = forward(tree, np.ascontiguousarray(q.T), p)
     variables = np.arange(tree.n_coordinates + tree.n_parameters)
     return np.moveaxis(jacobian(tree, poses, positions(tree, poses), variables), (0, 3), (3, 0))
 
@@ -79,17 +78,6 @@ def test_freed_numbers_and_coupled_joints_move_markers_as_they_should(seed: int)
     slow = slow_jacobian(model, q, p, all_names(model))
     assert (np.abs(slow).max(axis=(0, 1, 2)) > 1e-3).all(), "every variable moves some marker"
     np.testing.assert_allclose(fast_jacobian(tree, q, p), slow, rtol=0.0, atol=1e-12)
-
-
-def test_signals_move_markers() -> None:
-    rng = np.random.default_rng(7)
-    model = with_signal(freed_leg(rng), "femur2", "strain", "artefact.femur2")
-    q, p, strain = leg_motion(rng, 5), parameter_values(model), rng.normal(size=5)
-    tree = compile_model(model, signals=("strain",))
-    found = marker_positions(tree, q, p, strain[:, None])
-    np.testing.assert_allclose(found, slow_batch(model, q, p, {"strain": strain}), rtol=0.0, atol=1e-13)
-    slow = slow_jacobian(model, q, p, all_names(model), {"strain": strain})
-    np.testing.assert_allclose(fast_jacobian(tree, q, p, strain[:, None]), slow, rtol=0.0, atol=1e-12)
 
 
 def test_a_batch_of_four_equals_four_single_calls() -> None:

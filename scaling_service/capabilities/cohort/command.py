@@ -15,6 +15,19 @@ from scaling_service.capabilities.shared.settings import Settings
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""
 
+
+class Interrupted(Exception):
+    """A batch was stopped from the keyboard; the subjects that ended are done."""
+
+    def __init__(self, ended: int, count: int, out: Path) -> None:
+        super().__init__(
+            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
+            "run the same command to go on"
+            if ended
+            else "interrupted; no subject was done"
+        )
+
+
 _Cohort = Annotated[
     Path,
     typer.Argument(
@@ -52,7 +65,7 @@ def batch(
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
-    from scaling_service.capabilities.cohort.screen import Interrupted, show_cohort, watched
+    from scaling_service.capabilities.cohort.screen import show_cohort, watched
 
     chosen = None if methods is None else tuple(names(methods))
     with watched() as watcher:

@@ -6,7 +6,7 @@ import itertools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
 
 from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.members import COLUMN
@@ -15,6 +15,7 @@ from scaling_service.capabilities.shared.job import Documents, JobRequest, Kind,
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
+from scaling_service.documents.base import Part
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
 
@@ -45,10 +46,8 @@ class MemberRequest(ScalingRequest):
     """Scale one subject's model as a member of a batch; the same member of two batches is one job."""
 
 
-class MemberResult(BaseModel):
+class MemberResult(Part):
     """How a member of a batch ended that did not fail."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     status: Literal["done", "skipped"]
     reason: str = Field(description="Why it was skipped; empty where it is done.")
@@ -100,17 +99,17 @@ class BatchRequest(JobRequest):
 
 
 def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Scale one subject; see ``member_work``."""
-    from scaling_service.capabilities.cohort.member_work import work
+    """Scale one subject."""
+    from scaling_service.capabilities.cohort import work
 
-    return work(request, inputs, outputs, progress)
+    return work.scale_member(request, inputs, outputs, progress)
 
 
 def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Put the members together; see ``cohort.work``."""
-    from scaling_service.capabilities.cohort.work import work
+    """Put the members together."""
+    from scaling_service.capabilities.cohort import work
 
-    return work(request, inputs, outputs, progress)
+    return work.summarise(request, inputs, outputs, progress)
 
 
 KINDS = {

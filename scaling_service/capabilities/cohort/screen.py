@@ -65,18 +65,6 @@ _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subj
 _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
 
 
-class Interrupted(Exception):
-    """A batch was stopped from the keyboard; the subjects that ended are done."""
-
-    def __init__(self, ended: int, count: int, out: Path) -> None:
-        super().__init__(
-            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
-            "run the same command to go on"
-            if ended
-            else "interrupted; no subject was done"
-        )
-
-
 class _Rest(TimeRemainingColumn):
     """The time that is left, of the whole only: one subject's stages are too uneven to tell."""
 

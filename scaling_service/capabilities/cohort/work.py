@@ -1,4 +1,4 @@
-"""Put the members of a batch together: what ``batch`` does on the command line when all subjects ended."""
+"""The work of a batch's jobs: each subject scaled by its own, then all put together."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.cohort.job import BatchRequest, MemberResult
-from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.job import BatchRequest, MemberRequest, MemberResult
+from scaling_service.capabilities.cohort.outcomes import NothingPossible, Outcome
 from scaling_service.capabilities.cohort.run import none_possible, summarise_cohort
 from scaling_service.capabilities.cohort.saving import check_names, save_cohort
-from scaling_service.capabilities.cohort.subject import read_summary
+from scaling_service.capabilities.cohort.subject import SubjectMember, read_summary
 from scaling_service.core.progress import Progress
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.names import DOCUMENT, PARTS
@@ -21,7 +21,24 @@ _COHORT = "cohort.csv"
 """What stands for the list of members, which the request names itself."""
 
 
-def work(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
+    """Scale one subject as ``batch`` does on the command line; the result says how it ended.
+
+    InputError: whatever in the subject, the model or the recordings cannot be used: the subject failed.
+    """
+    clock = time.perf_counter()
+    name = request.subject
+    member = SubjectMember(name, inputs / name / DOCUMENT, outputs / name)
+    reason = ""
+    try:
+        member.work(request.methods, request.settings, progress)
+    except NothingPossible as error:
+        reason = error.problem
+    wall_s = round(time.perf_counter() - clock, 3)
+    return MemberResult(status="skipped" if reason else "done", reason=reason, wall_s=wall_s).model_dump()
+
+
+def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write ``cohort.json``, its tables and the report; the document is the result.
 
     Every subject was scaled by a job of its own, which wrote the subject's folder.

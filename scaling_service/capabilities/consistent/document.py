@@ -6,10 +6,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.results import Provenance, _Result
+from scaling_service.documents.base import Part
+from scaling_service.documents.results import Provenance
 
 
-class GroundWrench(_Result):
+class GroundWrench(Part):
     """RMS error of the wrench about the feet; a planar model has the sagittal three alone."""
 
     fx_N: float = Field(description="Forward.")
@@ -20,7 +21,7 @@ class GroundWrench(_Result):
     my_Nm: float | None = None
 
 
-class WrenchErrors(_Result):
+class WrenchErrors(Part):
     """The same recording explained in three ways."""
 
     classical: GroundWrench = Field(description="Inverse kinematics, filter, derivatives; the start's model.")
@@ -28,7 +29,7 @@ class WrenchErrors(_Result):
     predicted: GroundWrench = Field(description="As classical, with the model found: from markers alone.")
 
 
-class MarkerErrors(_Result):
+class MarkerErrors(Part):
     """RMS distance of measured and model markers, mm."""
 
     classical: float
@@ -36,7 +37,7 @@ class MarkerErrors(_Result):
     predicted: float
 
 
-class ConsistentTrial(_Result):
+class ConsistentTrial(Part):
     """One recording."""
 
     held_out: bool = Field(description="Not used to find geometry and inertia.")
@@ -49,7 +50,7 @@ class ConsistentTrial(_Result):
     )
 
 
-class InertialEntry(_Result):
+class InertialEntry(Part):
     """One inertial parameter before and after."""
 
     segment: str
@@ -61,7 +62,7 @@ class InertialEntry(_Result):
     identifiable: bool
 
 
-class LoopEntry(_Result):
+class LoopEntry(Part):
     """Errors over the fitted recordings after one loop."""
 
     marker_rms_mm: float

@@ -32,6 +32,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.progress import silent
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import inertias_of, with_inertias
 from scaling_service.numerics.multibody.laws import Array
@@ -97,7 +98,7 @@ def consistent(
     artefact that follows the joints. Found for the table's inertia, as in the paper, the motion bends until
     it explains the forces, and hides what is wrong with that inertia.
     """
-    say = progress or (lambda _what: None)
+    say = progress or silent
     recordings = (*fitted, *held_out)
     rated = [classical_motion(model, r, settings) for r in recordings]
     classical = tuple(_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))

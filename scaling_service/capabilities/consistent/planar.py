@@ -12,16 +12,13 @@ from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, movement_forces, with_inertia
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
-from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import load
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.core.progress import Progress
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scaled
-from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.recording.plates import orient_forces
@@ -187,9 +184,7 @@ def _placed(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tupl
     return replace(placed, anatomical=marker.anatomical)
 
 
-def prepare_squat(
-    subject: Subject, chosen: ForceSettings, settings: Settings, *, progress: Progress
-) -> tuple[Prepared, dict[str, ConsistentRecording]]:
+def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict[str, ConsistentRecording]]:
     """Project a subject's squats, scale the planar model, and follow the markers."""
     if chosen.start not in (None, AS_IT_IS):
         raise SubjectInvalid(
@@ -197,9 +192,7 @@ def prepare_squat(
             field="--start",
             remedy="Leave it out",
         )
-    progress("reading the recordings", 0.0)
-    loaded = load(subject, settings)
-    axes = loaded.orientation
+    axes, subject = loaded.orientation, loaded.session.subject
     assert axes is not None  # a session that was read has axes
     trials = {t.name: t for t in loaded.session.dynamic}
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
@@ -228,14 +221,12 @@ def prepare_squat(
         for name, (trial, loads) in planar.items()
     }
     prepared = Prepared(
-        subject,
         loaded,
         chosen.start or STANDING,
         massive.inertia,
         massive.model,
         motions,
         {},
-        subject.height_m or 0.0,
         None,
         (*loaded.session.warnings, *massive.notes),
     )

@@ -22,9 +22,9 @@ from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOT
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
@@ -55,7 +55,6 @@ class ConsistentResults:
     result: ConsistentResult
     warnings: tuple[str, ...]
     wall_s: float = 0.0
-    subject_file: Path | None = None
 
     @property
     def tracked(self) -> Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
@@ -79,11 +78,10 @@ def consistent(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or (lambda _what, _share: None)
-    file = None if isinstance(subject, Subject) else Path(subject)
-    known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
-    with blamed_on(file), blamed_on(None, recordings(known)):
-        ready = read(known, chosen, settings, progress=lambda what, share: report(what, _PREPARING * share))
+    report = progress or silent
+    loaded = open_subject(subject, settings)
+    with loaded.blamed():
+        ready = read(loaded, chosen, settings, progress=part_of(report, 0.0, _PREPARING))
         result = identify(
             ready.prepared.model,
             ready.fitted,
@@ -101,7 +99,6 @@ def consistent(
         result,
         tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
         time.perf_counter() - clock,
-        file,
     )
 
 
@@ -116,12 +113,12 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def read(subject: Subject, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
-    """Read recordings with forces, scale the model, follow the markers, weigh the person; errors as above."""
-    if subject.model == SQUAT:
-        prepared, found = prepare_squat(subject, chosen, settings, progress=progress)
+def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
+    """Read the forces, scale the model, follow the markers, weigh the person; errors as above."""
+    if loaded.session.subject.model == SQUAT:
+        prepared, found = prepare_squat(loaded, chosen)
     else:
-        prepared = prepare(subject, chosen, settings, progress=progress)
+        prepared = prepare(loaded, chosen, settings, progress=progress)
         found = {name: _recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)

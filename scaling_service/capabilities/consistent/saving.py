@@ -74,7 +74,7 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     return ConsistentDocument(
-        **provenance_of(prepared, results.settings, results.subject_file, consistent=results.chosen),
+        **provenance_of(prepared, results.settings, consistent=results.chosen),
         mass_kg=round(total_mass(prepared.model), 3),
         trials={
             recording.name: _trial(results, recording, ways, held_out=k >= results.fitted)

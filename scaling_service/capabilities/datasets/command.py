@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
 from scaling_service.capabilities.shared.arguments import folder
-from scaling_service.capabilities.shared.screen import progress_bar
+from scaling_service.capabilities.shared.screen import console_of_results, print_table, progress_bar
+from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.datasets.catalogue import Dataset
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
-_WIDTH = 120  # columns where the output is no terminal (chosen: as the tables of results)
 _MB = 1e6
 
 _DatasetName = Annotated[str, typer.Argument(metavar="NAME", help="As in the list.", show_default=False)]
@@ -76,17 +74,12 @@ def list_datasets() -> None:
     from scaling_service.capabilities.datasets.catalogue import read_catalogue
     from scaling_service.capabilities.datasets.run import terms
 
-    console = _console()
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("name", no_wrap=True)
-    table.add_column("what")
-    table.add_column("MB", justify="right", no_wrap=True)
-    table.add_column("licence")
-    table.add_column("used for")
-    for name, dataset in read_catalogue().items():
-        size = f"{dataset.total_bytes / _MB:.1f}"
-        table.add_row(name, *(escape(text) for text in (dataset.title, size, terms(dataset), dataset.use)))
-    console.print(table)
+    console = console_of_results()
+    rows = [
+        Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", terms(dataset), dataset.use])
+        for name, dataset in read_catalogue().items()
+    ]
+    print_table(console, Table("", ["name", "what", "MB", "licence", "used for"], rows, words=True))
     console.print("Download one: [cyan]scaling-service datasets get NAME[/cyan]", highlight=False)
 
 
@@ -126,7 +119,7 @@ def _show(obtained: Obtained, dataset: Dataset) -> None:
     """What was written and what was there, the terms, and what to run now."""
     from scaling_service.capabilities.datasets.run import next_commands, terms
 
-    console = _console()
+    console = console_of_results()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:
             console.print(f"{what} [bold]{escape(str(obtained.folder))}[/bold]:", highlight=False)
@@ -135,11 +128,6 @@ def _show(obtained: Obtained, dataset: Dataset) -> None:
     console.print("Now run:", highlight=False)
     for command in next_commands(dataset, obtained.folder):
         console.print(f"  {escape(command)}", highlight=False, soft_wrap=True, style="cyan")
-
-
-def _console() -> Console:
-    console = Console()
-    return console if console.is_terminal else Console(width=_WIDTH)
 
 
 GROUPS = {"datasets": app}

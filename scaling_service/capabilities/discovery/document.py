@@ -6,14 +6,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.results import Provenance, _Result
+from scaling_service.documents.base import Part
+from scaling_service.documents.results import Provenance
 
 FILE_NAME = "discovery.json"
 
 Unit = Literal["1", "mm", "N", "N m"]
 
 
-class PlacedEffect(_Result):
+class PlacedEffect(Part):
     """An effect of the catalogue at a place."""
 
     kind: str
@@ -25,7 +26,7 @@ class PlacedEffect(_Result):
     note: str = ""
 
 
-class DisagreementDocument(_Result):
+class DisagreementDocument(Part):
     """Where the model and the recordings differ before anything was added."""
 
     where: str
@@ -42,14 +43,14 @@ class DisagreementDocument(_Result):
     along: str
 
 
-class QuantityDocument(_Result):
+class QuantityDocument(Part):
     """A number of an effect, in the unit of its name; a direction is three numbers."""
 
     value: float | tuple[float, float, float]
     sd: float | None = Field(description="Standard deviation; null where it cannot be known.")
 
 
-class EvidenceDocument(_Result):
+class EvidenceDocument(Part):
     """What speaks for an effect."""
 
     gain_held_out: float | None = Field(
@@ -77,7 +78,7 @@ class EffectDocument(PlacedEffect):
     evidence: EvidenceDocument
 
 
-class LevelDocument(_Result):
+class LevelDocument(Part):
     """RMS before and after, between what noise leaves and what a black box reaches."""
 
     before: float | None
@@ -94,7 +95,7 @@ class PlaceLevelDocument(LevelDocument):
     unit: Unit
 
 
-class GapDocument(_Result):
+class GapDocument(Part):
     """The gap of the recordings of one role; null where nothing of the sort was measured."""
 
     whitened: LevelDocument | None = Field(description="All residuals, each divided by its own noise floor.")
@@ -107,7 +108,7 @@ class GapDocument(_Result):
     places: dict[str, PlaceLevelDocument]
 
 
-class BothGaps(_Result):
+class BothGaps(Part):
     """The gap of what was fitted, and of what was not."""
 
     fit: GapDocument
@@ -120,7 +121,7 @@ class TriedDocument(PlacedEffect):
     gain: float | None = Field(description="As `gain_held_out`.")
 
 
-class UnexplainedDocument(_Result):
+class UnexplainedDocument(Part):
     """What is left above the noise floor and matches no effect."""
 
     where: list[str]

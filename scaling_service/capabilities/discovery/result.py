@@ -31,10 +31,12 @@ from scaling_service.capabilities.discovery.evidence.settings import DiscoverySe
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.findings import (
+    Disagreement,
     Findings,
     Gap,
     Level,
     NamedEffect,
+    Unexplained,
     observable_of,
 )
 from scaling_service.capabilities.discovery.start import Prepared
@@ -92,36 +94,14 @@ def discovery_document(
             found.verdict, len(found.named), gap.held_out.whitened, held_out=bool(held_out)
         ),
         reason=found.reason,
-        disagreements=[
-            DisagreementDocument(
-                where=d.where,
-                observable=d.observable,
-                unit=_UNITS[d.observable][0],
-                share=finite(d.share),
-                p=finite(d.p),
-                trials={name: rounded(_UNITS[d.observable][1] * rms) for name, rms in d.trials.items()},
-                when=d.when,
-                along=d.along,
-                **_rms_and_floor(d.observable, d.rms, d.floor),
-            )
-            for d in found.disagreements
-        ],
+        disagreements=[_disagreement(item) for item in found.disagreements],
         effects=[_effect(named) for named in found.named],
         gap=gap,
         tried=[
             TriedDocument(**placed(o.candidate).model_dump(), gain=finite(o.held_out.gain))
             for o in found.tried
         ],
-        unexplained=[
-            UnexplainedDocument(
-                where=list(u.where),
-                observable=u.observable,
-                unit=_UNITS[u.observable][0],
-                law=u.law,
-                **_rms_and_floor(u.observable, u.rms, u.floor),
-            )
-            for u in found.unexplained
-        ],
+        unexplained=[_unexplained(item) for item in found.unexplained],
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
@@ -141,11 +121,6 @@ def _repairs(prepared: Prepared) -> dict[str, list[RepairNote]]:
         )
         for trial in prepared.loaded.session.dynamic
     }
-
-
-def _rms_and_floor(observable: str, rms: float, floor: float) -> dict[str, float | None]:
-    factor = _UNITS[observable][1]
-    return {"rms": rounded(factor * rms), "floor": finite(factor * floor)}
 
 
 def placed(candidate: Candidate) -> PlacedEffect:
@@ -177,6 +152,34 @@ def _effect(named: NamedEffect) -> EffectDocument:
             by_blocks=named.held_out.folds,
             summary=text.describe_evidence(named),
         ),
+    )
+
+
+def _disagreement(item: Disagreement) -> DisagreementDocument:
+    unit, factor = _UNITS[item.observable]
+    return DisagreementDocument(
+        where=item.where,
+        observable=item.observable,
+        unit=unit,
+        rms=rounded(factor * item.rms),
+        floor=finite(factor * item.floor),
+        share=finite(item.share),
+        p=finite(item.p),
+        trials={name: rounded(factor * rms) for name, rms in item.trials.items()},
+        when=item.when,
+        along=item.along,
+    )
+
+
+def _unexplained(item: Unexplained) -> UnexplainedDocument:
+    unit, factor = _UNITS[item.observable]
+    return UnexplainedDocument(
+        where=list(item.where),
+        observable=item.observable,
+        unit=unit,
+        law=item.law,
+        rms=rounded(factor * item.rms),
+        floor=finite(factor * item.floor),
     )
 
 

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from scaling_service.documents.results import Provenance, _Result
+from scaling_service.documents.base import Part
+from scaling_service.documents.results import Provenance
 
 
 def _rounded(value: float) -> float:
@@ -20,7 +21,7 @@ Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeVal
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
 
-class Wrench(_Result):
+class Wrench(Part):
     """Six components in ground axes: X forward, Y up, Z right; moments about the root segment's origin."""
 
     fx_N: Number
@@ -37,7 +38,7 @@ class Wrench(_Result):
         return dict(zip(cls.model_fields, values, strict=True)) if isinstance(values, np.ndarray) else values
 
 
-class ResidualGate(_Result):
+class ResidualGate(Part):
     """One published limit on the residual."""
 
     name: str
@@ -48,7 +49,7 @@ class ResidualGate(_Result):
     passed: bool
 
 
-class UncertaintyDocument(_Result):
+class UncertaintyDocument(Part):
     """What errors of measurement add to ``dr`` (Muller et al. 2017), in the same shares and order."""
 
     kinematic: Six = Field(description="Of the motion: markers and model.")
@@ -56,7 +57,7 @@ class UncertaintyDocument(_Result):
     total: Six
 
 
-class JointLoad(_Result):
+class JointLoad(Part):
     """Generalised force of one coordinate over the judged frames."""
 
     unit: Literal["N", "N m"]
@@ -64,7 +65,7 @@ class JointLoad(_Result):
     rms: Number
 
 
-class TrialDynamicsDocument(_Result):
+class TrialDynamicsDocument(Part):
     """One recording."""
 
     role: Literal["calibration", "evaluation"]
@@ -88,7 +89,7 @@ class TrialDynamicsDocument(_Result):
     warnings: list[str]
 
 
-class InertialChange(_Result):
+class InertialChange(Part):
     """One number of one segment before and after identification."""
 
     segment: str
@@ -102,7 +103,7 @@ class InertialChange(_Result):
     identifiable: bool
 
 
-class CombinationPart(_Result):
+class CombinationPart(Part):
     """A part of a combination; weights are in units of the prior's standard deviations."""
 
     segment: str
@@ -110,7 +111,7 @@ class CombinationPart(_Result):
     weight: Number
 
 
-class CombinationChange(_Result):
+class CombinationChange(Part):
     """A combination of inertial parameters that the recordings determine."""
 
     parts: list[CombinationPart] = Field(description="The largest ones.")
@@ -119,7 +120,7 @@ class CombinationChange(_Result):
     sd: Number
 
 
-class WrenchFitDocument(_Result):
+class WrenchFitDocument(Part):
     """RMS error of the ground wrench with the inertia before and after."""
 
     held_out: bool
@@ -128,7 +129,7 @@ class WrenchFitDocument(_Result):
     after: Wrench
 
 
-class IdentificationDocument(_Result):
+class IdentificationDocument(Part):
     """Inertial parameters from the forces (Futamure et al., eq. 8)."""
 
     components: Yes = Field(description="Components of the wrench that were used: fx, fy, fz, mx, my, mz.")

@@ -80,10 +80,8 @@ def trial_forces(
     n_markers, 3). Refuses forces and markers that do not belong together.
     """
     with _blamed_on(source):
-        _check_axes(source, forces, axes)
         _check_units(source, trial)
-        turned = orient_forces(axes, forces)
-        ground = synchronise(turned, trial.times, cutoff_hz=cutoff_hz)
+        ground = synchronise(turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz)
         if not ground.in_contact().any():
             raise TrialUnusable(
                 f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while "
@@ -137,16 +135,16 @@ def _check_units(source: Path, trial: Trial) -> None:
         )
 
 
-def _check_axes(source: Path, forces: GroundForces, axes: Orientation) -> None:
-    """Forces of MOT and STO files stand Y up; they must be in the axes of the markers."""
-    if source.suffix.lower() == ".c3d" or axes.up == "+y":
-        return
-    raise InputError(
-        f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
-        file=forces.name,
-        field="forces",
-        remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
-    )
+def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> GroundForces:
+    """Forces in our axes; those of MOT and STO files stand Y up and must be in the axes of the markers."""
+    if source.suffix.lower() != ".c3d" and axes.up != "+y":
+        raise InputError(
+            f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
+            file=source,
+            field="forces",
+            remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
+        )
+    return orient_forces(axes, forces)
 
 
 def feet_of(model: BodyModel) -> dict[str, tuple[str, ...]]:

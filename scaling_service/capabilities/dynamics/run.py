@@ -34,8 +34,8 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
 )
 from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import blamed_on, recordings
-from scaling_service.core.progress import Progress
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
@@ -73,7 +73,6 @@ class DynamicsResults:
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
     warnings: tuple[str, ...] = ()  # what concerns all recordings
     wall_s: float = 0.0
-    subject_file: Path | None = None
 
 
 def dynamics(
@@ -89,13 +88,11 @@ def dynamics(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or (lambda _what, _share: None)
-    file = None if isinstance(subject, Subject) else Path(subject)
-    prepared = prepare(
-        subject, chosen, settings, progress=lambda what, share: report(what, _PREPARING * share)
-    )
+    report = progress or silent
+    loaded = open_subject(subject, settings)
+    prepared = prepare(loaded, chosen, settings, progress=part_of(report, 0.0, _PREPARING))
     trials = {}
-    with blamed_on(file), blamed_on(None, recordings(prepared.subject)):
+    with loaded.blamed():
         for k, name in enumerate(prepared.motions):
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
@@ -115,7 +112,6 @@ def dynamics(
         inertial,
         (*prepared.warnings, *told),
         time.perf_counter() - clock,
-        file,
     )
 
 

@@ -112,20 +112,18 @@ def write_massive_model(
     return ()
 
 
-def provenance_of(
-    prepared: Prepared, settings: Settings, subject_file: Path | None, **chosen: Options
-) -> dict[str, Any]:
+def provenance_of(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
     """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
     resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
     trials = prepared.loaded.session.dynamic
-    origin = provenance(prepared.loaded, trials, resolved, subject_file, settings.seed)
+    origin = provenance(prepared.loaded, trials, resolved, settings.seed)
     return origin | {"start": prepared.start, "inertia": prepared.inertia}
 
 
 def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
-    known = provenance_of(prepared, results.settings, results.subject_file, dynamics=results.chosen)
+    known = provenance_of(prepared, results.settings, dynamics=results.chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)
     return DynamicsDocument(

@@ -23,8 +23,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded, load, read_recordings
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import few
@@ -36,42 +35,43 @@ from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
-from scaling_service.recording.orientation import check_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
     """Everything that dynamics needs, in memory."""
 
-    subject: Subject
     loaded: Loaded
     start: str  # the method that scaled the model, or ``AS_IT_IS``
     inertia: str  # a table's name, or ``model``
     model: BodyModel  # of the person's size and mass
     motions: Mapping[str, Motion]  # of the trials with forces, by their stems
     forces: Mapping[str, TrialForces]  # of the same trials, at the times of their motions
-    height_m: float
     calibration: Calibration | None = None  # how the model was scaled; None for the given model
     warnings: tuple[str, ...] = ()
 
+    @property
+    def subject(self) -> Subject:
+        """Whose recordings these are."""
+        return self.loaded.session.subject
+
+    @property
+    def height_m(self) -> float:
+        """The person's stature, zero where it is not known."""
+        return self.subject.height_m or 0.0
+
 
 def prepare(
-    subject: Subject | str | Path,
+    loaded: Loaded,
     chosen: ForceSettings = PLAIN_FORCES,
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Read a subject's recordings with forces, scale its model, and track the markers."""
-    file = None if isinstance(subject, Subject) else Path(subject)
-    check_axes(settings.up, settings.forward)
-    known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
-    with blamed_on(file):
-        raw = read_recordings(known)
-        read = movement_forces(known, {path: found.plates for path, found in raw.items()})
-        loaded = load(known, settings, raw)
-        session = loaded.session
-        known = session.subject  # with what the recordings state
+    """Give the forces of a subject's recordings to its feet, scale its model, and track the markers."""
+    session, known = loaded.session, loaded.session.subject
+    with loaded.blamed():
+        read = movement_forces(known, loaded.plates)
         if known.height_m is None:
             raise SubjectInvalid(
                 "residuals are told in shares of body weight times height, and no height is given",
@@ -79,25 +79,20 @@ def prepare(
                 remedy="Give the person's stature in m",
             )
         feet_of(session.model)
-        with blamed_on(None, recordings(known)):
-            forces = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
-            start = scale_model(loaded, chosen.start, settings, progress=progress)
-            massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
-            trials = [trial for trial in session.dynamic if trial.name in forces]
-            motions = {
-                t.name: start.motions.get(t.name) or inverse_kinematics(start.model, t) for t in trials
-            }
+        forces = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
+        start = scale_model(loaded, chosen.start, settings, progress=progress)
+        massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
+        trials = [trial for trial in session.dynamic if trial.name in forces]
+        motions = {t.name: start.motions.get(t.name) or inverse_kinematics(start.model, t) for t in trials}
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
     left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
-        known,
         loaded,
         start.method,
         massive.inertia,
         massive.model,
         motions,
         forces,
-        known.height_m,
         start.calibration,
         (*start.warnings, *massive.notes, *left_out),
     )

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
+from scaling_service.documents.base import Part
 
 SCHEMA_VERSION = 1
 
 Severity = Literal["error", "warning"]
 
 
-class _Travels(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ProblemEntry(_Travels):
+class ProblemEntry(Part):
     """Something to correct, and how."""
 
     severity: Severity = Field(description="An error stops scaling.")
@@ -27,7 +24,7 @@ class ProblemEntry(_Travels):
     remedy: str | None = None
 
 
-class AxesEntry(_Travels):
+class AxesEntry(Part):
     """Which laboratory axes were taken for up and forward."""
 
     up: str
@@ -40,7 +37,7 @@ class AxesEntry(_Travels):
     )
 
 
-class FileRole(_Travels):
+class FileRole(Part):
     """An uploaded file, and what it is for."""
 
     name: str
@@ -51,7 +48,7 @@ class FileRole(_Travels):
     problem: ProblemEntry | None = None
 
 
-class LabelEntry(_Travels):
+class LabelEntry(Part):
     """A label of one recording."""
 
     label: str
@@ -61,7 +58,7 @@ class LabelEntry(_Travels):
     computed: bool = Field(description="Whether it reads like a point that software computed.")
 
 
-class RepairEntry(_Travels):
+class RepairEntry(Part):
     """Something that was decided or repaired while reading."""
 
     what: str
@@ -70,7 +67,7 @@ class RepairEntry(_Travels):
     frames: int
 
 
-class RecordingProof(_Travels):
+class RecordingProof(Part):
     """One recording as it was understood. Positions are m, X forward, Y up, Z right."""
 
     name: str
@@ -93,7 +90,7 @@ class RecordingProof(_Travels):
     problems: list[ProblemEntry]
 
 
-class Candidate(_Travels):
+class Candidate(Part):
     """A label that may be a marker."""
 
     label: str
@@ -101,7 +98,7 @@ class Candidate(_Travels):
     why: str
 
 
-class MarkerProof(_Travels):
+class MarkerProof(Part):
     """A marker of the model, and the label that is proposed for it."""
 
     marker: str
@@ -115,7 +112,7 @@ class MarkerProof(_Travels):
     others: list[Candidate]
 
 
-class ExtraMarker(_Travels):
+class ExtraMarker(Part):
     """A label that no marker of the model took, and the segment that it moves with."""
 
     label: str
@@ -123,7 +120,7 @@ class ExtraMarker(_Travels):
     spread_mm: float | None = Field(description="How much its distances to that segment's markers change.")
 
 
-class MarkerSetProof(_Travels):
+class MarkerSetProof(Part):
     """The marker set that the recordings were made with, and what follows from it."""
 
     name: str
@@ -133,7 +130,7 @@ class MarkerSetProof(_Travels):
     additions: list[str] = Field(description="Sets that come with others and are there, too.")
 
 
-class SizesProof(_Travels):
+class SizesProof(Part):
     """What is known of the person's size."""
 
     height_m: float | None
@@ -143,7 +140,7 @@ class SizesProof(_Travels):
     source: list[str] = Field(description="Files that state them.")
 
 
-class ProofDocument(_Travels):
+class ProofDocument(Part):
     """A subject's files before anything is computed: what they are, and what to correct."""
 
     schema_version: int = SCHEMA_VERSION

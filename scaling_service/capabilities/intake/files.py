@@ -15,6 +15,7 @@ from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry
 from scaling_service.capabilities.subject.loading import agreed_axes
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
+from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
@@ -116,6 +117,8 @@ def _once(roles: Mapping[str, str]) -> dict[str, str]:
 Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
 
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
+_PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
+"""Keys of a subject document under which files are named."""
 _SNIFFED_BYTES = 200_000
 _LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
 
@@ -222,7 +225,9 @@ def _document(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
     def read() -> Mapping[str, Any]:
-        content = _with_plain_names(read_content(file))
+        content = read_content(file)
+        if isinstance(content, dict):  # files are uploaded by their names alone, without folders
+            content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
         check_document(content)
         return dict(content)
 
@@ -234,27 +239,22 @@ def _document(file: Path) -> InputFile:
     return _tried(InputFile(file.name, "subject", "it describes a subject"), file, read)
 
 
-def _with_plain_names(content: Any) -> Any:
-    """Paths without their folders, wherever files are named."""
-    if not isinstance(content, dict):
-        return content
-    plain = dict(content)
-    for key in ("marker_set", "scale_setup", "image_markers", "model"):
-        if isinstance(plain.get(key), str):
-            plain[key] = _base(plain[key])
-    if isinstance(plain.get("trials"), dict):
-        plain["trials"] = {
-            key: [_base(name) for name in value] if isinstance(value, list) else _base(value)
-            for key, value in plain["trials"].items()
-        }
-    for key in ("forces", "bones"):
-        if isinstance(plain.get(key), dict):
-            plain[key] = {name: _base(value) for name, value in plain[key].items()}
-    return plain
+def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:
+    """A subject document, which need not be whole, with every name of a file changed.
 
+    ``change``: from the place where it stands, such as ``trials.calibration.0``, and the name.
+    """
 
-def _base(path: Any) -> Any:
-    return path.replace("\\", "/").rpartition("/")[2] if isinstance(path, str) else path
+    def mapped(place: str, value: Any) -> Any:
+        if isinstance(value, list):
+            return [mapped(f"{place}.{k}", item) for k, item in enumerate(value)]
+        if isinstance(value, dict):
+            return {key: mapped(f"{place}.{key}", item) for key, item in value.items()}
+        return change(place, value) if isinstance(value, str) and place != "bones.units" else value
+
+    is_file = str(document.get("model")).lower().endswith(MODEL_SUFFIXES)
+    named = [key for key in _PLACES if key in document and (key != "model" or is_file)]
+    return {**document, **{key: mapped(key, document[key]) for key in named}}
 
 
 def _beginning(file: Path) -> str:

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
-from scaling_service.capabilities.intake.files import InputFile, RecordingFile
+from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
 from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, words
 from scaling_service.capabilities.intake.tables import WALKED_M, walked
 from scaling_service.core.text import few
-from scaling_service.documents.subject import MODEL_SUFFIXES, SIZE_UNIT, SubjectDocument
+from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, merge
 
@@ -195,22 +195,9 @@ def named_in(document: Mapping[str, Any]) -> dict[str, str]:
     >>> named_in({"trials": {"static": "a.trc", "calibration": ["b.trc"]}, "forces": {"b.trc": "b.mot"}})
     {'trials.static': 'a.trc', 'trials.calibration.0': 'b.trc', 'forces.b.trc': 'b.mot'}
     """
-    return dict(_named(document))
-
-
-def _named(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    model = document.get("model")
-    if isinstance(model, str) and model.lower().endswith(MODEL_SUFFIXES):
-        yield "model", model
-    for place in ("marker_set", "scale_setup", "image_markers"):
-        if document.get(place):
-            yield place, str(document[place])
-    for part in ("trials", "forces", "bones"):
-        for key, value in dict(document.get(part) or {}).items():
-            if isinstance(value, list):
-                yield from ((f"{part}.{key}.{k}", str(name)) for k, name in enumerate(value))
-            elif value is not None and (part, key) != ("bones", "units"):
-                yield f"{part}.{key}", str(value)
+    found: dict[str, str] = {}
+    map_files(document, lambda place, name: found.setdefault(place, name))
+    return found
 
 
 def assign_roles(found: Sequence[InputFile], document: Mapping[str, Any]) -> Roles:

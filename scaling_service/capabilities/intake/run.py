@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,18 @@ from scaling_service.capabilities.intake.files import (
     RecordingFile,
     axes_entry,
     look_into,
+    map_files,
     problem_of,
     session_axes,
 )
-from scaling_service.capabilities.intake.marker_set import choose_model, consequences, marker_set_proof
-from scaling_service.capabilities.intake.markers import extra_markers, propose_markers, with_extra_markers
+from scaling_service.capabilities.intake.markers import (
+    choose_model,
+    consequences,
+    extra_markers,
+    marker_set_proof,
+    propose_markers,
+    with_extra_markers,
+)
 from scaling_service.capabilities.intake.roles import (
     assign_roles,
     named_in,
@@ -47,6 +54,7 @@ from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import subject_from_document
 from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core.progress import Progress, silent
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -60,13 +68,9 @@ from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.least_squares.masks import seen as seen_in
 from scaling_service.recording.orientation import check_axes
 
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of the whole that is done, 0 to 1."""
-
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 FOLDER = "proof"  # of the tables, below the job's files
 
-_FILES = ("marker_set", "scale_setup", "image_markers")
 _READ, _SHOWN = 0.5, 0.7  # chosen: about the shares of time
 
 
@@ -94,32 +98,12 @@ def prove_folder(
         found = prove(source, {"subject": {"id": identity}}, scratch, settings=settings, progress=progress)
         write_json(scratch / FILE_NAME, found)
         if found.proposal is not None:
-            beside = os.path.relpath(source.absolute(), target.absolute())
-            content = _elsewhere(found.proposal, Path(beside))
+            beside = Path(os.path.relpath(source.absolute(), target.absolute()))
+            content = map_files(found.proposal, lambda _, name: (beside / name).as_posix())
             (scratch / SUBJECT).write_text(
                 yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8"
             )
     return found
-
-
-def _elsewhere(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The document with the paths of files that lie in another folder."""
-
-    def at(name: str) -> str:
-        return (folder / name).as_posix()
-
-    content = dict(document)
-    if str(content["model"]).lower().endswith(MODEL_SUFFIXES):
-        content["model"] = at(content["model"])
-    content |= {key: at(content[key]) for key in _FILES if key in content}
-    content["trials"] = {
-        role: at(files) if isinstance(files, str) else [at(name) for name in files]
-        for role, files in document["trials"].items()
-    }
-    for part in ("forces", "bones"):
-        if part in content:
-            content[part] = {k: v if k == "units" else at(v) for k, v in content[part].items()}
-    return content
 
 
 def prove(
@@ -142,7 +126,7 @@ def prove(
         result.
     """
     check_axes(settings.up, settings.forward)
-    report = progress or (lambda _what, _share: None)
+    report = progress or silent
     names = sorted(p.name for p in folder.iterdir() if p.is_file() and p.name not in skip)
     found: list[InputFile] = []
     for k, name in enumerate(names):

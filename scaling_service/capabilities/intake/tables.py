@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics.forces import turn_forces
 from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
 from scaling_service.capabilities.intake.files import RecordingFile, axes_entry, problem_of
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
-from scaling_service.files.table_files import ArrayFiles
+from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.markers import looks_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.orientation import Orientation, apply
-from scaling_service.recording.plates import orient_forces
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
@@ -48,7 +49,7 @@ def recording_proof(
     given. Raises InputError: the unit of its positions cannot be told.
     """
     trial = apply(axes, item.trial)
-    turned, problems = _turned(ground, axes, item)
+    turned, problems = _turned(ground, axes)
     distance, direction = _walk(trial)
     plates: list[PlateEntry] = []
     force = pressure = None
@@ -80,24 +81,12 @@ def recording_proof(
     return entry, trial
 
 
-def _turned(
-    ground: Ground | None, axes: Orientation, item: RecordingFile
-) -> tuple[GroundForces | None, list[ProblemEntry]]:
-    """Forces in our axes. Those of MOT and STO files stand Y up whatever the markers do."""
+def _turned(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None, list[ProblemEntry]]:
+    """Forces in our axes, or why they cannot be had."""
     if ground is None:
         return None, []
-    own = item.forces is ground.forces
-    if not own and axes.up != "+y":
-        problem = ProblemEntry(
-            severity="warning",
-            file=ground.source,
-            field="forces",
-            problem=f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
-            remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
-        )
-        return None, [problem]
     try:
-        return orient_forces(axes, ground.forces), []
+        return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
         return None, [problem_of(error, "warning", ground.source)]
 
@@ -106,7 +95,7 @@ def _of_forces(
     forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: ArrayFiles
 ) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
-    at_markers = forces.changed(
+    ground = forces.changed(
         times=trial.times,
         force=at_frames(forces.times, forces.force, trial.times),
         moment=at_frames(forces.times, forces.moment, trial.times),
@@ -116,36 +105,10 @@ def _of_forces(
     entries = plates_of(forces, None if own is None else axes.rotate(own))
     kinds = () if own is None else tuple(plate.kind for plate in item.plates)
     return (
-        files.write(f"{item.file}.force", at_markers.force, "N"),
-        files.write(f"{item.file}.pressure", at_markers.centre_of_pressure(), "m"),
-        describe_plates(entries, at_markers, trial, kinds),
+        files.write(f"{item.file}.force", ground.force, "N"),
+        files.write(f"{item.file}.pressure", ground.centre_of_pressure(), "m"),
+        describe_plates(entries, ground, trial, kinds),
     )
-
-
-def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
-    """Plates with their corners, (n_plates, 4, 3) in our axes, where the file has them."""
-    if forces is None:
-        return []
-    peaks = np.linalg.norm(np.nan_to_num(forces.force), axis=2).max(axis=0)
-    return [
-        PlateEntry(
-            name=name,
-            corners_m=None if corners is None else np.round(corners[k], 5).tolist(),
-            peak_N=round(float(peaks[k]), 1),
-        )
-        for k, name in enumerate(forces.plates)
-    ]
-
-
-def at_frames(times: Array, values: Array, wanted: Array) -> Array:
-    """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
-    after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    rows = np.where(wanted - times[before] < times[after] - wanted, before, after)
-    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    picked = values[rows].copy()
-    picked[(wanted < times[0] - step) | (wanted > times[-1] + step)] = np.nan
-    return np.asarray(picked)
 
 
 def _label(trial: Trial, column: int) -> LabelEntry:
@@ -218,23 +181,20 @@ def describe_plates(
         stands = {side: (distance < NEAR_M) & (distance == nearest) for side, distance in away.items()}
         near = [distance < NEAR_M for distance in away.values()]
         if entry.corners_m is not None:
-            corners = np.asarray(entry.corners_m)
-            near += [_over(foot, corners) for foot in feet.values()]
+            low, high = (f(np.asarray(entry.corners_m)[:, [0, 2]], axis=0) for f in (np.min, np.max))
+            near += [_over(foot, low, high) for foot in feet.values()]
             stands = {
-                side: stands[side] | _rests(foot, corners, trial.rate_hz) for side, foot in feet.items()
+                side: stands[side] | _rests(foot, low, high, trial.rate_hz) for side, foot in feet.items()
             }
         offset = _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
-        described.append(
-            entry.model_copy(
-                update={
-                    "kind": kinds[k] if k < len(kinds) else None,
-                    "centre_m": [round(float(v), 3) for v in place],
-                    "loaded_by": _loads(loaded, stands, trial) if feet else [],
-                    "offset_N": offset,
-                }
-            )
-        )
+        told = {
+            "kind": kinds[k] if k < len(kinds) else None,
+            "centre_m": [round(float(v), 3) for v in place],
+            "loaded_by": _loads(loaded, stands, trial) if feet else [],
+            "offset_N": offset,
+        }
+        described.append(entry.model_copy(update=told))
     return described
 
 
@@ -256,18 +216,16 @@ def _distance(foot: Array, centre: Array) -> Array:
     return np.asarray(np.where(np.isfinite(away), away, np.inf).min(axis=1))
 
 
-def _over(foot: Array, corners: Array) -> NDArray[np.bool_]:
-    """Frames in which a marker of a foot is over a plate or beside it."""
-    low, high = (f(corners[:, [0, 2]], axis=0) for f in (np.min, np.max))
+def _over(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Frames in which a marker of a foot is over a plate, between its ends along x and z, or beside it."""
     with np.errstate(invalid="ignore"):
         return np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2).any(axis=1))
 
 
-def _rests(foot: Array, corners: Array, rate_hz: float) -> NDArray[np.bool_]:
+def _rests(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:
     """Frames in which the middle of a foot is over a plate and hardly moves."""
     known = seen(foot)
     middle = np.where(known[..., None], foot, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
-    low, high = (f(corners[:, [0, 2]], axis=0) for f in (np.min, np.max))
     over = ever(known.T) & ((middle > low) & (middle < high)).all(axis=1)
     if len(middle) < 2:
         return np.asarray(over)

@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from scaling_service.capabilities.shared.arguments import Out
 from scaling_service.capabilities.shared.names import BONE_NAMES
-from scaling_service.capabilities.shared.screen import running
+from scaling_service.capabilities.shared.screen import (
+    console_of_results,
+    list_files,
+    print_table,
+    running,
+    say,
+)
+from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
@@ -52,30 +56,28 @@ def landmarks(
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
 
         document = landmark_bones(given, units=units, progress=progress)
-    path = save_landmarks(document, out)
-    _show(document, path)
+        path = save_landmarks(document, out)
+    _show(document, out, path.name)
 
 
-def _show(document: LandmarksDocument, path: Path) -> None:
+def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     """A table of what was found, then what was refused or is doubtful."""
-    console = Console()
-    table = Table(title=f"Landmarks, mm (files in {document.settings['units']})")
-    for heading in ("bone", "landmark", "x", "y", "z"):
-        table.add_column(heading, justify="left" if heading in ("bone", "landmark") else "right")
-    said: list[str] = []
-    for name in BONE_NAMES:
-        bone: BoneDocument | None = getattr(document, name)
+    rows, notes = [], []
+    for bone_name in BONE_NAMES:
+        bone: BoneDocument | None = getattr(document, bone_name)
         if bone is None:
             continue
+        rows.append(Row(bone_name))
         for field, value in bone:
             if field.endswith("_mm") and isinstance(value, tuple):
-                table.add_row(name, field.removesuffix("_mm"), *(f"{x:.1f}" for x in value))
-        said += [f"{name}: no {what}: {why}" for what, why in bone.refused.items()]
-        said += [f"{name}: {warning}" for warning in bone.warnings]
-    console.print(table)
-    for line in said:
-        console.print(f"[yellow]note[/yellow] {escape(line)}")
-    console.print(f"Written: {escape(str(path))}")
+                rows.append(Row(f"  {field.removesuffix('_mm')}", [f"{x:.1f}" for x in value]))
+        notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
+        notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
+    console = console_of_results()
+    caption = f"Landmarks, mm (files in {document.settings['units']})"
+    print_table(console, Table(caption, ["", "x", "y", "z"], rows))
+    say(console, "Note", "yellow", notes)
+    list_files(console, out, [name])
 
 
 COMMANDS = (landmarks,)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from scaling_service.documents.base import Part
 
 LANDMARKS_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
@@ -13,11 +15,7 @@ Vector = tuple[float, float, float]
 Side = Literal["r", "l"]
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ShapeFit(_Frozen):
+class ShapeFit(Part):
     """A sphere or cylinder on a bone."""
 
     shape: Literal["sphere", "cylinder"]
@@ -29,7 +27,7 @@ class ShapeFit(_Frozen):
     confidence: float = Field(description="0, about to be refused, to 1, as on a clean bone.")
 
 
-class BoneDocument(_Frozen):
+class BoneDocument(Part):
     """What all bones have."""
 
     side: Side | None = Field(description="Null for a pelvis.")
@@ -94,7 +92,7 @@ class PelvisDocument(BoneDocument):
     asis_axis: Vector | None = Field(default=None, description="From the left ASIS to the right one.")
 
 
-class LandmarksDocument(_Frozen):
+class LandmarksDocument(Part):
     """``landmarks.json``; only bones that were given are in it."""
 
     schema_version: int = LANDMARKS_SCHEMA_VERSION

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,7 +14,8 @@ from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRe
 from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
-from scaling_service.documents.writing import check_folder, code_version
+from scaling_service.core.progress import Progress, silent
+from scaling_service.documents.writing import all_or_nothing, code_version, write_json
 from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"
@@ -25,7 +25,7 @@ _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path], *, units: str = DETECT, progress: Callable[[str, float], None] | None = None
+    bones: Mapping[str, Path], *, units: str = DETECT, progress: Progress = silent
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
@@ -35,8 +35,6 @@ def landmark_bones(
         ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes.
     units : str
         Of all files: ``mm``, ``cm``, ``m`` or ``detect``.
-    progress : callable, optional
-        Called with what is being done and the share that is done.
 
     Raises
     ------
@@ -44,7 +42,8 @@ def landmark_bones(
         A file cannot be read, or a mesh cannot be used; with file, bone and remedy.
     """
     began = time.perf_counter()
-    _check(bones, units)
+    if not bones:
+        raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
     meshes = {name: _read(name, path) for name, path in bones.items()}
     given = units != DETECT
     extents = {name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()}
@@ -53,8 +52,7 @@ def landmark_bones(
     done: list[str] = []
 
     def starting(name: str) -> None:
-        if progress is not None:
-            progress(name, len(done) / len(shapes))
+        progress(name, len(done) / len(shapes))
         done.append(name)
 
     try:
@@ -63,7 +61,7 @@ def landmark_bones(
         raise MeshRefused(
             error.problem, file=bones.get(error.field or ""), field=error.field, remedy=error.remedy
         ) from None
-    described: dict[str, Any] = {name: _bone(landmarks) for name, landmarks in found.items()}
+    described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
         settings={"units": unit, "units_from": "given" if given else "size"},
@@ -78,41 +76,10 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
 
     Raises InputError: the folder cannot be made or written to.
     """
-    check_folder(folder)
-    target = Path(folder) / FILE_NAME
-    content = document.model_dump(mode="json", exclude_none=False)
-    content = {key: value for key, value in content.items() if value is not None or key not in BONES}
-    scratch = target.with_name(f".{FILE_NAME}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        scratch.write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-        )
-        scratch.replace(target)
-    except OSError as error:
-        raise InputError(
-            f"results cannot be written there: {error.strerror}",
-            file=folder,
-            field="--out",
-            remedy="Name a folder that can be made and written to",
-        ) from None
-    return target
-
-
-def _check(bones: Mapping[str, Path], units: str) -> None:
-    if not bones:
-        raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
-    unknown = [name for name in bones if name not in BONES]
-    if unknown:
-        raise InputError(
-            f"'{unknown[0]}' is not a bone that has landmarks",
-            field="bones",
-            remedy=f"Known: {', '.join(BONES)}",
-        )
-    if units != DETECT and units not in UNITS:
-        raise InputError(
-            f"'{units}' is not a unit", field="--units", remedy=f"Use {', '.join(UNITS)} or {DETECT}"
-        )
+    with all_or_nothing(Path(folder)) as scratch:
+        absent = [bone for bone in BONES if getattr(document, bone) is None]
+        write_json(scratch / FILE_NAME, document, without=absent)
+    return Path(folder) / FILE_NAME
 
 
 def _read(name: str, path: Path) -> Mesh:
@@ -127,7 +94,7 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _bone(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe(bone: BoneLandmarks) -> dict[str, Any]:
     """One bone's part of the document; points are named as found, with their unit."""
     fits = _fits(bone)
     fields: dict[str, Any] = {f"{name}_mm": _mm(point) for name, point in bone.points.items()}

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from scaling_service.documents.base import Part
 from scaling_service.documents.results import Provenance
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class KinematicErrorDocument(_Part):
+class KinematicErrorDocument(Part):
     """Distances between measured and model markers over one trial, mm."""
 
     mean: float = Field(description="Over frames and markers.")
@@ -20,7 +17,7 @@ class KinematicErrorDocument(_Part):
     per_marker: dict[str, float] = Field(description="Marker to mean distance.")
 
 
-class TrackedTrialDocument(_Part):
+class TrackedTrialDocument(Part):
     """How a model follows one trial."""
 
     kinematic_error_mm: KinematicErrorDocument

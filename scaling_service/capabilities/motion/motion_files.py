@@ -58,11 +58,11 @@ def _leading(coupler: Coupler, motion: Motion) -> Array:
 def law_values(law: Law, x: Array) -> Array:
     """A law of one coordinate at all its values, (n_frames,).
 
-    ValueError where it holds a parameter or a signal.
+    ValueError where it holds a parameter.
     """
     total = np.zeros_like(x)
     for term in law.terms:
-        if term.parameter is not None or term.signal is not None:
+        if term.parameter is not None:
             raise ValueError("a coordinate follows another one only")
         if term.coordinate is None:
             total += term.gain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +50,6 @@ class Tracked:
     trials: Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
-    subject_file: Path | None = None  # beside which the recordings lie, where there is one
 
 
 def ik(
@@ -88,13 +87,13 @@ def ik(
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blamed_on(None, files):
-        loaded = load(places, settings)
+        loaded = replace(load(places, settings), file=subject_file)
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
             found[trial.name] = track(loaded.session.model, trial, skin=options.skin)
     report("done", 1.0)
-    return Tracked(loaded, found, options, time.perf_counter() - clock, subject_file)
+    return Tracked(loaded, found, options, time.perf_counter() - clock)
 
 
 def track(model: BodyModel, trial: Trial, *, skin: bool = True) -> TrackedTrial:

@@ -47,7 +47,7 @@ def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
     processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
     settings = options.resolved() | {"processing": processing}
     return MotionDocument(
-        **provenance(loaded, session.evaluation, settings, tracked.subject_file),
+        **provenance(loaded, session.evaluation, settings),
         model=Path(session.subject.model).name,
         axes=loaded.axes,
         locked=[c.name for c in session.model.coordinates if c.locked],

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
+from scaling_service.documents.base import Part
 
 SCHEMA_VERSION = 1
 
 Point = tuple[float, float, float]
 
 
-class _Travels(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SegmentEntry(_Travels):
+class SegmentEntry(Part):
     """A segment of a body."""
 
     name: str
@@ -25,7 +22,7 @@ class SegmentEntry(_Travels):
     shape: Literal["image", "simple", "none"] = Field(description="Where the surface of that name is from.")
 
 
-class PlacedEntry(_Travels):
+class PlacedEntry(Part):
     """A point that a segment carries."""
 
     name: str
@@ -39,14 +36,14 @@ class BodyMarker(PlacedEntry):
     anatomical: bool
 
 
-class AxisEntry(_Travels):
+class AxisEntry(Part):
     """A knee's axis."""
 
     segment: str
     ends_m: tuple[Point, Point]
 
 
-class BodyEntry(_Travels):
+class BodyEntry(Part):
     """One model of the person."""
 
     name: str
@@ -57,7 +54,7 @@ class BodyEntry(_Travels):
     axes: list[AxisEntry]
 
 
-class CoordinateEntry(_Travels):
+class CoordinateEntry(Part):
     """A degree of freedom."""
 
     name: str
@@ -65,7 +62,7 @@ class CoordinateEntry(_Travels):
     estimated: bool = Field(description="Whether the recording determines it; else it stands at its default.")
 
 
-class MotionEntry(_Travels):
+class MotionEntry(Part):
     """How one body moves in one recording."""
 
     poses: ArrayEntry = Field(description="Frames, segments, 7: origin, quaternion x, y, z, w to ground.")
@@ -77,7 +74,7 @@ class MotionEntry(_Travels):
     )
 
 
-class SceneTrial(_Travels):
+class SceneTrial(Part):
     """One recording with all bodies in it."""
 
     name: str
@@ -93,7 +90,7 @@ class SceneTrial(_Travels):
     centre_of_pressure: ArrayEntry | None
 
 
-class TestEntry(_Travels):
+class TestEntry(Part):
     """Where curves differ over the cycle."""
 
     __test__ = False  # not a test of pytest
@@ -112,7 +109,7 @@ class CycleScene(TestEntry):
     pairs: dict[str, TestEntry] = Field(description="Body to its test against the reference.")
 
 
-class GaitScene(_Travels):
+class GaitScene(Part):
     """Joint angles over the gait cycle."""
 
     trials: list[str]
@@ -122,7 +119,7 @@ class GaitScene(_Travels):
     angles: dict[str, CycleScene]
 
 
-class SceneDocument(_Travels):
+class SceneDocument(Part):
     """All that is needed to play a result back."""
 
     schema_version: int = SCHEMA_VERSION
@@ -132,7 +129,7 @@ class SceneDocument(_Travels):
     gait: GaitScene | None
 
 
-class ResidualTrial(_Travels):
+class ResidualTrial(Part):
     """The residual wrench over one recording."""
 
     start_s: float
@@ -142,7 +139,7 @@ class ResidualTrial(_Travels):
     )
 
 
-class ResidualScene(_Travels):
+class ResidualScene(Part):
     """Residual wrenches over time; frames that do not count are unknown."""
 
     schema_version: int = SCHEMA_VERSION

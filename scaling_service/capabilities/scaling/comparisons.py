@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from scaling_service.documents.base import Part
 from scaling_service.documents.results import JointCentre, Provenance, TrialError
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class KinematicErrorComparison(Provenance):
@@ -36,7 +33,7 @@ class SegmentLengthComparison(Provenance):
     warnings: list[str]
 
 
-class AngleDifference(_Part):
+class AngleDifference(Part):
     """Two methods' angle over the frames in which both know it, degrees; null where there are none."""
 
     methods: tuple[str, str]
@@ -46,7 +43,7 @@ class AngleDifference(_Part):
     largest_deg: float | None
 
 
-class AngleEntry(_Part):
+class AngleEntry(Part):
     """A joint angle in one recording."""
 
     mean_deg: dict[str, float | None] = Field(description="Method to the mean over frames.")
@@ -54,7 +51,7 @@ class AngleEntry(_Part):
     pairs: list[AngleDifference]
 
 
-class CycleEntry(_Part):
+class CycleEntry(Part):
     """A joint angle over the gait cycle, 0 to 100 %."""
 
     cycles: int
@@ -65,7 +62,7 @@ class CycleEntry(_Part):
     differ_percent: list[tuple[float, float]] = Field(description="Stretches in which the methods differ.")
 
 
-class GaitEntry(_Part):
+class GaitEntry(Part):
     """Joint angles over the gait cycles of this person."""
 
     trials: list[str]

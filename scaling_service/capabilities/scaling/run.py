@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
@@ -13,13 +13,13 @@ from scaling_service.capabilities.scaling.comparison.geometry import Geometry, d
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
-from scaling_service.capabilities.subject.loading import Loaded, load
-from scaling_service.capabilities.subject.mass import with_mass
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
 from scaling_service.model.results import Calibration, Motion
+from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Session, Subject
-from scaling_service.recording.orientation import check_axes
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
@@ -91,15 +91,9 @@ def compare(
     """
     clock = time.perf_counter()
     report = progress or silent
-    file = None if isinstance(subject, Subject) else Path(subject)
     check_methods(methods or ())
-    check_axes(settings.up, settings.forward)
-    known = load_subject(file) if file is not None else subject
-    assert isinstance(known, Subject)
-    with blamed_on(file):
-        report("reading the recordings", 0.0)
-        loaded = load(known, settings)
-        return run(loaded, methods, settings, progress=report, subject_file=file, started=clock)
+    report("reading the recordings", 0.0)
+    return run(open_subject(subject, settings), methods, settings, progress=report, started=clock)
 
 
 def run(
@@ -108,7 +102,6 @@ def run(
     settings: Settings = Settings(),
     *,
     progress: Progress | None = None,
-    subject_file: Path | None = None,
     started: float | None = None,
 ) -> Results:
     """Scale by several methods what is loaded already; see :func:`compare`.
@@ -122,7 +115,7 @@ def run(
     report = progress or silent
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
-    with blamed_on(None, recordings(session.subject)):
+    with loaded.blamed():
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         for k, method in enumerate(chosen):
@@ -143,7 +136,7 @@ def run(
         scalings,
         (*session.warnings, *warnings, *doubtful),
         time.perf_counter() - clock,
-        subject_file,
+        loaded.file,
     )
 
 
@@ -186,3 +179,27 @@ def _evaluated(calibration: Calibration, session: Session, part: Progress) -> Sc
         geometry(calibration),
         time.perf_counter() - clock,
     )
+
+
+def with_mass(calibration: Calibration, session: Session) -> Calibration:
+    """The calibration with the person's mass on its model; unchanged where that is not known.
+
+    An OpenSim model is the whole body, so its segments together take the person's mass, as OpenSim's
+    scale tool has it (and its set-up's mass, where the subject file gives none). A built-in model may be a
+    part of a body: it takes the same share of the person's mass as of its generic person's.
+    """
+    total = _total_mass(calibration.model, session)
+    if total is None:
+        return calibration
+    return replace(calibration, model=scaled(calibration.model, {}, mass_kg=total))
+
+
+def _total_mass(model: BodyModel, session: Session) -> float | None:
+    subject, own = session.subject, sum(segment.mass for segment in model.segments)
+    if own <= 0.0:
+        return None
+    if subject.mass_kg is None:
+        return None if session.scale_setup is None else session.scale_setup.mass_kg
+    if subject.model in BUILTIN_NAMES:
+        return subject.mass_kg * own / generic_person(subject.model).mass_kg
+    return subject.mass_kg

@@ -166,7 +166,7 @@ def comparison_document(
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     return ComparisonDocument(
-        **provenance(results.loaded, trials, settings.resolved(), results.subject_file, settings.seed),
+        **provenance(results.loaded, trials, settings.resolved(), settings.seed),
         sizes=stated_sizes(session.subject),
         verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,

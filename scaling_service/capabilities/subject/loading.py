@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +13,7 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
-from scaling_service.capabilities.subject.reading import blamed_on, recordings
+from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
@@ -25,7 +26,7 @@ from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Trial, merge
-from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording.orientation import Orientation, check_axes, decide
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.plausibility import remove_strays
 
@@ -45,6 +46,22 @@ class Loaded:
     axes: str = ""  # which laboratory axes were taken for up and forward
     orientation: Orientation | None = None  # the same as a rotation, for forces
     plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
+    file: Path | None = None  # the subject file, where there is one
+
+    @contextmanager
+    def blamed(self) -> Iterator[None]:
+        """Let errors raised inside name the subject file, or the recording whose stem they name."""
+        with blamed_on(self.file), blamed_on(None, recordings(self.session.subject)):
+            yield
+
+
+def open_subject(subject: Subject | str | Path, settings: Settings = Settings()) -> Loaded:
+    """Read a subject, from its file where a path is given, and all that it names; see :func:`load`."""
+    check_axes(settings.up, settings.forward)
+    file = None if isinstance(subject, Subject) else Path(subject)
+    known = subject if isinstance(subject, Subject) else load_subject(subject)
+    with blamed_on(file):
+        return replace(load(known, settings), file=file)
 
 
 def load(

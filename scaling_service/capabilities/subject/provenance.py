@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from scaling_service.capabilities.subject.loading import Loaded
@@ -17,11 +16,7 @@ from scaling_service.model.trial import Repair, Trial
 
 
 def provenance(
-    loaded: Loaded,
-    trials: Iterable[Trial],
-    settings: Mapping[str, Any],
-    subject_file: Path | None,
-    seed: int = 0,
+    loaded: Loaded, trials: Iterable[Trial], settings: Mapping[str, Any], seed: int = 0
 ) -> dict[str, Any]:
     """The fields of a ``Provenance``: what is needed to get the same results again.
 
@@ -32,7 +27,7 @@ def provenance(
         "code_version": code_version(),
         "subject": subject.id,
         "settings": settings,
-        "input_hashes": input_hashes(subject, subject_file),
+        "input_hashes": input_hashes(subject, loaded.file),
         "seed": seed,
         "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
         "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},

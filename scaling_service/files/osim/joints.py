@@ -194,8 +194,8 @@ def _completed(axes: Sequence[Array]) -> list[Array]:
 
 def _coordinate_of(segment: Segment, law: Law) -> str:
     """The only coordinate that drives an axis."""
-    if any(t.parameter is not None or t.signal is not None for t in law.terms):
-        raise _refused(segment, "depends on a free parameter or signal", "Fold the parameters in first")
+    if any(t.parameter is not None for t in law.terms):
+        raise _refused(segment, "depends on a free parameter", "Fold the parameters in first")
     names = sorted({t.coordinate for t in law.terms if t.coordinate is not None})
     if len(names) > 1:
         raise _refused(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")

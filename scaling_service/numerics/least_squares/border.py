@@ -158,8 +158,7 @@ def _crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
 
 
 def _block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
-    known = None if problem.signals is None else problem.signals[rows].T
-    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p, known)
+    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p)
     placed = positions(problem.tree, poses)
     gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
     squared = np.einsum("nmc,nmc->nm", gap, gap)

@@ -114,7 +114,7 @@ def _coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
         for e in tree.plan.entries
         if e.link == link and e.term.factor != NONE
     ]
-    return [v for v in dict.fromkeys(used) if v != NONE and free[v]]
+    return [v for v in dict.fromkeys(used) if free[v]]
 
 
 Item = tuple[int, int, list[Entry]]

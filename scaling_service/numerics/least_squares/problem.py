@@ -77,7 +77,6 @@ class Problem:
     # (n_free,): weight of ``(p - p0)**2`` beside the weighted squared distances; zero for none
     prior_weight: Array
     coordinate_bounds: tuple[Array, Array]  # each (n_coordinates,)
-    signals: Array | None = None  # (n_frames, n_signals)
     loss: Loss = SQUARED
 
     @property
@@ -96,8 +95,7 @@ class Problem:
 
     def of_frames(self, rows: NDArray[np.intp]) -> Problem:
         """The same of some frames."""
-        signals = None if self.signals is None else self.signals[rows]
-        return replace(self, measured=self.measured[rows], signals=signals)
+        return replace(self, measured=self.measured[rows])
 
     def holding_motion(self) -> Problem:
         """The same with no coordinate to estimate, only parameters."""
@@ -114,8 +112,7 @@ class Problem:
 
 def residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
     """Measured minus model, (n, n_markers, 3), m; NaN where not seen."""
-    known = None if problem.signals is None else problem.signals[rows].T
-    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p, known)
+    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p)
     return problem.measured[rows] - np.moveaxis(positions(problem.tree, poses), -1, 0)
 
 

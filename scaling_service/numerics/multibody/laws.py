@@ -1,7 +1,7 @@
-"""Joint values from coordinates, shared parameters and known signals, and the moves that they drive.
+"""Joint values from coordinates and shared parameters, and the moves that they drive.
 
-A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate,
-a piecewise polynomial of one coordinate, or a signal; every distinct factor is evaluated once for
+A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate
+or a piecewise polynomial of one coordinate; every distinct factor is evaluated once for
 all frames and then shared by the laws that use it. Arrays keep frames on the last axis, so that
 every operation runs over contiguous memory.
 """
@@ -51,11 +51,10 @@ def evaluate_together(breaks: Array, coefficients: Array, x: Array) -> tuple[Arr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factor:
-    """What varies from frame to frame: a coordinate, a shape of it, or a signal (``NONE`` if not)."""
+    """What varies from frame to frame: a coordinate, or a shape of it."""
 
     coordinate: int
     shape: Piecewise | None = None
-    signal: int = NONE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,31 +135,16 @@ class Values:
     p: Array
 
     @classmethod
-    def of(
-        cls,
-        factors: tuple[Factor, ...],
-        q: Array,
-        p: Array,
-        signals: Array | None,
-        groups: tuple[ShapeGroup, ...] | None = None,
-    ) -> Values:
+    def of(cls, factors: tuple[Factor, ...], groups: tuple[ShapeGroup, ...], q: Array, p: Array) -> Values:
         """Evaluate all factors.
 
+        ``groups``: of the factors, as :func:`shape_groups` gives them.
         ``q``: (n_coordinates, n_frames).
         ``p``: (n_parameters,).
-        ``signals``: (n_signals, n_frames).
-        ``groups``: as :func:`shape_groups` gives them, where they are at hand.
         """
-        values: list[Array] = []
-        for factor in factors:
-            if factor.signal != NONE:
-                if signals is None:
-                    raise ValueError("the tree uses signals and none were given")
-                values.append(signals[factor.signal])
-            else:
-                values.append(q[factor.coordinate])
+        values = [q[factor.coordinate] for factor in factors]
         slopes: list[Array | None] = [None] * len(factors)
-        for group in shape_groups(factors) if groups is None else groups:
+        for group in groups:
             value, slope = evaluate_together(group.breaks, group.coefficients, q[group.coordinates])
             for row, k in enumerate(group.factors):
                 values[k], slopes[k] = value[row], slope[row]

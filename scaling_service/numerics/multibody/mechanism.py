@@ -116,7 +116,7 @@ class Mechanism:
 
     @cached_property
     def coordinates(self) -> NDArray[np.intp]:
-        """The coordinate that each entry follows, ``NONE`` for a signal, shape (n_entries,)."""
+        """The coordinate that each entry follows, shape (n_entries,)."""
         return np.array([self.tree.factors[e.term.factor].coordinate for e in self.entries], dtype=np.intp)
 
     @cached_property

@@ -24,7 +24,6 @@ class Motion:
     q: Array
     qdot: Array
     qddot: Array
-    signals: Array | None = None  # (3, n_signals, n): known signals, their first and their second rates
 
     def __post_init__(self) -> None:
         if not self.q.shape == self.qdot.shape == self.qddot.shape:
@@ -43,8 +42,7 @@ class Motion:
 
     def block(self, rows: slice) -> Motion:
         """Only these frames."""
-        signals = None if self.signals is None else self.signals[..., rows]
-        return Motion(self.q[:, rows], self.qdot[:, rows], self.qddot[:, rows], signals)
+        return Motion(self.q[:, rows], self.qdot[:, rows], self.qddot[:, rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,9 +55,7 @@ class LinkMotion:
     # (n_links, 6, n), m/s2 and rad/s2: rates of the twists. The linear part is no point's acceleration by
     # itself; see :func:`point_acceleration`.
     accelerations: Array
-    # (n_entries, n): derivatives of the entries' scalar parts with respect to their coordinates; zero for a
-    # signal
-    slopes: Array
+    slopes: Array  # (n_entries, n): derivatives of the entries' scalar parts with their coordinates
 
 
 def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
@@ -67,12 +63,16 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
 
     ``p`` (n_parameters,): shared parameters of the tree's laws.
     """
-    tree, n = mechanism.tree, motion.n
-    poses = forward(tree, motion.q, p, None if motion.signals is None else motion.signals[0])
+    n, coordinates = motion.n, mechanism.coordinates
+    poses = forward(mechanism.tree, motion.q, p)
     screws = _screws(mechanism, poses)
-    first, second = _entry_rates(mechanism, motion, poses.values.slopes, p)
-    speeds = screws * first[:, None]
-    changes = screws * second[:, None]
+    slopes = np.empty((len(mechanism.entries), n))
+    for row, entry in enumerate(mechanism.entries):
+        slopes[row] = poses.values.by_coordinate(entry.term)
+    rate, pace = motion.qdot[coordinates], motion.qddot[coordinates]
+    bend = law_derivatives(mechanism, motion.q, p, 2)
+    speeds = screws * (slopes * rate)[:, None]
+    changes = screws * (bend * rate**2 + slopes * pace)[:, None]
     _add_turning_of_screws(mechanism, speeds, changes)
     spread = mechanism.carriers.T
     return LinkMotion(
@@ -80,36 +80,19 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
         screws,
         (spread @ speeds.reshape(len(speeds), -1)).reshape(-1, 6, n),
         (spread @ changes.reshape(len(changes), -1)).reshape(-1, 6, n),
-        _slopes(mechanism, poses, n),
+        slopes,
     )
 
 
-def _entry_rates(
-    mechanism: Mechanism, motion: Motion, slopes: list[Array | None], p: Array
-) -> tuple[Array, Array]:
-    """First and second rates in time of the entries' scalar parts, each (n_entries, n).
-
-    For a shape s of a coordinate q: ``d/dt s = s' qdot`` and ``d2/dt2 s = s'' qdot^2 + s' qddot``.
-    """
-    tree = mechanism.tree
-    curves = shape_derivatives(tree.shape_groups, len(tree.factors), motion.q, 2)
-    first, second = [], []
-    for factor, slope, curve in zip(tree.factors, slopes, curves, strict=True):
-        if factor.signal != NONE:
-            if motion.signals is None:
-                raise ValueError("the tree uses signals and their rates were not given")
-            rate, pace = motion.signals[1:, factor.signal]
-        else:
-            rate, pace = motion.qdot[factor.coordinate], motion.qddot[factor.coordinate]
-        if slope is not None and curve is not None:
-            rate, pace = slope * rate, curve * rate**2 + slope * pace
-        first.append(rate)
-        second.append(pace)
-    terms = [entry.term for entry in mechanism.entries]
-    scale = np.array([1.0 if t.parameter == NONE else p[t.parameter] for t in terms])[:, None]
-    return scale * np.array([first[t.factor] for t in terms]), scale * np.array(
-        [second[t.factor] for t in terms]
-    )
+def law_derivatives(mechanism: Mechanism, q: Array, p: Array, order: int) -> Array:
+    """Derivatives of an order above one of every entry's law with its coordinate, (n_entries, n)."""
+    tree, result = mechanism.tree, np.zeros((len(mechanism.entries), q.shape[1]))
+    found = shape_derivatives(tree.shape_groups, len(tree.factors), q, order)
+    for row, entry in enumerate(mechanism.entries):
+        value = found[entry.term.factor]
+        if value is not None:
+            result[row] = value * (p[entry.term.parameter] if entry.term.parameter != NONE else 1.0)
+    return result
 
 
 def _screws(mechanism: Mechanism, poses: Poses) -> Array:
@@ -131,16 +114,6 @@ def _add_turning_of_screws(mechanism: Mechanism, speeds: Array, changes: Array) 
     changes[:, :3] += cross(carried[:, 3:], speeds[:, :3])
     changes[:turns, :3] += cross(carried[:turns, :3], speeds[:turns, 3:])
     changes[:turns, 3:] += cross(carried[:turns, 3:], speeds[:turns, 3:])
-
-
-def _slopes(mechanism: Mechanism, poses: Poses, n: int) -> Array:
-    slopes = np.zeros((len(mechanism.entries), n))
-    for row, (entry, coordinate) in enumerate(
-        zip(mechanism.entries, mechanism.coordinates.tolist(), strict=True)
-    ):
-        if coordinate >= 0:
-            slopes[row] = poses.values.by_coordinate(entry.term)
-    return slopes
 
 
 def point_velocity(twist: Array, at: Array) -> Array:

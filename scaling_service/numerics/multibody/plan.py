@@ -221,9 +221,7 @@ def _linear(
 
 def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
     """Whether a term is a constant times one coordinate, nothing else."""
-    if term.parameter != NONE or term.factor == NONE:
-        return False
-    return factors[term.factor].shape is None and factors[term.factor].signal == NONE
+    return term.parameter == NONE and term.factor != NONE and factors[term.factor].shape is None
 
 
 def _entries(row: int, node: _Node) -> list[Entry]:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, shape_derivatives
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, Motion, move_links
+from scaling_service.numerics.multibody.motion import LinkMotion, Motion, law_derivatives, move_links
 from scaling_service.numerics.multibody.tree import cross
 
 
@@ -66,12 +66,9 @@ def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.i
     ``free`` int (m,): coordinates.
     """
     state = move_links(mechanism, motion, p)
-    slopes, curves = _slope_rates(mechanism, motion, p, state)
-    speeds = state.screws * slopes[:, None]  # of all entries, for those that are locked never move
-    rate = np.array([np.zeros(motion.n) if c == NONE else motion.qdot[c] for c in mechanism.coordinates])
-    pace = np.array([np.zeros(motion.n) if c == NONE else motion.qddot[c] for c in mechanism.coordinates])
-    if (mechanism.coordinates == NONE).any():
-        raise ValueError("the tree is moved by signals, whose screws have no coordinate")
+    curves = [law_derivatives(mechanism, motion.q, p, order) for order in (2, 3)]
+    speeds = state.screws * state.slopes[:, None]  # of all entries, for those that are locked never move
+    rate, pace = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
     carried = _carried(mechanism, speeds * rate[:, None])
     first = motion_cross(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
     carried_rate = _carried(mechanism, first * rate[:, None] + speeds * pace[:, None])
@@ -93,20 +90,3 @@ def _carried(mechanism: Mechanism, twists: Array) -> Array:
     """Of the frame that each entry starts from, (n_entries, 6, n)."""
     n = twists.shape[-1]
     return np.asarray((mechanism.before @ twists.reshape(len(twists), -1)).reshape(-1, 6, n))
-
-
-def _slope_rates(
-    mechanism: Mechanism, motion: Motion, p: Array, state: LinkMotion
-) -> tuple[Array, tuple[Array, Array]]:
-    """First, second and third derivatives of every entry's law with its coordinate, (n_entries, n) each."""
-    tree, n = mechanism.tree, motion.n
-    bends = []
-    for order in (2, 3):
-        found = shape_derivatives(tree.shape_groups, len(tree.factors), motion.q, order)
-        rows = np.zeros((len(mechanism.entries), n))
-        for row, entry in enumerate(mechanism.entries):
-            value = found[entry.term.factor]
-            if value is not None:
-                rows[row] = value * (p[entry.term.parameter] if entry.term.parameter != NONE else 1.0)
-        bends.append(rows)
-    return state.slopes, (bends[0], bends[1])

@@ -91,7 +91,6 @@ class _Problem:
     tree: Tree
     plan: Elimination
     p: Array
-    signals: Array | None
     clusters: Clusters  # by row of the plan
     ground: Array
     lower: Array  # (c, 1), as upper: bounds by column
@@ -103,7 +102,6 @@ class _Problem:
         return replace(
             self,
             clusters=self.clusters.take(rows),
-            signals=None if self.signals is None else self.signals[:, rows],
             prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1]),
             ground=self.ground[:, rows],
             floor=self.floor[rows],
@@ -111,7 +109,7 @@ class _Problem:
 
     def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
         """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
-        poses = forward(self.tree, q, self.p, self.signals, self.ground)
+        poses = forward(self.tree, q, self.p, self.ground)
         frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
         misfit = misfit_of(self.clusters, frames[:, :3], frames[:, 3])
         if self.prior is None:
@@ -141,10 +139,7 @@ def is_articulated(tree: Tree) -> bool:
     Markers whose local position depends on a coordinate break it too.
     """
     entered = [v for link in tree.variables for v in link if v < tree.n_coordinates]
-    moving = any(
-        item.term.factor != NONE and tree.factors[item.term.factor].coordinate != NONE
-        for item in tree.marker_terms
-    )
+    moving = any(item.term.factor != NONE for item in tree.marker_terms)
     return len(entered) == len(set(entered)) and not moving
 
 
@@ -158,7 +153,6 @@ def solve_motion(
     free: NDArray[np.bool_] | None = None,
     bounds: tuple[Array, Array] | None = None,
     prior: tuple[Array, Array] | None = None,
-    signals: Array | None = None,
     settings: SweepSettings = DEFAULT,
     progress: Callable[[int], None] | None = None,
 ) -> MotionSolution:
@@ -174,7 +168,6 @@ def solve_motion(
     ``free`` bool (n_coordinates,): coordinates to estimate; the others stay at ``q0``.
     ``bounds``: each (n_coordinates,).
     ``prior`` each (n_frames, n_coordinates) and (n_coordinates,): values and weights of coordinate tasks.
-    ``signals``: (n_frames, n_signals).
     ``progress``: called with the number of frames done.
     Raises ValueError: the tree is not articulated (see :func:`is_articulated`).
     """
@@ -188,10 +181,9 @@ def solve_motion(
     plan = elimination_of(tree, moving)
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
-        known = None if signals is None else signals[rows].T
         some = weights[rows] if weights.ndim == 2 else weights
         tasks = None if prior is None else (prior[0][rows], prior[1])
-        block = _block(tree, plan, p, measured[rows], some, known, limits, tasks)
+        block = _block(tree, plan, p, measured[rows], some, limits, tasks)
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
         if progress is not None:
@@ -205,7 +197,6 @@ def _block(
     p: Array,
     measured: Array,
     weights: Array,
-    signals: Array | None,
     bounds: tuple[Array, Array],
     prior: tuple[Array, Array] | None,
 ) -> _Problem:
@@ -215,11 +206,11 @@ def _block(
     middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
     placed = np.moveaxis(filled, 0, -1) - middle
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = clusters_of(carrier, len(tree.links), local_positions(tree, p, signals), placed, heavy)
+    clusters = clusters_of(carrier, len(tree.links), local_positions(tree, p), placed, heavy)
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300
-    return _Problem(tree, plan, p, signals, clusters, -middle, lower, upper, tasks, floor)
+    return _Problem(tree, plan, p, clusters, -middle, lower, upper, tasks, floor)
 
 
 @dataclass(slots=True, eq=False)

@@ -115,7 +115,7 @@ class Tree:
 def variables_of(tree: Tree, term: TermArrays) -> list[int]:
     """The variables that enter a term: its coordinate, its parameter."""
     found = []
-    if term.factor != NONE and tree.factors[term.factor].coordinate != NONE:
+    if term.factor != NONE:
         found.append(tree.factors[term.factor].coordinate)
     if term.parameter != NONE:
         found.append(tree.n_coordinates + term.parameter)
@@ -125,7 +125,7 @@ def variables_of(tree: Tree, term: TermArrays) -> list[int]:
 def rates_of(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Array | float]]:
     """The variables of a term and the rate of its scalar part with each."""
     rates: list[tuple[int, Array | float]] = []
-    if term.factor != NONE and tree.factors[term.factor].coordinate != NONE:
+    if term.factor != NONE:
         rates.append((tree.factors[term.factor].coordinate, values.by_coordinate(term)))
     if term.parameter != NONE:
         rates.append((tree.n_coordinates + term.parameter, values.by_parameter(term)))
@@ -169,19 +169,16 @@ class Poses:
         return np.asarray(np.einsum("ejan,ej->ean", self.frames[parents, :3], local))
 
 
-def forward(
-    tree: Tree, q: Array, p: Array, signals: Array | None = None, ground: Array | None = None
-) -> Poses:
+def forward(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> Poses:
     """Poses of all links.
 
     ``q``: (n_coordinates, n_frames), rad or m.
     ``p``: (n_parameters,).
-    ``signals``: (n_signals, n_frames).
     ``ground`` (3, n_frames), m: where the ground origin lies; zero unless given. Moving it near the body
         keeps moments about it small.
     """
     plan, n = tree.plan, q.shape[1]
-    values = Values.of(tree.factors, q, p, signals, tree.shape_groups)
+    values = Values.of(tree.factors, tree.shape_groups, q, p)
     # One piece of memory: two are given back to the system after every call, and to get them anew takes
     # longer than the computation.
     local, frames = np.empty((2, len(plan.parent), 4, 3, n))
@@ -216,13 +213,10 @@ def ground_direction(axes: Array, local: Array) -> Array:
     return result
 
 
-def local_positions(tree: Tree, p: Array, signals: Array | None = None) -> Array:
-    """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, n_frames or 1), m."""
-    if not tree.marker_terms:
-        return tree.marker_local[:, :, None]
-    n = 1 if signals is None else signals.shape[1]
-    values = Values.of(tree.factors, np.zeros((tree.n_coordinates, n)), p, signals, tree.shape_groups)
-    result = np.repeat(tree.marker_local[:, :, None].astype(float), n, axis=2)
+def local_positions(tree: Tree, p: Array) -> Array:
+    """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, 1), m."""
+    values = Values.of(tree.factors, tree.shape_groups, np.zeros((tree.n_coordinates, 1)), p)
+    result = tree.marker_local[:, :, None].astype(float)
     for marker, terms in tree.terms_of_marker.items():
         result[marker] += values.vector(np.zeros(3), terms)
     return result
@@ -284,15 +278,13 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
     return result
 
 
-def marker_positions(tree: Tree, q: Array, p: Array, signals: Array | None = None) -> Array:
+def marker_positions(tree: Tree, q: Array, p: Array) -> Array:
     """Marker positions in ground for coordinates by frame.
 
     ``q``: (n_frames, n_coordinates), rad or m.
     ``p``: (n_parameters,).
-    ``signals``: (n_frames, n_signals).
     Returns (n_frames, n_markers, 3), m.
     """
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
-    known = None if signals is None else np.ascontiguousarray(signals.T)
-    placed = positions(tree, forward(tree, by_frame, np.asarray(p, dtype=float), known))
+    placed = positions(tree, forward(tree, by_frame, np.asarray(p, dtype=float)))
     return np.ascontiguousarray(np.moveaxis(placed, -1, 0))

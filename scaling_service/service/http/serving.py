@@ -10,7 +10,7 @@ import socket
 import ssl
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from types import FrameType
 
 import h11
@@ -44,8 +44,7 @@ def serve(settings: ServiceSettings) -> None:
     Jobs that run are given back to the queue, and go on at the next start.
     """
     _allow_many_files()
-    service = Service.open(settings)
-    try:
+    with closing(Service.open(settings)) as service:
         refuse_open(service)
         with _listening(settings) as listener:
             log_as_json()
@@ -57,8 +56,6 @@ def serve(settings: ServiceSettings) -> None:
                 _run(service, listener)
             finally:
                 runner.stop()
-    finally:
-        service.close()
 
 
 def refuse_open(service: Service) -> None:

@@ -166,17 +166,12 @@ class Ledger:
 
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
-        gone = set(dead)
-        taken: list[str] = []
         with self.store.write() as connection:
-            for job in [*queueing.held_by(connection, gone), *queueing.expired(connection)]:
-                row = jobs.locked(connection, job)
-                # Looked at again now that nobody can change it: it may have been renewed since.
-                if row is not None and (row.worker in gone or queueing.is_expired(connection, row)):
-                    why = _why(lost_too_often(row, "its worker ended"), None)
-                    self._move(connection, row, Event.LOSE, why)
-                    taken.append(job)
-        return taken
+            taken = queueing.lost(connection, dead)
+            for row in taken:
+                why = _why(lost_too_often(row, "its worker ended"), None)
+                self._move(connection, row, Event.LOSE, why)
+        return [row.id for row in taken]
 
     def _ours(self, connection: Connection, held: JobRow) -> JobRow | None:
         """The job, locked, if this very attempt still holds it."""

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import yaml
 from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core.errors import FileUnreadable, InputError, SubjectInvalid
+from scaling_service.documents.reading import read_content
 from scaling_service.service.sandbox.limits import Limits
 
 PREFIX = "SCALING_SERVICE_"
@@ -196,19 +196,10 @@ def is_here(host: str | None) -> bool:
 
 
 def _read(file: Path | None) -> dict[str, Any]:
-    if file is None:
-        return {}
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileUnreadable(
-            f"it cannot be read: {error.strerror}", file=file, remedy="Check the path"
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        said = str(error).splitlines()[0]
-        raise FileUnreadable(
-            f"it is not valid YAML: {said}", file=file, remedy="Write `key: value` lines"
-        ) from None
-    if not isinstance(content, dict | None):
+        content = {} if file is None else read_content(file) or {}
+    except SubjectInvalid as error:
+        raise FileUnreadable(error.problem, file=file, field=error.field, remedy=error.remedy) from None
+    if not isinstance(content, dict):
         raise FileUnreadable("it is no mapping of settings", file=file, remedy="Write `key: value` lines")
-    return content or {}
+    return content

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +69,9 @@ def openapi() -> dict[str, Any]:
     from scaling_service.service.jobs.settings import ServiceSettings
 
     with tempfile.TemporaryDirectory() as folder:
-        service = Service.open(ServiceSettings(data_directory=Path(folder) / "data"))
-        try:
+        settings = ServiceSettings(data_directory=Path(folder) / "data")
+        with closing(Service.open(settings)) as service:
             return create_app(service, loopback=True).openapi()
-        finally:
-            service.close()
 
 
 if __name__ == "__main__":

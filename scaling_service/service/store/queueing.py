@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import Connection, Select, func, select, update
+from sqlalchemy import Connection, Select, func, or_, select, update
 
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
@@ -66,16 +66,11 @@ def lease_end(seconds: float) -> Any:
     return NowUs() + round(seconds * US_PER_S)
 
 
-def expired(connection: Connection) -> list[str]:
-    """Jobs whose worker did not renew its lease in time."""
-    wanted = select(jobs.c.id).where(_LEASED, jobs.c.lease_until_us < NowUs())
-    return list(connection.scalars(wanted.order_by(jobs.c.lease_until_us)))
-
-
-def is_expired(connection: Connection, row: JobRow) -> bool:
-    """Whether a job that is locked was leased until a moment that is past."""
-    now = connection.scalar(select(NowUs()))
-    return row.lease_until_us is not None and now is not None and row.lease_until_us < now
+def lost(connection: Connection, dead: Iterable[str]) -> list[JobRow]:
+    """Jobs, locked, that dead workers hold, or workers that did not renew their lease in time."""
+    gone = or_(jobs.c.worker.in_(list(dead)), jobs.c.lease_until_us < NowUs())
+    wanted = select(*SHOWN).where(_LEASED, gone).order_by(jobs.c.id).with_for_update()
+    return [job_row(row) for row in connection.execute(wanted).mappings()]
 
 
 def held(database: Database, worker: str) -> dict[str, JobRow]:
@@ -83,11 +78,6 @@ def held(database: Database, worker: str) -> dict[str, JobRow]:
     with database.read() as connection:
         rows = connection.execute(select(*SHOWN).where(jobs.c.worker == worker, _LEASED)).mappings()
         return {row.id: row for row in map(job_row, rows)}
-
-
-def held_by(connection: Connection, workers: Iterable[str]) -> list[str]:
-    """The jobs that some workers hold."""
-    return list(connection.scalars(select(jobs.c.id).where(jobs.c.worker.in_(list(workers)), _LEASED)))
 
 
 def holders(database: Database) -> list[str]:

@@ -12,7 +12,7 @@ from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.shared.names import AS_IT_IS
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import silent
 from scaling_service.documents.writing import code_version
 from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
@@ -76,11 +76,12 @@ def reproduce_futamure(
 
 def _real(file: Path) -> RealEntry:
     """A real person's first recording: its beginning fitted, its end held out."""
-    subject = load_subject(file)
+    loaded = open_subject(file, UNSMOOTHED)
+    subject = loaded.session.subject
     given = subject.model.lower().endswith(".osim") and subject.static is None
     chosen = DynamicsSettings(start=AS_IT_IS if given else None)
-    with blamed_on(file), blamed_on(None, recordings(subject)):
-        ready = read(subject, chosen, UNSMOOTHED, progress=silent)
+    with loaded.blamed():
+        ready = read(loaded, chosen, UNSMOOTHED, progress=silent)
         whole = ready.fitted[0]
         cut = int(FITTED_SHARE * len(whole.trial.times))
         parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]

@@ -23,6 +23,7 @@ from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.virtual.artefact import draw_shared
 from scaling_service.virtual.motion import wander
 
 SUBJECTS = 8
@@ -61,10 +62,6 @@ examiners), as for the walkers of Puchaud 2019; tracking markers sit anywhere: c
 
 PLACEMENT_ELSE_M = 0.007
 """Trunk and arm, likewise."""
-
-SHARED = 0.75
-"""Share of the artefact's variance that all markers of a segment have in common (fluoroscopy of six knees,
-PMC8631460: 18 mm together, 10 mm apart)."""
 
 RESIDUAL_M = 0.0025
 """RMS of the artefact that no angle explains (facts of the walkers: 2 to 3 mm)."""
@@ -254,9 +251,7 @@ def _markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults:
     for k, marker in enumerate(model.markers):
         drivers = _DRIVERS[marker.segment]
         for driver in drivers:
-            together = stream(seed, "artefact", marker.segment, driver).normal(size=2)
-            alone = stream(seed, "artefact", marker.segment, driver, marker.name).normal(size=2)
-            mixed = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
+            mixed = draw_shared(seed, "artefact", marker.segment, driver, marker=marker.name, count=2)
             size = expected[marker.name] / np.sqrt(len(drivers))
             local[:, k, :2] += size * mixed * bend[:, [driver]]
         rng = stream(seed, "artefact", name, marker.name)

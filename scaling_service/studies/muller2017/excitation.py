@@ -16,7 +16,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import Recordin
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia import apply_inertia_table, possible_tensor
-from scaling_service.model.body import BodyModel, Law, Marker, Term
+from scaling_service.model.body import BodyModel, Marker, vector
 from scaling_service.model.builtin import builtin, generic_person
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads
@@ -30,6 +30,7 @@ from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.virtual.artefact import draw_shared, gliding, shifted
 from scaling_service.virtual.motion import wander
 from scaling_service.virtual.sequence import sequence
 
@@ -52,9 +53,6 @@ Puchaud 2019 finds 5 to 10 mm between models of one person)."""
 SKIN_MM_PER_DEG = 0.3
 """SD of a marker's glide per direction with each angle of its segment's joints: the thigh's of
 ``virtual_artefact``, for all segments (chosen: for most others there is no figure)."""
-
-SHARED = 0.75
-"""Share of the glide's variance that all markers of a segment have in common (see ``virtual_artefact``)."""
 
 WANDER_M, WANDER_HZ = 0.002, 2.0
 """What no angle explains (RMS per direction), and its highest frequency (see ``virtual_artefact``)."""
@@ -158,14 +156,9 @@ def _calibrated(seed: int, truth: BodyModel, height: float, mass: float, size: f
         own = float(1.0 + LENGTH_LEFT * size * rng.normal())
         factors[name] = (own, own, own)
     model = scaled(truth, factors)
-    markers = tuple(_moved(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
+    markers = tuple(shifted(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
     return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
-
-
-def _moved(marker: Marker, by: Array) -> Marker:
-    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
-    return replace(marker, laws=(x, y, z))
 
 
 def _performance(
@@ -248,17 +241,11 @@ def _markers(
 
 def _gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker:
     """A marker that moves over its segment with the angles of the segment's joints."""
-    laws = list(marker.laws)
+    per_rad = {}
     for coordinate in _joints_about(model, marker.segment):
-        together = stream(seed, "excited", "skin", marker.segment, coordinate).normal(size=3)
-        alone = stream(seed, "excited", "skin", marker.segment, coordinate, marker.name).normal(size=3)
-        glide = np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone
-        per_rad = 1e-3 * np.degrees(size * SKIN_MM_PER_DEG * glide)
-        laws = [
-            law + Law((Term(float(g), coordinate=coordinate),)) for law, g in zip(laws, per_rad, strict=True)
-        ]
-    x, y, z = laws
-    return replace(marker, laws=(x, y, z))
+        drawn = draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
+        per_rad[coordinate] = vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
+    return gliding(marker, per_rad)
 
 
 def _joints_about(model: BodyModel, segment: str) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.progress import silent
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.parameters import axis_of
 from scaling_service.virtual.bones.leg import SOCKET_GAP_M, LegShape, Places, Side, femur, leg_shape, tibia
@@ -51,7 +52,7 @@ def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | N
     tips its ankle centres. The posterior condylar angle is therefore not drawn: it follows from axis and
     radii.
     """
-    report = progress or _silent
+    report = progress or silent
     shapes = leg_shapes(person)
     meshes: dict[str, tuple[Array, Faces]] = {}
     landmarks: dict[str, tuple[str, Array]] = {}
@@ -88,7 +89,7 @@ def _pelvis(
     for name, at in bone.landmarks.items():
         landmarks |= {f"R{name}": ("pelvis", at), f"L{name}": ("pelvis", at * _LEFT)}
     right = surface_of(bone.solid, STEP_M)
-    return _joined(right, _mirrored(right))
+    return _joined(right, _of_side(right, "l"))
 
 
 def _leg(
@@ -111,11 +112,11 @@ def _leg(
         landmarks |= {
             f"{letter}{name}": (segment, at if side == "r" else at * _LEFT) for name, at in found.items()
         }
-    turned = _as_is if side == "r" else _mirrored
     report(f"femur_{side}")
-    yield "femur", turned(surface_of(thigh.solid, STEP_M))
+    yield "femur", _of_side(surface_of(thigh.solid, STEP_M), side)
     report(f"tibia_{side}")
-    yield "tibia", turned(_joined(surface_of(shank.tibia, STEP_M), surface_of(shank.fibula, STEP_M)))
+    both = _joined(surface_of(shank.tibia, STEP_M), surface_of(shank.fibula, STEP_M))
+    yield "tibia", _of_side(both, side)
 
 
 def _places(person: VirtualSubject, side: Side) -> Places:
@@ -143,17 +144,10 @@ def _depth(name: str) -> float:
     return SKIN_M[name] + MARKER_RADIUS_M
 
 
-def _mirrored(mesh: tuple[Array, Faces]) -> tuple[Array, Faces]:
-    return mesh[0] * _LEFT, mesh[1][:, ::-1]
-
-
-def _as_is(mesh: tuple[Array, Faces]) -> tuple[Array, Faces]:
-    return mesh
+def _of_side(mesh: tuple[Array, Faces], side: Side) -> tuple[Array, Faces]:
+    """A right bone's surface, mirrored for the left side."""
+    return mesh if side == "r" else (mesh[0] * _LEFT, mesh[1][:, ::-1])
 
 
 def _joined(first: tuple[Array, Faces], second: tuple[Array, Faces]) -> tuple[Array, Faces]:
     return np.vstack([first[0], second[0]]), np.vstack([first[1], second[1] + len(first[0])])
-
-
-def _silent(bone: str) -> None:
-    """No progress is shown."""

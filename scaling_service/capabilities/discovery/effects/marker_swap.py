@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, best_span
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
-from scaling_service.capabilities.discovery.laws.spots import Generators, span
+from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -106,9 +106,7 @@ def _gains_in(
     An exchange moves the first by d and the second by -d. What the pose hides of that is the square of
     (H_a / f_a - H_b / f_b)' d, with H the rows of a marker in the pose's basis and f the floors.
     """
-    gap, pose, _ = generators.at(item, chunk)
-    basis = span(pose)
-    gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
+    gap, _, _, basis = generators.freed(item, chunk)
     known, n, count = item.seen[chunk], len(gap), len(item.markers)
     apart = np.nan_to_num(item.task.measured[chunk][:, b] - item.task.measured[chunk][:, a])
     pull = gap.reshape(n, count, 3) / item.floor[:, None]

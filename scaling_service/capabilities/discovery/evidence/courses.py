@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.laws.spots import Generators, JointSpot, MarkerSpot, span
+from scaling_service.capabilities.discovery.laws.spots import Generators, JointSpot, MarkerSpot
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -48,12 +48,10 @@ def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> t
 
     def fill(start: int) -> None:
         chunk = slice(start, min(start + _CHUNK, n))
-        gap, pose, columns = generators.at(item, chunk)
-        basis = span(pose)
-        raw[chunk] = np.square(columns).sum(axis=1)
-        made[chunk] = (columns - basis @ (basis.transpose(0, 2, 1) @ columns)).transpose(0, 2, 1)
-        gaps[chunk] = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
-        freedom[chunk] = 3.0 * item.seen[chunk].sum(axis=1) - np.square(basis).sum(axis=(1, 2))
+        free = generators.freed(item, chunk)
+        raw[chunk] = np.square(free.columns).sum(axis=1) + np.square(free.hidden).sum(axis=1)
+        made[chunk], gaps[chunk] = free.columns.transpose(0, 2, 1), free.residuals
+        freedom[chunk] = 3.0 * item.seen[chunk].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
 
     map_parallel(fill, range(0, n, _CHUNK))
     rate = 1.0 / item.step

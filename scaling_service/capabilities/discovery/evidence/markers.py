@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings
 from scaling_service.capabilities.discovery.evidence.observation import Observation
-from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, Layout
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, Seen
+from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
+from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.profiles import Profile, values_of
 from scaling_service.capabilities.discovery.laws.spots import Generators, Spot, span
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.performed import performed
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -41,37 +40,27 @@ class Markers(Observation[TrackedTrial]):
         """All markers of all trials."""
         return tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
 
-    def gather(
-        self,
-        items: Sequence[TrackedTrial],
-        nuisances: Sequence[Candidate],
-        candidates: Sequence[Candidate],
-        block_s: float,
-        *,
-        together: bool,
-    ) -> Evidence:
-        """Pass all recordings once; all that the same body needs is made once."""
-        layout = Layout.of(nuisances, candidates, together=together)
+    def sources(self, items: Sequence[TrackedTrial], layout: Layout, block_s: float) -> list[BlockSource]:
+        """All that the same body needs is made once."""
         parts = [part for column in layout.columns for part in column.parts]
         spots = tuple(dict.fromkeys(part.spot for part in parts))
         profiles = tuple(dict.fromkeys(part.profile for part in parts))
         table = _parts_of(layout.columns, spots, profiles)
         step = _step(items, len(layout.columns))
         known: list[tuple[TrackedTrial, Generators]] = []
+        sources = []
         for item in items:
-            if not any(_same_body(item, other) for other, _ in known):
-                known.append((item, Generators.of(item, spots)))
-
-        def work(item: TrackedTrial) -> list[Callable[[], tuple[Block, Array]]]:
-            generators = next(g for other, g in known if _same_body(item, other))
+            generators = next((g for other, g in known if _same_body(item, other)), None)
+            if generators is None:
+                generators = Generators.of(item, spots)
+                known.append((item, generators))
             on = np.array(layout.active_in(item.name), dtype=float)
-            here = [p._replace(gain=p.gain * on[p.column]) for p in table]
-            made = _Made(item, generators, layout, here, values_of(profiles, item), step)
-            return [partial(made.sums, rows) for rows in item.blocks(block_s)]
-
-        sums = map_parallel(lambda part: part(), [part for item in items for part in work(item)])
-        raw = sum((own for _, own in sums), np.zeros(len(layout.columns)))
-        return Evidence(tuple(block for block, _ in sums), raw, layout.nuisances, layout.groups)
+            here = [part._replace(gain=part.gain * on[part.column]) for part in table]
+            made = _Columns(item, generators, len(on), here, values_of(profiles, item), step)
+            sources += [
+                BlockSource(item.name, item.role, partial(made.chunks, rows)) for rows in item.blocks(block_s)
+            ]
+        return sources
 
     def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:
         """Tracked anew, and forces with the motion."""
@@ -143,61 +132,47 @@ def _parts_of(columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Made:
+class _Columns:
     """Columns of one trial, of generators (spots) and values (n_profiles, n) of profiles."""
 
     item: TrackedTrial
     generators: Generators
-    layout: Layout
+    count: int  # of the columns
     parts: Sequence[_Parts]
     values: Array
-    step: int
+    step: int  # every how many frames to look at
 
-    def columns(self, generated: Array, values: Array) -> Array:
-        """Columns (n_columns, n, rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
-        made = np.zeros((len(self.layout.columns), *generated.shape[1:]))
+    def chunks(self, rows: slice) -> Iterator[Chunk]:
+        """Of one block.
+
+        The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
+        """
+        at_once = max(1, int(_CHUNK / (3 * len(self.item.markers) * max(self.count, 1))))
+        for start in range(rows.start, rows.stop, self.step * _FRAMES):
+            frames = slice(start, min(start + self.step * _FRAMES, rows.stop), self.step)
+            free, values = self.generators.freed(self.item, frames), self.values[:, frames]
+            left, hidden = (np.ascontiguousarray(np.moveaxis(a, 2, 0)) for a in (free.columns, free.hidden))
+            numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
+            for first in range(0, len(numbers), at_once):
+                some = slice(first, first + at_once)
+                columns = self._of(left[:, some], values[:, some])
+                raw = _squares(columns) + _squares(self._of(hidden[:, some], values[:, some]))
+                yield Chunk(columns, free.residuals[some].ravel(), raw, float(numbers[some].sum()))
+
+    def _of(self, generated: Array, values: Array) -> Array:
+        """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
+        made = np.zeros((self.count, *generated.shape[1:]))
         for k, part in enumerate(self.parts):
             shape = (values[part.profile] * part.gain[:, None])[:, :, None]
             if k == 0:
                 np.multiply(generated[part.spot], shape, out=made)
             else:
                 made[part.column] += generated[part.spot] * shape
-        return made
-
-    def sums(self, rows: slice) -> tuple[Block, Array]:
-        """Of one block, and the squares of its columns before the pose was taken out.
-
-        The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
-        """
-        item, layout, count = self.item, self.layout, len(self.layout.columns)
-        scores, raw, own = np.zeros(count), np.zeros(count), layout.own(np.zeros((count, 0)))
-        cross = np.zeros((layout.nuisances, count))
-        square = freedom = 0.0
-        at_once = max(1, int(_CHUNK / (3 * len(item.markers) * max(count, 1))))
-        for start in range(rows.start, rows.stop, self.step * _FRAMES):
-            chunk = slice(start, min(start + self.step * _FRAMES, rows.stop), self.step)
-            gap, pose, spots = self.generators.at(item, chunk)
-            basis = span(pose)
-            taken = basis.transpose(0, 2, 1) @ spots
-            left = np.ascontiguousarray(np.moveaxis(spots - basis @ taken, 2, 0))
-            hidden = np.ascontiguousarray(np.moveaxis(taken, 2, 0))
-            gap = gap - np.einsum("nrq,nq->nr", basis, np.einsum("nrq,nr->nq", basis, gap))
-            square += float((gap**2).sum())
-            freedom += 3.0 * float(item.seen[chunk].sum()) - float((basis**2).sum())
-            shaped = self.values[:, chunk]
-            for first in range(0, len(gap), at_once):
-                some = slice(first, first + at_once)
-                made = self.columns(left[:, some], shaped[:, some]).reshape(count, -1)
-                raw += _squares(made) + _squares(self.columns(hidden[:, some], shaped[:, some]))
-                scores += made @ gap[some].ravel()
-                cross += made[: layout.nuisances] @ made.T
-                own += layout.own(made)
-        return Block(item.name, item.role, scores, cross, own, square, freedom), raw
+        return made.reshape(self.count, -1)
 
 
-def _squares(made: Array) -> Array:
-    flat = made.reshape(len(made), -1)
-    return np.asarray(np.einsum("kr,kr->k", flat, flat))
+def _squares(columns: Array) -> Array:
+    return np.asarray(np.einsum("kr,kr->k", columns, columns))
 
 
 def _left(item: TrackedTrial) -> Array:

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.sums import Evidence
+from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Evidence, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
@@ -51,6 +51,9 @@ class Observation(ABC, Generic[Item]):
         """What is observed: markers, or components."""
 
     @abstractmethod
+    def sources(self, items: Sequence[Item], layout: Layout, block_s: float) -> list[BlockSource]:
+        """All blocks of time of all recordings, with the columns of a layout."""
+
     def gather(
         self,
         items: Sequence[Item],
@@ -60,17 +63,15 @@ class Observation(ABC, Generic[Item]):
         *,
         together: bool,
     ) -> Evidence:
-        """Pass all recordings once.
+        """Pass all recordings once, in blocks of a length (s).
 
-        Parameters
-        ----------
-        nuisances, candidates : sequence of Candidate
-            What may take any value anyhow, and what is looked at.
-        block_s : float
-            Length of a block, s.
-        together : bool
-            Whether products of different candidates are wanted.
+        ``nuisances`` may take any value anyhow, ``candidates`` are looked at; ``together``: whether products
+        of different candidates are wanted.
         """
+        layout = Layout.of(nuisances, candidates, together=together)
+        sums = map_parallel(lambda source: source.add_up(layout), self.sources(items, layout, block_s))
+        raw = sum((squares for _, squares in sums), np.zeros(len(layout.columns)))
+        return Evidence(tuple(block for block, _ in sums), raw, layout.nuisances, layout.groups)
 
     @abstractmethod
     def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:

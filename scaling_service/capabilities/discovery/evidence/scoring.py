@@ -72,7 +72,7 @@ def _likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, 
     """Which of them have plausible numbers, the best first."""
     fitted = fit_each(evidence, choice)
     likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _plausible(c, f)]
-    return sorted(likely, key=lambda one: -one[1].expected)
+    return sorted(likely, key=lambda one: one[1].rank)
 
 
 def _plausible(candidate: Candidate, fitted: Fitted) -> bool:

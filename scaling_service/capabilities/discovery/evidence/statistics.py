@@ -47,6 +47,11 @@ class Fitted:
         return self.gain - 2.0 * self.by_chance
 
     @property
+    def rank(self) -> float:
+        """What orders candidates, rounded: those that explain the same stay as the catalogue has them."""
+        return -float(f"{self.expected:.9g}")
+
+    @property
     def spread(self) -> Array:
         """The covariance, widened so that 1.96 deviations hold 95 %, few as the blocks may be."""
         if not self.freedom >= 1.0:

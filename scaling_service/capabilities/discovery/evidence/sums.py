@@ -8,10 +8,11 @@ tests and likenesses are made of, so that the recordings are passed once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +96,54 @@ class Evidence:
         Most candidates are fitted to the same blocks, one after the other.
         """
         return lru_cache(_KEPT)(partial(_summed, self.raw, self.nuisances))
+
+
+class Chunk(NamedTuple):
+    """Some frames: columns and residuals, divided by floors and freed of the pose."""
+
+    columns: Array  # (n_columns, rows)
+    residuals: Array  # (rows,)
+    raw: Array  # (n_columns,): squares of the columns before the pose was taken out
+    freedom: float  # how many numbers the residuals are, the pose's taken off
+    weight: float = 1.0  # how many frames each frame stands for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockSource:
+    """A block of time of one trial, whose chunks are made when they are summed."""
+
+    trial: str
+    role: Role
+    chunks: Callable[[], Iterable[Chunk]]
+    # what noise makes of both, columns and residuals, drawn a few times
+    by_chance: Sequence[Callable[[], Iterable[Chunk]]] = ()
+
+    def add_up(self, layout: Layout) -> tuple[Block, Array]:
+        """The block's sums without what noise alone makes of them on average, and the columns' squares."""
+        found, raw = self._sums(self.chunks(), layout)
+        if self.by_chance:
+            drawn = [self._sums(chunks(), layout)[0] for chunks in self.by_chance]
+            found = replace(
+                found,
+                scores=found.scores - np.mean([block.scores for block in drawn], axis=0),
+                cross=found.cross - np.mean([block.cross for block in drawn], axis=0),
+                own=found.own - np.mean([block.own for block in drawn], axis=0),
+            )
+        return found, raw
+
+    def _sums(self, chunks: Iterable[Chunk], layout: Layout) -> tuple[Block, Array]:
+        count, known = len(layout.columns), layout.nuisances
+        scores, raw, cross = np.zeros(count), np.zeros(count), np.zeros((known, count))
+        own = layout.own(np.zeros((count, 0)))
+        square = freedom = 0.0
+        for columns, residuals, squares, numbers, weight in chunks:
+            scores += weight * (columns @ residuals)
+            cross += weight * (columns[:known] @ columns.T)
+            own += weight * layout.own(columns)
+            raw += weight * squares
+            square += weight * float(residuals @ residuals)
+            freedom += weight * numbers
+        return Block(self.trial, self.role, scores, cross, own, square, freedom), raw
 
 
 def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +13,13 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_wrenches
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
-from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, Layout
+from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.loads import columns_of
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
-from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, Load, WrenchFit
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 5  # frames of a block; chosen: fewer say nothing of a block of half a second
@@ -40,50 +41,26 @@ class Wrench(Observation[WrenchFit]):
         """The components."""
         return COMPONENTS
 
-    def gather(
-        self,
-        items: Sequence[WrenchFit],
-        nuisances: Sequence[Candidate],
-        candidates: Sequence[Candidate],
-        block_s: float,
-        *,
-        together: bool,
-    ) -> Evidence:
-        """Pass all recordings once.
+    def sources(self, items: Sequence[WrenchFit], layout: Layout, block_s: float) -> list[BlockSource]:
+        """Columns with what noise of the markers makes of them.
 
         Columns are made of the motion that leaves the residuals, so noise of the markers is in both, and its
         products do not vanish on average: a mass on a spring would seem to oscillate where nothing but
         cameras' noise is. What they come to is told by noise drawn once more and taken off (the corrected
         score of errors in variables: Nakamura 1990, Biometrika 77:127).
         """
-        layout = Layout.of(nuisances, candidates, together=together)
-
-        def whitened(item: WrenchFit, replicate: WrenchFit | None = None) -> _White:
-            here = layout.active_in(item.name)
-            active = [c.load if on else None for c, on in zip(layout.columns, here, strict=True)]
-            return _whitened(replicate or item, active, item.floor, _thin(item))
-
-        def by_chance(drawn: tuple[WrenchFit, _White, WrenchFit]) -> list[Block]:
-            item, own, replicate = drawn
-            other = whitened(item, replicate)
-            strays = _White(other.columns - own.columns, other.gap - own.gap)
-            return list(_blocks(item, strays, layout, block_s))
-
-        made = map_parallel(whitened, items)
         replicates = map_parallel(lambda item: list(item.noise_replicates(_DRAWS)), items)
-        draws = [
-            (item, own, r) for item, own, some in zip(items, made, replicates, strict=True) for r in some
-        ]
-        chances = iter(map_parallel(by_chance, draws))
-        blocks: list[Block] = []
-        raw = np.zeros(len(layout.columns))
-        for item, own in zip(items, made, strict=True):
-            plain = list(_blocks(item, own, layout, block_s))
-            drawn = [next(chances) for _ in range(_DRAWS)]
-            blocks += [_less(found, chance) for found, *chance in zip(plain, *drawn, strict=True)]
-            for used in _parts(item, block_s):
-                raw += _thin(item) * np.square(own.columns[used]).sum(axis=(0, 1))
-        return Evidence(tuple(blocks), raw, layout.nuisances, layout.groups)
+        pairs = [(item, one) for item, some in zip(items, replicates, strict=True) for one in (item, *some)]
+        made = iter(map_parallel(lambda pair: _whitened(*pair, layout), pairs))
+        sources = []
+        for item in items:
+            own = next(made)
+            strays = [_White(*map(np.subtract, next(made), own)) for _ in range(_DRAWS)]
+            weight = float(_thin(item))
+            for used in _frames_of(item, block_s):
+                chunks, *by_chance = (partial(one.chunk, used, weight) for one in (own, *strays))
+                sources.append(BlockSource(item.name, item.role, chunks, by_chance))
+        return sources
 
     def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:
         """The motion does not follow from forces and stays."""
@@ -114,10 +91,16 @@ class Wrench(Observation[WrenchFit]):
 
 
 class _White(NamedTuple):
-    """Columns (n, 6, n_columns) and gap (n, 6), in floors, in the frames that are looked at."""
+    """Columns (n, 6, n_columns) and residuals (n, 6), in floors, in the frames that are looked at."""
 
     columns: Array
-    gap: Array
+    residuals: Array
+
+    def chunk(self, used: NDArray[np.intp], weight: float) -> list[Chunk]:
+        """Some of those frames; no pose is taken out."""
+        columns, residuals = self.columns[used], self.residuals[used]
+        flat = np.ascontiguousarray(columns.reshape(-1, columns.shape[2]).T)
+        return [Chunk(flat, residuals.ravel(), np.square(flat).sum(axis=1), float(residuals.size), weight)]
 
 
 def _thin(item: WrenchFit) -> int:
@@ -125,7 +108,7 @@ def _thin(item: WrenchFit) -> int:
     return max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
 
 
-def _parts(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
+def _frames_of(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
     """Of each block the frames that count, as numbers among those looked at."""
     thin = _thin(item)
     for rows in item.blocks(block_s):
@@ -134,43 +117,19 @@ def _parts(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
             yield used[used % thin == 0] // thin
 
 
-def _whitened(item: WrenchFit, loads: Sequence[Load | None], floor: Array, thin: int) -> _White:
-    """Columns, zero where there is no load, and gap about the trunk's origin, where ``thin`` divides."""
+def _whitened(item: WrenchFit, replicate: WrenchFit, layout: Layout) -> _White:
+    """Columns of a replicate, zero where there is no load, about its trunk's origin, by the item's floor."""
+    on = layout.active_in(item.name)
+    loads = [column.load if active else None for column, active in zip(layout.columns, on, strict=True)]
     known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
     raw = np.zeros((len(item.times), 6, len(known) + 1))
-    raw[:, :, :-1] = columns_of(list(known), item)
-    made = item.smoothed(raw)[::thin]
-    made[:, 3:] -= np.cross(item.about[::thin, None], made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
-    made /= floor[:, None]
-    columns = made[:, :, [-1 if load is None else known[load] for load in loads]]
-    return _White(columns, item.residuals[::thin] / floor)
-
-
-def _less(found: Block, chance: Sequence[Block]) -> Block:
-    """Sums without what noise alone makes, on average, of what it is in on both sides."""
-    return replace(
-        found,
-        scores=found.scores - np.mean([c.scores for c in chance], axis=0),
-        cross=found.cross - np.mean([c.cross for c in chance], axis=0),
-        own=found.own - np.mean([c.own for c in chance], axis=0),
-    )
-
-
-def _blocks(item: WrenchFit, white: _White, layout: Layout, block_s: float) -> Iterator[Block]:
-    """Sums of frames that stand for several ones each."""
+    raw[:, :, :-1] = columns_of(list(known), replicate)
     thin = _thin(item)
-    for used in _parts(item, block_s):
-        made, gap = white.columns[used], white.gap[used]
-        flat = np.ascontiguousarray(made.reshape(-1, len(layout.columns)).T)
-        yield Block(
-            item.name,
-            item.role,
-            thin * (flat @ gap.ravel()),
-            thin * (flat[: layout.nuisances] @ flat.T),
-            thin * layout.own(flat),
-            thin * float(np.square(gap).sum()),
-            float(thin * gap.size),
-        )
+    made, about = replicate.smoothed(raw)[::thin], replicate.about[::thin, None]
+    made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
+    made /= item.floor[:, None]
+    columns = made[:, :, [-1 if load is None else known[load] for load in loads]]
+    return _White(columns, replicate.residuals[::thin] / item.floor)
 
 
 WRENCH = Wrench()

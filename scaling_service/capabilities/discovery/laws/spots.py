@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,6 +157,15 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
 
+class PoseFree(NamedTuple):
+    """Residuals and columns of some frames, by floors, freed of what the pose could explain."""
+
+    residuals: Array  # (n, r)
+    columns: Array  # (n, r, n_spots)
+    hidden: Array  # (n, q, n_spots): what the pose takes of the columns, along its basis
+    basis: Array  # (n, r, q)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Generators:
     """The derivative of all markers with respect to every spot."""
@@ -181,6 +190,15 @@ class Generators:
             np.concatenate([free, np.array(chosen, dtype=np.intp)]),
             volumes,
         )
+
+    def freed(self, item: TrackedTrial, rows: slice) -> PoseFree:
+        """Residuals and the spots' columns in some frames without what the pose takes of them."""
+        residuals, pose, columns = self.at(item, rows)
+        basis = span(pose)
+        across = basis.transpose(0, 2, 1)
+        hidden = across @ columns
+        residuals = residuals - (basis @ (across @ residuals[:, :, None]))[:, :, 0]
+        return PoseFree(residuals, columns - basis @ hidden, hidden, basis)
 
     def at(self, item: TrackedTrial, rows: slice) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""

@@ -38,6 +38,7 @@ from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.capabilities.discovery.search.summary.summarise import summarise
 from scaling_service.capabilities.discovery.search.testing import try_in_full
+from scaling_service.core.progress import silent
 from scaling_service.model.body import BodyModel
 
 Progress = Callable[[str, float], None]
@@ -81,7 +82,7 @@ def discover(
     TrialUnusable
         A trial shows no marker of the model.
     """
-    report = progress or _silent
+    report = progress or silent
     report("following the recordings", 0.0)
     before = fit_recordings(SearchContext(model, recordings, settings), free)
     search = Search(estimate(before, (), ROUGHLY) if free else before, report)
@@ -191,7 +192,3 @@ def _unmasked(fit: Fit) -> tuple[Fit, Fit]:
     whole = MARKERS.refit(fit, fit.free, kept)
     pairs = zip(whole.tracked, fit.tracked, strict=True)
     return whole, replace(whole, tracked=tuple(replace(item, q=other.q) for item, other in pairs))
-
-
-def _silent(what: str, share: float) -> None:
-    """No progress is shown."""

@@ -52,7 +52,7 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
         of_markers, of_wrench = map_parallel(scored, OBSERVATIONS)
     found = [*of_markers[1], *of_wrench[1]]
     new = [o for o in found if o.candidate.key not in taken]
-    best = sorted((*of_markers[0], *of_wrench[0], *new), key=lambda o: -o.fitted.expected)
+    best = sorted((*of_markers[0], *of_wrench[0], *new), key=lambda o: o.fitted.rank)
     return ScoredCandidates(best, len(every) + len(found), of_markers, fit.tracked)
 
 

@@ -36,10 +36,9 @@ class MotionOptions(Options):
         default={},
         description="Model marker to label in the recordings, where name and known aliases differ.",
     )
-    skin: Annotated[bool, Flag(name="--skin/--no-skin")] = Field(
-        default=True,
-        description="Whether standard deviations hold the motion of skin over the bone, from published sizes "
-        "and the recording's own; not for markers on bone pins.",
+    bone_pins: Annotated[bool, Flag(name="--bone-pins")] = Field(
+        default=False,
+        description="Whether markers are fixed to the bone: standard deviations then leave out what skin does.",
     )
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,

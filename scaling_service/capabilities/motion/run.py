@@ -91,7 +91,7 @@ def ik(
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(loaded.session.model, trial, skin=options.skin)
+            found[trial.name] = track(loaded.session.model, trial, skin=not options.bone_pins)
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical.angles import SIDES, clinical_angles, clinical_cycles
-from scaling_service.capabilities.scaling.clinical.gait import clinical_gait
+from scaling_service.capabilities.scaling.clinical_angles import SIDES, clinical_angles, clinical_cycles
+from scaling_service.capabilities.scaling.clinical_gait import clinical_gait
 from scaling_service.files.osim import read_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin

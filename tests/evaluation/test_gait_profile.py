@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical.gait import (
+from scaling_service.capabilities.scaling.clinical_gait import (
     VARIABLES,
     gait_profile,
     gait_variable_score,

@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.clinical.gait import clinical_of
+from scaling_service.capabilities.scaling.clinical_gait import clinical_of
 from scaling_service.capabilities.scaling.comparison.evidence import following
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import method_document

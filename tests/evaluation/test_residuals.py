@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics, RatedMotion
-from scaling_service.capabilities.dynamics.residuals import evaluate_residuals, residual_indicator
+from scaling_service.capabilities.dynamics.inverse_dynamics import (
+    InverseDynamics,
+    RatedMotion,
+    evaluate_residuals,
+    residual_indicator,
+)
 from scaling_service.core.errors import InputError, TrialUnusable
 
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import inverse_dynamics
-from scaling_service.capabilities.dynamics.residuals import evaluate_residuals
+from scaling_service.capabilities.dynamics.inverse_dynamics import evaluate_residuals, inverse_dynamics
 from scaling_service.capabilities.dynamics.uncertainty.linear import LAGS, wrench_jacobians
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scaling_service.capabilities.scaling.clinical.gait import clinical_of
+from scaling_service.capabilities.scaling.clinical_gait import clinical_of
 from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical.gait import (
+from scaling_service.capabilities.scaling.clinical_gait import (
     VARIABLES,
     ClinicalGait,
     clinical_document,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, schwartz2008
+from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, schwartz2008
 from scaling_service.capabilities.scaling.report.angles import clinical_section
 from scaling_service.documents.results import (
     ClinicalCurve,

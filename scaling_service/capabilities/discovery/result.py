@@ -41,7 +41,7 @@ from scaling_service.capabilities.discovery.search.findings import (
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import repair_notes
+from scaling_service.capabilities.subject.loading import repair_notes
 from scaling_service.capabilities.subject.reading import input_hashes
 from scaling_service.documents.results import RepairNote
 from scaling_service.documents.writing import code_version

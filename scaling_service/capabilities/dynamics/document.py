@@ -143,7 +143,7 @@ class IdentificationDocument(Part):
     warnings: list[str]
 
 
-class WeightDocument(_Result):
+class WeightDocument(Part):
     """Mass by the momentum balance of all recordings with forces, beside the model's."""
 
     declared_kg: Number

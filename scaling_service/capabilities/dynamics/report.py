@@ -14,7 +14,7 @@ from scaling_service.capabilities.dynamics.document import (
     InertialChange,
     TrialDynamicsDocument,
 )
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS, HICKS
+from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS, HICKS
 from scaling_service.core.text import few
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import (

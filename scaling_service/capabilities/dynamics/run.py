@@ -18,12 +18,15 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
+    COMPONENTS,
+    HICKS,
     InverseDynamics,
+    Residuals,
+    evaluate_residuals,
     inverse_dynamics,
     judged_frames,
     trembling,
 )
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS, HICKS, Residuals, evaluate_residuals
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty.total import (

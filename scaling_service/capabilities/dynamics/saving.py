@@ -16,14 +16,14 @@ from scaling_service.capabilities.dynamics.document import (
     WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
+from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.report import dynamics_page
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import provenance, repair_notes
+from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json

@@ -78,7 +78,7 @@ def poses_table(motion: Motion, model: BodyModel) -> Table:
     is not determined.
     """
     poses = segment_poses(model, motion.q)
-    lost = np.isnan(poses).any(axis=2)
+    lost = np.asarray(np.isnan(poses).any(axis=2))
     turns = np.where(lost[..., None], Rotation.identity().as_quat(), poses[..., 3:])
     turned = Rotation.from_quat(turns.reshape(-1, 4))
     angles = turned.as_euler("XYZ", degrees=True, suppress_warnings=True).reshape(*lost.shape, 3)

@@ -38,7 +38,7 @@ class MotionOptions(Options):
     )
     bone_pins: Annotated[bool, Flag(name="--bone-pins")] = Field(
         default=False,
-        description="Whether markers are fixed to the bone: standard deviations then leave out what skin does.",
+        description="Whether markers are fixed to the bone: standard deviations then leave skin out.",
     )
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,

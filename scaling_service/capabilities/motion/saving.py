@@ -14,7 +14,7 @@ from scaling_service.capabilities.motion.document import (
 )
 from scaling_service.capabilities.motion.motion_files import poses_table, write_motion, write_motion_sd
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
-from scaling_service.capabilities.subject.provenance import provenance
+from scaling_service.capabilities.subject.loading import provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.sto import write_sto
 from scaling_service.model.body import BodyModel

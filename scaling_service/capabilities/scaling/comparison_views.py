@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.curves import CycleCurves, gait_curves
+from scaling_service.capabilities.scaling.comparison.curves import gait_curves
 from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
 from scaling_service.capabilities.scaling.comparisons import (
     AngleDifference,
@@ -32,7 +32,7 @@ View = KinematicErrorComparison | SegmentLengthComparison | JointAngleComparison
 IMAGED = "EB"
 
 
-def kinematic_error_view(document: ComparisonDocument) -> KinematicErrorComparison:
+def kinematic_error_view(_: Results, document: ComparisonDocument) -> KinematicErrorComparison:
     """The errors of all methods."""
     methods = document.methods
     return KinematicErrorComparison(
@@ -43,7 +43,7 @@ def kinematic_error_view(document: ComparisonDocument) -> KinematicErrorComparis
     )
 
 
-def segment_length_view(document: ComparisonDocument) -> SegmentLengthComparison:
+def segment_length_view(_: Results, document: ComparisonDocument) -> SegmentLengthComparison:
     """The lengths of all methods, and how far they are from the reference's."""
     lengths = {name: found.segment_lengths_mm for name, found in document.methods.items()}
     reference = IMAGED if IMAGED in lengths else next(iter(lengths))
@@ -105,28 +105,25 @@ def _gait(results: Results, reference: str) -> GaitEntry:
         trials=list(gait.trials),
         held_out=gait.held_out,
         reason=gait.reason,
-        angles={curve.name: _cycle(curve) for curve in gait.curves},
+        angles={curve.name: CycleEntry(**curve.describe(4)) for curve in gait.curves},
     )
 
 
-def _cycle(curve: CycleCurves) -> CycleEntry:
-    test = curve.anova
-    return CycleEntry(
-        cycles=curve.n_cycles,
-        mean_deg={name: values.round(4).tolist() for name, values in curve.mean.items()},
-        sd_deg={name: values.round(4).tolist() for name, values in curve.sd.items()},
-        p=None if test is None else test.p,
-        can_decide=test is not None and test.can_decide,
-        differ_percent=[] if test is None else test.spans,
-    )
+VIEWS: Mapping[str, Callable[[Results, ComparisonDocument], View]] = {
+    "kinematic_error": kinematic_error_view,
+    "segment_lengths": segment_length_view,
+    "joint_angles": joint_angle_view,
+}
+"""By the name of their files."""
 
 
-def write_view(folder: Path, name: str, view: View) -> Any:
-    """Write a view as ``name.json`` and its numbers as ``name.csv``; returns the document, JSON-ready."""
+def write_view(folder: Path, name: str, results: Results, document: ComparisonDocument) -> View:
+    """Write a view as ``name.json`` and its numbers as ``name.csv``."""
+    view = VIEWS[name](results, document)
     write_json(folder / f"{name}.json", view)
     with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
         csv.writer(stream).writerows(_table(view))
-    return view.model_dump(mode="json")
+    return view
 
 
 def _table(view: View) -> Iterator[Row]:

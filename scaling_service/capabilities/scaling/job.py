@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -43,13 +43,19 @@ class ScalingRequest(OfRecordings):
 class KinematicErrorRequest(ScalingRequest):
     """Compare how closely the methods' models follow the markers, on recordings fitted and held out."""
 
+    view: ClassVar[str] = "kinematic_error"
+
 
 class SegmentLengthsRequest(ScalingRequest):
     """Compare the segment lengths and joint centres of the methods' models."""
 
+    view: ClassVar[str] = "segment_lengths"
+
 
 class JointAnglesRequest(ScalingRequest):
     """Compare the joint angles that the methods' models give in the same recordings."""
+
+    view: ClassVar[str] = "joint_angles"
 
 
 class LinearRequest(OfRecordings):
@@ -76,7 +82,8 @@ def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progre
 
     Raises InputError: whatever in the subject, the model or the recordings cannot be used.
     """
-    return _compare(request, inputs, outputs, progress)[1].model_dump(mode="json")
+    _, document = _scale(request, request.methods, inputs, outputs, progress)
+    return document.model_dump(mode="json")
 
 
 def scale_by_one(
@@ -87,34 +94,17 @@ def scale_by_one(
     return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
 
 
-def view_errors(request: KinematicErrorRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write the comparison, ``kinematic_error.json`` and ``.csv``; raises as the comparison does."""
-    from scaling_service.capabilities.scaling.comparison_views import kinematic_error_view, write_view
+def view_comparison(
+    request: KinematicErrorRequest | SegmentLengthsRequest | JointAnglesRequest,
+    inputs: Path,
+    outputs: Path,
+    progress: Progress,
+) -> Any:
+    """Write the comparison, and its view as JSON and CSV; raises as the comparison does."""
+    from scaling_service.capabilities.scaling.comparison_views import write_view
 
-    _, document = _compare(request, inputs, outputs, progress)
-    return write_view(outputs, "kinematic_error", kinematic_error_view(document))
-
-
-def view_lengths(request: SegmentLengthsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write the comparison, ``segment_lengths.json`` and ``.csv``; raises as the comparison does."""
-    from scaling_service.capabilities.scaling.comparison_views import segment_length_view, write_view
-
-    _, document = _compare(request, inputs, outputs, progress)
-    return write_view(outputs, "segment_lengths", segment_length_view(document))
-
-
-def view_angles(request: JointAnglesRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
-    """Write the comparison, ``joint_angles.json`` and ``.csv``; raises as the comparison does."""
-    from scaling_service.capabilities.scaling.comparison_views import joint_angle_view, write_view
-
-    results, document = _compare(request, inputs, outputs, progress)
-    return write_view(outputs, "joint_angles", joint_angle_view(results, document))
-
-
-def _compare(
-    request: ScalingRequest, inputs: Path, outputs: Path, progress: Progress
-) -> tuple[Results, ComparisonDocument]:
-    return _scale(request, request.methods, inputs, outputs, progress, comparison=True)
+    results, document = _scale(request, request.methods, inputs, outputs, progress)
+    return write_view(outputs, request.view, results, document).model_dump(mode="json")
 
 
 def _scale(
@@ -124,22 +114,17 @@ def _scale(
     outputs: Path,
     progress: Progress,
     *,
-    comparison: bool,
+    comparison: bool = True,
 ) -> tuple[Results, ComparisonDocument]:
     """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
     from scaling_service.capabilities.scaling.scene import scene_of_results
 
-    results = compare(
-        inputs / request.subject / DOCUMENT,
-        methods,
-        request.settings,
-        progress=part_of(progress, 0.0, _COMPUTING),
-    )
-    document = save(
-        results, outputs, comparison=comparison, progress=part_of(progress, _COMPUTING, _WRITING - _COMPUTING)
-    )
+    subject, computing = inputs / request.subject / DOCUMENT, part_of(progress, 0.0, _COMPUTING)
+    results = compare(subject, methods, request.settings, progress=computing)
+    writing = part_of(progress, _COMPUTING, _WRITING - _COMPUTING)
+    document = save(results, outputs, comparison=comparison, progress=writing)
     progress("writing what is played back", _WRITING)
     scene_of_results(results, outputs)
     return results, document
@@ -157,19 +142,19 @@ KINDS = {
     ),
     "kinematic-error": Kind(
         request=KinematicErrorRequest,
-        work=view_errors,
+        work=view_comparison,
         route="comparisons/kinematic-error",
         result=KinematicErrorComparison,
     ),
     "segment-lengths": Kind(
         request=SegmentLengthsRequest,
-        work=view_lengths,
+        work=view_comparison,
         route="comparisons/segment-lengths",
         result=SegmentLengthComparison,
     ),
     "joint-angles": Kind(
         request=JointAnglesRequest,
-        work=view_angles,
+        work=view_comparison,
         route="comparisons/joint-angles",
         result=JointAngleComparison,
     ),

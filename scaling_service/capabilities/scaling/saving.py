@@ -21,7 +21,7 @@ from trimesh.visual import ColorVisuals
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.motion_files import write_motion
 from scaling_service.capabilities.playback.shapes import local_bones
-from scaling_service.capabilities.scaling.clinical.gait import (
+from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
     clinical_document,
     clinical_of,
@@ -31,7 +31,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import Verdict, ev
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.run import Results, Scaling
-from scaling_service.capabilities.subject.provenance import provenance, stated_sizes
+from scaling_service.capabilities.subject.loading import provenance, stated_sizes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.progress import Progress, silent
 from scaling_service.documents.results import (

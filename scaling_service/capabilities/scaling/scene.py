@@ -10,7 +10,7 @@ from scaling_service.capabilities.playback.document import CycleScene, GaitScene
 from scaling_service.capabilities.playback.overlay import centred, draw_body, place_points
 from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
 from scaling_service.capabilities.playback.shapes import MOST_FACES, local_bones
-from scaling_service.capabilities.scaling.comparison.curves import CycleCurves, gait_curves
+from scaling_service.capabilities.scaling.comparison.curves import describe_test, gait_curves
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
@@ -18,7 +18,6 @@ from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Array
 from scaling_service.model.trial import ImagePose, Trial
-from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.recording.plates import ground_forces, orient_forces
 from scaling_service.report.methods import styles
 from scaling_service.report.scene import Scene, coarsened
@@ -129,23 +128,11 @@ def _gait(results: Results) -> GaitScene:
         held_out=found.held_out,
         reason=found.reason,
         reference=reference,
-        angles={curve.name: _cycle(curve) for curve in found.curves},
-    )
-
-
-def _cycle(curve: CycleCurves) -> CycleScene:
-    return CycleScene(
-        cycles=curve.n_cycles,
-        mean_deg={name: values.round(3).tolist() for name, values in curve.mean.items()},
-        sd_deg={name: values.round(3).tolist() for name, values in curve.sd.items()},
-        pairs={name: _test(pair) for name, pair in curve.pairs.items()},
-        **dict(_test(curve.anova)),
-    )
-
-
-def _test(test: CurveTest | None) -> TestEntry:
-    return TestEntry(
-        p=None if test is None else test.p,
-        can_decide=test is not None and test.can_decide,
-        differ_percent=[] if test is None else test.spans,
+        angles={
+            curve.name: CycleScene(
+                **curve.describe(3),
+                pairs={name: TestEntry(**describe_test(pair)) for name, pair in curve.pairs.items()},
+            )
+            for curve in found.curves
+        },
     )

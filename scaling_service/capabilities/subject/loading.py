@@ -1,20 +1,24 @@
-"""Everything of one subject into memory: the model, and the recordings ready to compute with."""
+"""Everything of one subject into memory: the model, the recordings ready to compute with, their origin."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.reading import blamed_on, input_hashes, load_subject, recordings
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.documents.results import RepairNote
+from scaling_service.documents.subject import SIZE_UNIT
+from scaling_service.documents.writing import code_version
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
@@ -25,7 +29,7 @@ from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Trial, merge
+from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording.orientation import Orientation, check_axes, decide
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.plausibility import remove_strays
@@ -248,3 +252,34 @@ def _image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, V
     explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
     names = match_labels(list(seen), wanted, explicit).mapped
     return {m: seen[label] for m, label in names.items() if seen[label][0] in model.segment_names}
+
+
+def provenance(
+    loaded: Loaded, trials: Iterable[Trial], settings: Mapping[str, Any], seed: int = 0
+) -> dict[str, Any]:
+    """The fields of a ``Provenance``: what is needed to get the same results again.
+
+    ``trials``: those whose repairs are told. ``settings``: as resolved, defaults included.
+    """
+    subject = loaded.session.subject
+    return {
+        "code_version": code_version(),
+        "subject": subject.id,
+        "settings": settings,
+        "input_hashes": input_hashes(subject, loaded.file),
+        "seed": seed,
+        "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
+        "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},
+    }
+
+
+def stated_sizes(subject: Subject) -> dict[str, float]:
+    """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
+    whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
+    lengths = {f"{name}{SIZE_UNIT}": round(value * 1e3, 2) for name, value in subject.sizes_m.items()}
+    return {name: value for name, value in whole.items() if value is not None} | lengths
+
+
+def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
+    """What was changed in a recording, as results tell it."""
+    return [RepairNote(**asdict(repair)) for repair in repairs]

@@ -20,8 +20,8 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     dynamics_of,
     inverse_dynamics,
     rated_motion,
+    residual_indicator,
 )
-from scaling_service.capabilities.dynamics.residuals import residual_indicator
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,

@@ -14,10 +14,10 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     ORDER,
     check_clock,
     in_model_order,
+    indicator_scale,
     no_frame,
     rated_motion,
 )
-from scaling_service.capabilities.dynamics.residuals import indicator_scale
 from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, parameter_values

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.residuals import COMPONENTS
+from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     Level,
     PlateNoise,

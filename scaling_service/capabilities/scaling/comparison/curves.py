@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -61,6 +62,24 @@ class CycleCurves:
     n_cycles: int
     anova: CurveTest | None = None
     pairs: Mapping[str, CurveTest] = field(default_factory=dict)
+
+    def describe(self, digits: int) -> dict[str, Any]:
+        """Curves and test as documents hold them, but for the pairs."""
+        return {
+            "cycles": self.n_cycles,
+            "mean_deg": {name: values.round(digits).tolist() for name, values in self.mean.items()},
+            "sd_deg": {name: values.round(digits).tolist() for name, values in self.sd.items()},
+            **describe_test(self.anova),
+        }
+
+
+def describe_test(test: CurveTest | None) -> dict[str, Any]:
+    """What a test along the curve says, as documents hold it."""
+    return {
+        "p": None if test is None else test.p,
+        "can_decide": test is not None and test.can_decide,
+        "differ_percent": [] if test is None else test.spans,
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.scaling.clinical.gait import VARIABLES, Band, schwartz2008
+from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, Band, schwartz2008
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
 from scaling_service.model.anatomy.conventional import ANGLES

@@ -16,10 +16,12 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
-from scaling_service.capabilities.scaling.sizes.measured import Ratios, centre_sds, measure_ratios
 from scaling_service.capabilities.scaling.sizes.measurements import per_axis
 from scaling_service.capabilities.scaling.sizes.points import (
     PersonPoints,
+    Ratios,
+    centre_sds,
+    measure_ratios,
     model_points,
     person_points,
     read_landmarks,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from scaling_service.capabilities.scaling.clinical.angles import (
+from scaling_service.capabilities.scaling.clinical_angles import (
     ClinicalAngles,
     ClinicalCycles,
     clinical_angles,

@@ -13,6 +13,7 @@ from scaling_service.numerics.geometry.fits import across, fit_cylinder, fit_sph
 
 Array = NDArray[np.float64]
 
+_MOST_PEAKS = 6  # to refine; chosen
 _CELL_M = 3e-3  # chosen: the votes of a rough MRI head scatter by about as much
 _RADIUS_STEP_M = 1e-3
 _APART_M = 10e-3  # chosen: less than half of the smallest head's radius
@@ -49,19 +50,17 @@ def place_sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, goo
     return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
 
 
-def find_spheres(
-    surface: Surface, radii: tuple[float, float], *, hollow: bool = False, most: int = 6
-) -> list[SphereOnBone]:
+def find_spheres(surface: Surface, radii: tuple[float, float], *, hollow: bool = False) -> list[SphereOnBone]:
     """The spheres that most of the surface lies on, the best covered first.
 
     Every vertex votes, with its area, for the centres that lie behind it (before it, if ``hollow``)
     at each radius, as in a Hough transform; the peaks are refined by geometric least squares.
 
     ``radii`` m: smallest and largest. ``hollow``: sockets, whose normals point to their centre, in place of
-    balls. ``most``: how many peaks to refine.
+    balls.
     """
     found: list[SphereOnBone] = []
-    for centre, radius in _peaks(surface, radii, hollow, most):
+    for centre, radius in _peaks(surface, radii, hollow):
         sphere = refine_sphere(surface, centre, radius, hollow=hollow)
         if sphere is None or not radii[0] <= sphere.radius <= radii[1]:
             continue
@@ -147,9 +146,7 @@ def measure_coverage(surface: Surface, centre: Array, support: Array) -> float:
 _FEWEST = 12  # chosen: three times what a sphere needs
 
 
-def _peaks(
-    surface: Surface, radii: tuple[float, float], hollow: bool, most: int
-) -> list[tuple[Array, float]]:
+def _peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[tuple[Array, float]]:
     """Where the votes are densest over position and radius, the best first, apart from each other."""
     inwards = surface.normals if hollow else -surface.normals
     tried = np.arange(radii[0], radii[1] + 1e-9, _RADIUS_STEP_M)
@@ -167,7 +164,7 @@ def _peaks(
     centres = low + _CELL_M * (np.argwhere(best > 0) + 0.5)
     scores, of = best[best > 0], best_radius[best > 0]
     found: list[tuple[Array, float]] = []
-    while len(found) < most and len(scores) and scores.max() > 0:
+    while len(found) < _MOST_PEAKS and len(scores) and scores.max() > 0:
         k = int(np.argmax(scores))
         found.append((centres[k], float(of[k])))
         scores = np.where(np.linalg.norm(centres - centres[k], axis=1) < _APART_M, 0.0, scores)

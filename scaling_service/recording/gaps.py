@@ -27,13 +27,12 @@ def fill(
     clusters: Mapping[str, tuple[str, ...]],
     *,
     longest_spline_s: float = LONGEST_SPLINE_S,
-    min_common_frames: int = MIN_COMMON_FRAMES,
 ) -> Trial:
     """Fill what can be filled and note it; what remains stays NaN.
 
     ``clusters``: segment to the labels that sit on it; absent labels are passed over. ``longest_spline_s``:
     gaps up to this long, with frames seen on both sides, are interpolated by a C2 spline.
-    ``min_common_frames``: see ``MIN_COMMON_FRAMES``. Returns one Repair per marker and kind:
+    Returns one Repair per marker and kind:
     ``gap_spline``, ``gap_solidification``, ``gap_left``.
 
     Puchaud et al. 2019, sec. 2.1. Solidification after Soderkvist & Wedin 1993: the mean shape of the
@@ -50,7 +49,7 @@ def fill(
     )
     filled = markers.copy()
     for segment, labels in clusters.items():
-        for part in _solidify(markers, trial.labels, segment, labels, min_common_frames):
+        for part in _solidify(markers, trial.labels, segment, labels):
             # A marker listed for two segments is filled by the first that can.
             new = part.frames & ~seen(filled[:, part.column])
             if new.any():
@@ -74,7 +73,7 @@ class _Solid:
 
 
 def _solidify(
-    markers: Array, all_labels: tuple[str, ...], segment: str, labels: tuple[str, ...], min_common: int
+    markers: Array, all_labels: tuple[str, ...], segment: str, labels: tuple[str, ...]
 ) -> list[_Solid]:
     columns = [all_labels.index(label) for label in dict.fromkeys(labels) if label in all_labels]
     cloud = markers[:, columns]
@@ -84,7 +83,7 @@ def _solidify(
         others = shown.sum(axis=1) - shown[:, k]
         wanted = ~shown[:, k] & (others >= MIN_POINTS)
         common = shown[:, k] & (others >= MIN_POINTS)
-        if wanted.any() and common.sum() >= min_common:
+        if wanted.any() and common.sum() >= MIN_COMMON_FRAMES:
             part = _carry(cloud, k, wanted, common)
             if part is not None:
                 frames, positions, rms = part

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial
-from scaling_service.recording.plausibility import extremes, given_unit, unit_factor
+from scaling_service.recording.plausibility import extremes, unit_factor
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
@@ -48,16 +48,15 @@ _AXES = "xyz"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
-    """How the axes of a laboratory become X forward, Y up, Z right.
-
-    ``scale``: factor that corrects a wrongly stated unit of length; None means that every recording is
-    judged by its own extent.
-    """
+    """How the axes of a laboratory become X forward, Y up, Z right."""
 
     R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
-    scale: float | None
-    description: str  # ``"up +z, forward -y"``
     repairs: tuple[Repair, ...] = ()  # what was decided and from what
+
+    @property
+    def description(self) -> str:
+        """Such as ``"up +z, forward -y"``."""
+        return f"up {self.up}, forward {self.forward}"
 
     @property
     def up(self) -> str:
@@ -84,7 +83,6 @@ def decide(
     roles: Mapping[str, str] | None = None,
     up: str | None = None,
     forward: str | None = None,
-    scale: float | None = None,
 ) -> Orientation:
     """Find which axes of the laboratory point up and forward.
 
@@ -92,7 +90,6 @@ def decide(
     ``roles``: label to canonical marker name (``RASIS``, ``LPSIS``, ``RLFE``, ``RLM`` …). Labels without a
         role are used for extents only.
     ``up``, ``forward``: overrides such as ``"+z"``, ``"z"`` or ``"-x"``.
-    ``scale``: override of the correction of the unit.
     Raises InputError: if an override is not an axis, or both name the same one.
     Raises TrialUnusable: if no marker is seen at all, or the unit cannot be told.
 
@@ -100,7 +97,7 @@ def decide(
     extent of the body, ties decided by which side stands still near height zero (the floor). Forward: from
     PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.
     """
-    factor, unit_repairs = (scale, ()) if scale is not None else unit_factor(trial)
+    factor, unit_repairs = unit_factor(trial)
     positions = trial.markers * factor
     where = _positions_by_role(positions, trial.labels, roles or {})
     up_vector, forward_vector = check_axes(up, forward)
@@ -113,12 +110,12 @@ def decide(
     else:
         why_forward = "given"
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
-    names = _name(up_vector), _name(forward_vector)
-    repairs = (
-        Repair("up_axis", trial.name, f"up is {names[0]} of the laboratory ({why_up})"),
-        Repair("forward_axis", trial.name, f"forward is {names[1]} of the laboratory ({why_forward})"),
+    up_name, forward_name = _name(up_vector), _name(forward_vector)
+    said = (
+        Repair("up_axis", trial.name, f"up is {up_name} of the laboratory ({why_up})"),
+        Repair("forward_axis", trial.name, f"forward is {forward_name} of the laboratory ({why_forward})"),
     )
-    return Orientation(rotation, scale, f"up {names[0]}, forward {names[1]}", (*repairs, *unit_repairs))
+    return Orientation(rotation, (*said, *unit_repairs))
 
 
 def apply(orientation: Orientation, trial: Trial) -> Trial:
@@ -127,10 +124,7 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     ``trial``: any recording of the same session, as read. Raises TrialUnusable if no marker is seen at all,
     or the unit cannot be told.
     """
-    if orientation.scale is None:
-        factor, unit_repairs = unit_factor(trial)
-    else:
-        factor, unit_repairs = orientation.scale, given_unit(orientation.scale, trial)
+    factor, unit_repairs = unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
 

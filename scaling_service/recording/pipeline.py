@@ -42,23 +42,19 @@ ORDER = 4
 """Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
 
 
-def smooth_by_average(trial: Trial, *, window: int = WINDOW, passes: int = PASSES) -> Trial:
-    """Central moving average in several passes.
-
-    ``window``, ``passes``: odd number of frames, and how often. Returns missing where it was missing. One
-    Repair, ``smoothing``.
-    """
-    detail = f"central moving average of {window} frames in {passes} passes"
+def smooth_by_average(trial: Trial) -> Trial:
+    """Central moving average in several passes; missing where it was missing. One Repair, ``smoothing``."""
+    detail = f"central moving average of {WINDOW} frames in {PASSES} passes"
     return trial.with_markers(
-        moving_average(trial.markers, window=window, passes=passes),
+        moving_average(trial.markers, window=WINDOW, passes=PASSES),
         Repair("smoothing", trial.name, detail, trial.n_frames),
     )
 
 
-def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> Trial:
+def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
     """Zero-phase low-pass Butterworth filter with half power at the cutoff.
 
-    ``order``: effective order of both passes together. Returns missing where it was missing. One Repair,
+    Missing where it was missing. One Repair,
     ``smoothing``, and one ``not_smoothed`` for each marker with runs too short to filter, which are left as
     measured. Raises InputError if the cutoff is not between 0 and half the frame rate.
     """
@@ -69,8 +65,8 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float, *, order: int = ORDER) -> T
             field="cutoff_hz",
             remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
         )
-    result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=order)
-    detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
+    result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER)
+    detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)

@@ -137,17 +137,8 @@ _KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
 def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     """Wrenches in X forward, Y up, Z right, pushing the body up.
 
-    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes. Raises
-    TrialUnusable if the markers' unit of length had to be corrected: the plates' corners then have no sure
-    unit.
+    ``axes``: as decided for the markers of the session. ``forces``: in the laboratory's axes.
     """
-    if axes.scale is not None and axes.scale != 1.0:
-        raise TrialUnusable(
-            "the markers' unit of length was corrected, so the plates' places are not sure",
-            file=forces.name,
-            field="POINT:UNITS",
-            remedy="State the right unit of length in the recording and export it again",
-        )
     normals = axes.rotate(forces.normals)
     normals = np.where(normals[:, 1:2] < 0, -normals, normals)
     force, moment = axes.rotate(forces.force), axes.rotate(forces.moment)

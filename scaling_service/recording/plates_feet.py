@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.model.forces import CONTACT_N, GroundForces, SegmentLoads
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.model.forces import GroundForces, SegmentLoads
 from scaling_service.model.trial import Array, Repair
 from scaling_service.numerics.signals.filters import runs
 
@@ -60,33 +60,23 @@ class FootContacts:
     repairs: tuple[Repair, ...]
 
 
-def assign_plates(
-    forces: GroundForces,
-    feet: Mapping[str, Array],
-    *,
-    override: Mapping[str, str] | None = None,
-    threshold_n: float = CONTACT_N,
-) -> FootContacts:
+def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContacts:
     """Find the foot that each plate bears in each contact.
 
     ``forces``: at the times of the markers, Y up.
     ``feet``: foot (any name, usually its segment) to markers on it, shape (n, m, 3), m; heel and toe at
         least, NaN where not seen.
-    ``override``: plate to foot, for all its contacts. The checks still speak.
-    ``threshold_n``: force above which a plate is loaded.
-    Raises InputError: the override names a plate or foot that does not exist.
     Raises TrialUnusable: plates are loaded but none of the loads is near a foot.
     """
     names = tuple(feet)
-    _check_override(override or {}, forces, names)
-    loaded = forces.in_contact(threshold_n)
-    away = np.stack([_distances(forces.centre_of_pressure(threshold_n), feet[f]) for f in names])
+    loaded = forces.in_contact()
+    away = np.stack([_distances(forces.centre_of_pressure(), feet[f]) for f in names])
     on_floor, notes = _on_floor([feet[f] for f in names], forces.times, forces.name)
     foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
     for k, plate in enumerate(forces.plates):
         for start, stop in _contacts(loaded[:, k], forces.times):
             rows = slice(start, stop)
-            chosen = _foot_of(away[:, rows, k], names, (override or {}).get(plate))
+            chosen = _foot_of(away[:, rows, k])
             foot[rows, k] = chosen
             notes += _notes(plate, names, chosen, on_floor[rows], forces.times[rows])
     if loaded.any() and (foot == NOBODY).all():
@@ -115,18 +105,6 @@ def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[s
     lost = unknown.any(axis=1)
     force[lost], moment[lost] = np.nan, np.nan
     return SegmentLoads(forces.times, tuple(segments[f] for f in contacts.feet), force, moment)
-
-
-def _check_override(override: Mapping[str, str], forces: GroundForces, feet: tuple[str, ...]) -> None:
-    for plate, foot in override.items():
-        for value, known, what in ((plate, forces.plates, "plate"), (foot, feet, "foot")):
-            if value not in known:
-                raise InputError(
-                    f"there is no {what} '{value}'",
-                    file=forces.name,
-                    field=f"plates.{plate}",
-                    remedy=f"Use one of {', '.join(known)}",
-                )
 
 
 def _distances(centre: Array, markers: Array) -> Array:
@@ -193,10 +171,8 @@ def _contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
     return [(a, b) for a, b in runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
 
 
-def _foot_of(away: Array, names: tuple[str, ...], given: str | None) -> int:
+def _foot_of(away: Array) -> int:
     """The foot of one contact from distances (n_feet, n)."""
-    if given is not None:
-        return names.index(given)
     typical = np.array([np.median(d[np.isfinite(d)]) if np.isfinite(d).any() else np.inf for d in away])
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY

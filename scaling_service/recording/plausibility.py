@@ -56,17 +56,6 @@ def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
     )
 
 
-def given_unit(scale: float, trial: Trial) -> tuple[Repair, ...]:
-    """What to note of a factor that the user gave."""
-    if scale == 1.0:
-        return ()
-    return (
-        Repair(
-            "unit", trial.name, f"positions were multiplied by the given factor {scale:g}", trial.n_frames
-        ),
-    )
-
-
 def extremes(positions: Array) -> tuple[Array, Array]:
     """Smallest and largest coordinate among the markers of each frame, (n_frames, 3); NaN if none is seen."""
     known = np.isfinite(positions)

@@ -23,21 +23,18 @@ def synchronise(
     times: ArrayLike,
     *,
     cutoff_hz: float | None = None,
-    order: int = ORDER,
-    delay_s: float = 0.0,
 ) -> GroundForces:
     """Forces at the times of the markers.
 
     ``times`` (n,), s: the markers' times, strictly increasing. ``cutoff_hz``: half-power frequency of the
-    zero-phase Butterworth filter: that of the motion. None: not filtered. ``order``: effective order of
-    both passes. ``delay_s``: how late the forces' clock is (positive: late). It is taken off. Returns NaN
+    zero-phase Butterworth filter: that of the motion. None: not filtered. Returns NaN
     where the forces were not recorded or not known, in that plate and time only. Raises TrialUnusable: the
     clocks do not overlap. Raises InputError: the cutoff is not below half the rate of the forces.
 
     Force and moment are filtered, which add up linearly; the centre of pressure follows from them.
     """
     wanted = np.asarray(times, dtype=float)
-    own = forces.times - delay_s
+    own = forces.times
     if own[-1] < wanted[0] or own[0] > wanted[-1]:
         raise TrialUnusable(
             f"forces from {own[0]:g} to {own[-1]:g} s and markers from {wanted[0]:g} to {wanted[-1]:g} s "
@@ -49,7 +46,7 @@ def synchronise(
     whole = np.concatenate([forces.force, forces.moment, forces.readings[..., None]], axis=2)
     own, whole, repairs = _on_a_regular_clock(own, whole, forces.name)
     if cutoff_hz is not None:
-        whole, more = _filtered(whole, own, cutoff_hz, order, forces)
+        whole, more = _filtered(whole, own, cutoff_hz, forces)
         repairs += more
     sampled = np.stack(
         [_sampled(own, whole[:, k], wanted, cutoff_hz is not None) for k in range(whole.shape[1])], axis=1
@@ -77,7 +74,7 @@ def _on_a_regular_clock(times: Array, values: Array, name: str) -> tuple[Array, 
 
 
 def _filtered(
-    values: Array, times: Array, cutoff_hz: float, order: int, forces: GroundForces
+    values: Array, times: Array, cutoff_hz: float, forces: GroundForces
 ) -> tuple[Array, list[Repair]]:
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
     if not 0 < cutoff_hz < 0.5 * rate:
@@ -88,8 +85,8 @@ def _filtered(
             remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
         )
     whole = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
-    result = butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=order)
-    detail = f"zero-phase Butterworth, order {order}, half power at {cutoff_hz:g} Hz"
+    result = butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
+    detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     notes = [Repair("smoothing", forces.name, detail, len(times))]
     brief = "known too briefly between gaps to be filtered"
     return result.values, notes + repair_each(

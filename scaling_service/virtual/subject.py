@@ -233,7 +233,7 @@ def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | Non
         segment: tuple(m.name for m in model.markers if m.segment == segment and m.weight > 0.0)
         for segment in model.segment_names
     }
-    return process(trial, Orientation(np.eye(3), 1.0, "up +y, forward +x"), clusters, settings)
+    return process(trial, Orientation(np.eye(3)), clusters, settings)
 
 
 def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:

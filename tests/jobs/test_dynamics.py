@@ -166,7 +166,7 @@ def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
     )
     plate = np.zeros((len(person.trial.times), 1, 3))
     forces = GroundForces("sway", person.trial.times, ("plate_1",), plate, plate, np.zeros((1, 3)), UP)
-    axes = Orientation(np.eye(3), None, "up +y, forward +x")
+    axes = Orientation(np.eye(3))
     with pytest.raises(TrialUnusable, match="places of its plates are not sure") as caught:
         trial_forces(Path("sway.c3d"), forces, repaired, {}, axes, cutoff_hz=5.0)
     assert (caught.value.file, caught.value.field) == ("sway.c3d", "POINT:UNITS")

@@ -162,7 +162,7 @@ def test_blocks_and_batches_change_nothing_and_a_missing_frame_stays_alone() -> 
     model = builtin("full_body_35dof")
     mechanism = mechanism_of(model)
     q, qdot, qddot = rng.uniform(-0.5, 0.5, (3, 4, 5, 35))  # samples, frames, coordinates
-    together = inverse_dynamics(mechanism, Motion.of_frames(q, qdot, qddot), NONE, size=7)
+    together = inverse_dynamics(mechanism, Motion.of_frames(q, qdot, qddot), NONE)
     q[2, 3, 11] = np.nan
     for k in range(4):
         alone = inverse_dynamics(mechanism, Motion.of_frames(q[k], qdot[k], qddot[k]), NONE)

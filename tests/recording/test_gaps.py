@@ -80,11 +80,9 @@ def test_too_few_others_leave_the_gap():
 
 
 def test_too_few_common_frames_leave_the_gap():
-    trial = _rigid()
-    seen = 9
-    holed = _holed(trial, ("A", seen, 200))
-    assert _noted(fill(holed, CLUSTERS)) == [("gap_left", "A", 200 - seen)]
-    assert _noted(fill(holed, CLUSTERS, min_common_frames=9)) == [("gap_solidification", "A", 200 - seen)]
+    for seen, kind in ((9, "gap_left"), (10, "gap_solidification")):
+        holed = _holed(_rigid(), ("A", seen, 200))
+        assert _noted(fill(holed, CLUSTERS)) == [(kind, "A", 200 - seen)]
 
 
 def test_markers_on_a_line_do_not_carry_another():

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.core.errors import InputError, TrialUnusable
+from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.files.recording import read_recording
 from scaling_service.model.forces import GroundForces
@@ -91,17 +91,6 @@ def test_a_foot_beside_the_plates_is_told_and_its_frames_are_not_supported() -> 
     assert "no_plate" in whats(contacts)
     assert contacts.supported[25:85].all()
     assert not contacts.supported[95:175].any()
-
-
-def test_an_override_wins_and_the_swing_check_speaks() -> None:
-    forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
-    contacts = assign_plates(forces, FEET, override={"plate_1": "r", "plate_2": "l"})
-    assert (contacts.foot[SECOND, 0] == 0).all()
-    assert "in_swing" in whats(contacts)
-    with pytest.raises(InputError, match=r"plates\.plate_9: there is no plate 'plate_9'"):
-        assign_plates(forces, FEET, override={"plate_9": "r"})
-    with pytest.raises(InputError, match="there is no foot 'paw'"):
-        assign_plates(forces, FEET, override={"plate_1": "paw"})
 
 
 def test_loads_far_from_any_foot_are_refused() -> None:

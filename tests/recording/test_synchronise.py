@@ -53,14 +53,6 @@ def test_the_filter_is_that_of_the_motion() -> None:
     np.testing.assert_allclose(found.force, same, atol=1e-9)
 
 
-def test_a_late_clock_is_put_right() -> None:
-    frames = np.arange(5, 195) / 100
-    late = made(np.arange(2000) / 1000)
-    late = replace(late, times=late.times + 0.012)
-    found = synchronise(late, frames, delay_s=0.012)
-    np.testing.assert_allclose(found.force[:, 0, 1], wave(frames), atol=1e-9)
-
-
 def test_rounded_times_stand_for_a_regular_clock_and_others_are_interpolated() -> None:
     times = np.arange(600) / 600
     frames = np.arange(2, 58) / 60

@@ -49,11 +49,6 @@ class DimensionPrior:
         i = self._index(name)
         return self.value(name) * float(np.sqrt(self.covariance[i, i]))
 
-    def interval(self, name: str, sds: float = 1.96) -> tuple[float, float]:
-        """The range of so many standard deviations of the logarithm, m (kg for ``mass``)."""
-        factor = float(np.exp(sds * np.sqrt(self.covariance[self._index(name), self._index(name)])))
-        return self.value(name) / factor, self.value(name) * factor
-
     def select(self, names: tuple[str, ...]) -> DimensionPrior:
         """The joint distribution of some of the dimensions, in the order given."""
         rows = [self._index(name) for name in names]

@@ -78,22 +78,18 @@ def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAV
     return wrench
 
 
-def root_wrench(
-    mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = BLOCK
-) -> tuple[Array, Array]:
+def root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple[Array, Array]:
     """The net wrench that moves the whole body, without the forces in the joints.
 
     ``p``: (n_parameters,).
-    ``gravity``: (3,), m/s2.
-    ``size``: frames at a time.
     Returns ``wrench`` (6, n): force (N) and moment about the *ground origin* (N m). Subtract the loads and
         use :func:`moment_about` for the residual.
     ``root`` (3, n), m: the origin of the first link.
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
-    for rows in blocks(motion.n, size):
+    for rows in blocks(motion.n):
         state = move_links(mechanism, motion.block(rows), p)
-        link_wrenches(mechanism, state, gravity).sum(axis=0, out=wrench[:, rows])
+        link_wrenches(mechanism, state).sum(axis=0, out=wrench[:, rows])
         root[:, rows] = state.poses.origins[0]
     return wrench, root
 
@@ -105,18 +101,16 @@ def inverse_dynamics(
     loads: Loads | None = None,
     *,
     gravity: Array = GRAVITY,
-    size: int = BLOCK,
 ) -> Dynamics:
     """Generalised forces and the residual wrench of a motion.
 
     ``p``: (n_parameters,).
     ``loads``: None: nothing touches the body.
     ``gravity``: (3,), m/s2.
-    ``size``: frames at a time; the result does not depend on it.
     """
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
-    for rows in blocks(motion.n, size):
+    for rows in blocks(motion.n):
         state = move_links(mechanism, motion.block(rows), p)
         wrenches = link_wrenches(mechanism, state, gravity)
         if loads is not None:

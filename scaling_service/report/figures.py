@@ -103,6 +103,27 @@ def chart(
     return figure
 
 
+def grouped_bars(
+    labels: Sequence[str],
+    series: Sequence[tuple[str, str | Sequence[str], Sequence[float | None]]],
+    sds: Sequence[Sequence[float | None]] = (),
+    **layout: Any,
+) -> go.Figure:
+    """A group of bars at each label, one of each series: its name, its colour or colours, its values.
+
+    ``sds``: of every series, whiskers on its bars.
+    """
+    whiskers: list[dict[str, Any] | None] = [None] * len(series)
+    if sds:
+        whiskers = [{"type": "data", "array": list(sd), "thickness": 1} for sd in sds]
+    x = [plain(label) for label in labels]
+    traces = [
+        go.Bar(x=x, y=list(values), name=name, marker={"color": colour}, error_y=whisker)
+        for (name, colour, values), whisker in zip(series, whiskers, strict=True)
+    ]
+    return chart(traces, barmode="group", **layout)
+
+
 def cycle_figure(
     title: str,
     description: str,

@@ -81,7 +81,7 @@ def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
     return found
 
 
-def draw_shared(seed: int, *names: str, marker: str, count: int = 3) -> Array:
+def draw_shared(seed: int, *names: str | int, marker: str, count: int = 3) -> Array:
     """Normal numbers, (count,), of which a segment's markers have the share ``SHARED`` of variance in common.
 
     ``names``: of the random stream that all markers share.

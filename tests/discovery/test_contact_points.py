@@ -12,7 +12,8 @@ from scaling_service.capabilities.discovery.evidence.fit import SearchContext, f
 from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.discovery.start import prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.numerics.multibody.laws import Array
 from tests.jobs.force_laboratory import force_laboratory
 
@@ -22,7 +23,7 @@ POINT = (0.08, 0.25, -0.1)
 @pytest.fixture(scope="module")
 def sway(tmp_path_factory: pytest.TempPathFactory) -> WrenchFit:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     found = fit_recordings(
         SearchContext(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
     )

@@ -15,7 +15,8 @@ from scaling_service.capabilities.discovery.laws.profiles import values_of
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.discovery.start import prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import choice, person, recorded
 from tests.jobs.force_laboratory import force_laboratory
@@ -102,7 +103,9 @@ def test_arranged_anew_is_as_gathered_so(watched: tuple[TrackedTrial, ...], pick
 
 def test_loads_made_together_are_those_made_one_by_one(tmp_path_factory: pytest.TempPathFactory) -> None:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, STRETCH_S)
+    prepared = prepare(
+        open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, STRETCH_S
+    )
     now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
     weighed = now.wrenches[0]
     loads = [column.load for c in candidates(now.scene) if c.seen_in == "wrench" for column in c.columns]

@@ -17,7 +17,8 @@ from scaling_service.capabilities.discovery.options import AS_MEASURED, Discover
 from scaling_service.capabilities.discovery.search.estimation import estimate, misfit
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.rivals import better_rival, rename
-from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.capabilities.discovery.start import Prepared, prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.body import Vector
 from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
@@ -41,7 +42,7 @@ def touching(segment: str, point: Vector) -> NamedEffect:
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    return prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    return prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
 
 
 def pushed(prepared: Prepared) -> list[Recording]:

@@ -17,7 +17,8 @@ from scaling_service.capabilities.discovery.options import AS_MEASURED, Discover
 from scaling_service.capabilities.discovery.search.estimation import estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.testing import Outcome, try_in_full
-from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.discovery.start import prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.body import BodyModel
 from tests.discovery.hidden import passed
 from tests.jobs.force_laboratory import force_laboratory
@@ -63,7 +64,7 @@ class Laboratory:
 
 def _laboratory(folder: Path, truth: BodyModel | None) -> tuple[BodyModel, tuple[Recording, ...]]:
     file = force_laboratory(folder, truth=truth)
-    prepared = prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     return prepared.model, tuple(prepared.recordings)
 
 

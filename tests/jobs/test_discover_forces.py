@@ -18,7 +18,8 @@ from scaling_service.capabilities.discovery.observations.performed import perfor
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
 from scaling_service.capabilities.discovery.search.naming import find_separating_movement
-from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.capabilities.discovery.start import Prepared, prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.files.forces import read_forces, read_forces_from_table
 from scaling_service.files.sto import read_sto
 from scaling_service.model.forces import GroundForces
@@ -30,7 +31,7 @@ from tests.jobs.laboratory import laboratory
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    return prepare(read(file), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    return prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
 
 
 def test_recordings_with_forces_have_contacts(prepared: Prepared) -> None:
@@ -89,7 +90,9 @@ def test_a_load_that_is_nobodys_does_not_count() -> None:
 
 
 def test_folders_without_forces_say_so(tmp_path: Path) -> None:
-    prepared = prepare(read(laboratory(tmp_path)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(
+        open_subject(laboratory(tmp_path), AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5
+    )
     assert not prepared.forces
 
 

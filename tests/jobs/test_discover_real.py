@@ -11,7 +11,8 @@ import pytest
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import Prepared, prepare, read
+from scaling_service.capabilities.discovery.start import Prepared, prepare
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.files.sto import read_sto, write_sto
 from scaling_service.model.subject import Subject
 
@@ -34,7 +35,7 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         calibration=(folder / "squats1.trc",),
         forces={"squats1.trc": without},
     )
-    prepared = prepare(read(subject), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(open_subject(subject, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     vertical = np.column_stack([table.times, table.column(f"{WITHHELD}vy")])
     return prepared, vertical
 

@@ -18,9 +18,9 @@ from scaling_service.capabilities.discovery.checks import (
 )
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import free_parameters, prepare, read
+from scaling_service.capabilities.discovery.start import free_parameters, prepare
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.builtin import builtin
 from scaling_service.model.scaling import scaled
@@ -30,7 +30,7 @@ from tests.jobs.laboratory import laboratory
 
 
 def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
-    loaded = read(laboratory(tmp_path), AS_MEASURED)
+    loaded = open_subject(laboratory(tmp_path), AS_MEASURED)
     for trial in loaded.session.dynamic:
         assert not {r.what for r in trial.repairs} & {"smoothing", "gap_spline", "gap_solidification"}
 

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out, Workers
-from scaling_service.capabilities.shared.flags import Only, names, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Workers, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.settings import Settings
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
     introduce,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +41,7 @@ from scaling_service.capabilities.discovery.search.findings import (
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import repair_notes
-from scaling_service.capabilities.subject.reading import input_hashes
-from scaling_service.documents.results import RepairNote
-from scaling_service.documents.writing import code_version
+from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.numerics.multibody.laws import Array
 
 _FIGURES = 6  # far beyond what any of these is known to
@@ -67,7 +64,6 @@ class DiscoverResults:
     before: Fit  # before, after: without and with what was named
     after: Fit
     wall_s: float = 0.0
-    subject_file: Path | None = None
     hidden: Sequence[HiddenDocument] | None = None  # of a virtual person: what should have been found
 
 
@@ -81,14 +77,7 @@ def discovery_document(
     )
     gap = BothGaps(fit=_gap(found.fit), held_out=_gap(found.held_out))
     return DiscoveryDocument(
-        code_version=code_version(),
-        subject=prepared.subject.id,
-        settings=results.settings.resolved()
-        | {"discover": results.chosen.resolved(), "search": asdict(results.search)},
-        input_hashes=input_hashes(prepared.subject, results.subject_file),
-        seed=results.settings.seed,
-        markers_used={name: list(labels) for name, labels in prepared.loaded.markers_used.items()},
-        repairs=_repairs(prepared),
+        **_provenance(results),
         verdict=found.verdict,
         headline=text.headline(
             found.verdict, len(found.named), gap.held_out.whitened, held_out=bool(held_out)
@@ -113,14 +102,13 @@ def discovery_document(
     )
 
 
-def _repairs(prepared: Prepared) -> dict[str, list[RepairNote]]:
-    forces = prepared.forces
-    return {
-        trial.name: repair_notes(
-            (*trial.repairs, *(forces[trial.name].repairs if trial.name in forces else ()))
-        )
-        for trial in prepared.loaded.session.dynamic
-    }
+def _provenance(results: DiscoverResults) -> dict[str, Any]:
+    loaded, settings = results.prepared.loaded, results.settings
+    chosen = {"discover": results.chosen.resolved(), "search": asdict(results.search)}
+    found = provenance(loaded, loaded.session.dynamic, settings.resolved() | chosen, settings.seed)
+    for name, forces in results.prepared.forces.items():
+        found["repairs"][name] += repair_notes(forces.repairs)
+    return found
 
 
 def placed(candidate: Candidate) -> PlacedEffect:

@@ -9,10 +9,9 @@ from scaling_service.capabilities.discovery.evidence.settings import DiscoverySe
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
-from scaling_service.capabilities.discovery.start import prepare, read
+from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.reading import blamed_on, recordings
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.subject import Subject
 
@@ -52,18 +51,8 @@ def discover(
     clock = time.perf_counter()
     report = progress or silent
     report("reading the recordings", 0.0)
-    file = None if isinstance(subject, Subject) else Path(subject)
-    loaded = read(subject, settings)
-    with blamed_on(file):
-        return run(
-            loaded,
-            chosen,
-            settings,
-            search=search,
-            progress=report,
-            subject_file=file,
-            started=clock,
-        )
+    loaded = open_subject(subject, settings)
+    return run(loaded, chosen, settings, search=search, progress=report, started=clock)
 
 
 def run(
@@ -73,7 +62,6 @@ def run(
     *,
     search: DiscoverySettings = USUAL,
     progress: Progress | None = None,
-    subject_file: Path | None = None,
     started: float | None = None,
 ) -> DiscoverResults:
     """Search in what is loaded already; see :func:`discover`.
@@ -82,8 +70,8 @@ def run(
     """
     clock = time.perf_counter() if started is None else started
     report = progress or silent
-    prepared = prepare(loaded, chosen, settings, search.block_s, part_of(report, 0.0, _PREPARING))
-    with blamed_on(None, recordings(loaded.session.subject)):
+    with loaded.blamed():
+        prepared = prepare(loaded, chosen, settings, search.block_s, part_of(report, 0.0, _PREPARING))
         found = search_effects(
             prepared.model,
             prepared.recordings,
@@ -102,5 +90,4 @@ def run(
         before=found.before,
         after=found.after,
         wall_s=time.perf_counter() - clock,
-        subject_file=subject_file,
     )

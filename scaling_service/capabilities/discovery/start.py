@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -14,25 +13,25 @@ from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.forces import assign_contacts, read_ground_forces
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.forces import TrialForces
-from scaling_service.capabilities.dynamics.start import Massive, Start, scale_model, with_inertia
+from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
-from scaling_service.capabilities.subject.loading import Loaded, load
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject, recordings
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.progress import Progress
 from scaling_service.model.body import BodyModel, Parameter
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.orientation import check_axes
 
 NOTE = "as calibrated"
 """Marks what a calibration freed, so that it is not taken for an effect that was named."""
+
+_OWN_INERTIA = "sex, height_m or mass_kg is not given: the model's own inertia was taken"
 
 _SAME_CHANGE = {"length": "segment_length", "axis": "joint_axis_tilt", "marker": "marker_offset"}
 """The group of a calibration's parameter to the effect that is the same change."""
@@ -63,14 +62,6 @@ class Prepared:
         return {r.trial.name: r.role for r in self.recordings}
 
 
-def read(subject: Subject | str | Path, settings: Settings = AS_MEASURED) -> Loaded:
-    """Read a subject's model and recordings, and refuse what cannot be used of them (InputError)."""
-    check_axes(settings.up, settings.forward)
-    known = subject if isinstance(subject, Subject) else load_subject(Path(subject))
-    with blamed_on(None if isinstance(subject, Subject) else Path(subject)):
-        return load(known, settings)
-
-
 def prepare(
     loaded: Loaded,
     chosen: DiscoverSettings,
@@ -83,26 +74,27 @@ def prepare(
     ``loaded``: recordings neither smoothed nor filled. ``block_s``: length of the blocks of time that count
     as independent, s. Refuses whatever cannot be used of model, recordings and forces (InputError).
     """
-    session = loaded.session
-    with blamed_on(None, recordings(session.subject)):
-        check_lengths(session.dynamic)
-        start = scale_model(loaded, chosen.start, settings, progress=progress)
-        check_fits(start.model, session.dynamic)
-        massive = _add_inertia(start, session.subject, chosen.inertia)
-        forces, notes = read_ground_forces(loaded, massive.model)
-        fitting = {trial.name for trial in session.calibration or session.evaluation}
-        used = tuple(
-            Recording(
-                trial,
-                "fit" if trial.name in fitting else "held_out",
-                assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
-            )
-            for trial in session.dynamic
+    session, subject = loaded.session, loaded.session.subject
+    check_lengths(session.dynamic)
+    start = scale_model(loaded, chosen.start, settings, progress=progress)
+    check_fits(start.model, session.dynamic)
+    scaled = start.calibration is not None
+    unknown = chosen.inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg)
+    massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
+    forces, notes = read_ground_forces(loaded, massive.model)
+    fitting = {trial.name for trial in session.calibration or session.evaluation}
+    used = tuple(
+        Recording(
+            trial,
+            "fit" if trial.name in fitting else "held_out",
+            assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
         )
-        free = free_parameters(start.method, start.model, session.calibration, settings.calibration)
+        for trial in session.dynamic
+    )
+    of_inertia = (_OWN_INERTIA,) if unknown and scaled else massive.notes
     notes = (
         *start.warnings,
-        *(massive.notes if forces else ()),
+        *(of_inertia if forces else ()),
         *notes,
         *describe_limits(used, block_s),
     )
@@ -111,20 +103,11 @@ def prepare(
         start=start.method,
         model=massive.model,
         recordings=used,
-        free=free,
+        free=free_parameters(start.method, start.model, session.calibration, settings.calibration),
         forces=forces,
         calibration=start.calibration,
         notes=tuple(dict.fromkeys(notes)),
     )
-
-
-def _add_inertia(start: Start, subject: Subject, inertia: str | None) -> Massive:
-    """With inertia; a person of whom too little is known for a table keeps the model's own."""
-    scaled = start.calibration is not None
-    if inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg):
-        note = "sex, height_m or mass_kg is not given: the model's own inertia was taken"
-        return Massive(start.model, OWN, (note,) if scaled else ())
-    return with_inertia(start.model, subject, inertia, scaled=scaled)
 
 
 def free_parameters(

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import names, with_flags
+from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.screen import (
     console_of_results,

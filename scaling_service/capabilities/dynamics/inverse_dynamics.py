@@ -130,7 +130,7 @@ def rated_motion(
     n_coordinates), rad or m, in the model's order; NaN where not known. ``order`` is that of both passes
     together. Refuses a cutoff that is not below half the frame rate.
     """
-    clock, values = np.asarray(times, dtype=float), _unwrapped(model, np.array(q, dtype=float))
+    clock, values = np.asarray(times, dtype=float), _unwrap(model, np.array(q, dtype=float))
     if cutoff_hz is not None:
         rate = 1.0 / float(np.median(np.diff(clock)))
         if not 0 < cutoff_hz < 0.5 * rate:
@@ -217,7 +217,7 @@ def in_model_order(model: BodyModel, motion: Motion) -> Array:
     return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
 
 
-def _unwrapped(model: BodyModel, q: Array) -> Array:
+def _unwrap(model: BodyModel, q: Array) -> Array:
     """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
     for column, coordinate in enumerate(model.coordinates):
         if coordinate.kind == "rotation":
@@ -257,7 +257,7 @@ def judged_frames(dynamics: InverseDynamics, contacts: FootContacts, cutoff_hz: 
     return inner & contacts.supported
 
 
-def trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[np.bool_]) -> list[str]:
+def find_trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[np.bool_]) -> list[str]:
     """Coordinates that turn faster than joints do, largest first."""
     fastest = {
         coordinate.name: float(np.abs(dynamics.motion.qddot[frames, k]).max())

@@ -24,9 +24,9 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     Residuals,
     check_weight,
     evaluate_residuals,
+    find_trembling,
     inverse_dynamics,
     judged_frames,
-    trembling,
 )
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
@@ -46,7 +46,7 @@ from scaling_service.model.subject import Subject
 _PREPARING = 0.3
 """Chosen: about the share of reading, scaling and inverse kinematics; the uncertainty takes the rest."""
 
-_TOLD = ("two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded")
+_WARNED_OF = ("two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded")
 """Repairs of forces that a person should know of without opening the results."""
 
 
@@ -162,15 +162,15 @@ def trial_dynamics(
     uncertainty = propagate(
         recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
     )
-    told = _told(forces, motion, trembling(found, prepared.model, frames))
+    told = _warn(forces, motion, find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {said}" for said in (*notes, *told))
     return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, warnings)
 
 
-def _told(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
+def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
     """What a person should know of a recording."""
     for repair in forces.repairs:
-        if repair.what in _TOLD:
+        if repair.what in _WARNED_OF:
             frames = f" ({repair.frames} frames)" if repair.frames else ""
             yield f"{repair.where}: {repair.detail}{frames}"
     still = [name for name in motion.coordinates if name not in motion.estimated]

@@ -61,7 +61,7 @@ def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> Coordi
     variance = _marker_variances(task, q, residuals, held)
     sd = np.zeros(q.shape)
     for rows in _blocks(len(q)):
-        spread = _linearised(task, q[rows], residuals[rows], held[rows])
+        spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
         sd[rows, task.free] = np.sqrt(np.square(follow) @ np.repeat(task.weights * variance, 3))
     sd[held & task.free] = np.nan
@@ -81,7 +81,7 @@ def _blocks(count: int) -> Iterator[slice]:
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
 
-def _linearised(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
+def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
     heavy = np.repeat(np.where(seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
@@ -114,7 +114,7 @@ def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Arr
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
     for some in (rows[part] for part in _blocks(len(rows))):
         shown = seen(residuals[some])
-        spread = _linearised(task, q[some], residuals[some], held[some])
+        spread = _linearise(task, q[some], residuals[some], held[some])
         hat = np.matmul(
             spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
         )

@@ -27,7 +27,7 @@ from scaling_service.capabilities.scaling.clinical_gait import (
     clinical_of,
     write_clinical,
 )
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, evidence_of, following
+from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.run import Results, Scaling
@@ -194,8 +194,8 @@ def method_document(
 ) -> MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
-    fitted = following(scaling.errors, [trial.name for trial in results.session.calibration])
-    held_out = following(scaling.errors, results.held_out)
+    fitted = average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
+    held_out = average_errors(scaling.errors, results.held_out)
     return MethodResult(
         method=calibration.method,
         kinematic_error_mm={

@@ -78,13 +78,13 @@ def _gait(gait: Gait) -> Iterator[Block]:
         "the markers show it."
     )
     tested = [curve for curve in gait.curves if curve.anova is not None]
-    yield Text(_said(tested))
+    yield Text(_describe_tests(tested))
     yield Grid([_over_cycle(curve) for curve in gait.curves])
     if tested:
         yield _tests(tested, gait)
 
 
-def _said(tested: Sequence[CycleCurves]) -> str:
+def _describe_tests(tested: Sequence[CycleCurves]) -> str:
     """What the tests along the curve can and cannot say of one person."""
     if not tested:
         return "Methods were not tested against each other: that takes two cycles and two methods."

@@ -165,7 +165,7 @@ def _gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out
         cycles: list[Array] = []
         for trial in trials if angles else ():
             motions = [scaling.motions[trial.name] for scaling in results.scalings.values()]
-            cut, _ = _strides(trial, motions, angles, side)
+            cut, _ = _cut_strides(trial, motions, angles, side)
             used += [trial.name] if cut and trial.name not in used else []
             cycles += cut
         if cycles:
@@ -230,7 +230,7 @@ def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -
         names = [n for n in leg_coordinates(model, side) if all(n in motion.estimated for motion in every)]
         cut, why = list[Array](), list[str]()
         for trial in trials if names else ():
-            found, said = _strides(
+            found, said = _cut_strides(
                 trial, [by_trial[trial.name] for by_trial in motions.values()], names, side
             )
             cut, why = cut + found, why + said
@@ -253,7 +253,7 @@ def leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
     )
 
 
-def _strides(
+def _cut_strides(
     trial: Trial, motions: Sequence[Motion], names: Sequence[str], side: Side
 ) -> tuple[list[Array], list[str]]:
     """Each stride that all methods follow, (n_methods, n_curves, n_nodes), rad; and why not others."""

@@ -138,7 +138,7 @@ def cycle_figure(
     """
     percent = np.linspace(0.0, 100.0, len(next(iter(mean.values()))))
     known = styles(list(mean))
-    bands = [band(mean[name], spread, faded(known[name].colour)) for name, spread in sd.items()]
+    bands = [band(mean[name], spread, fade(known[name].colour)) for name, spread in sd.items()]
     drawn = chart(
         [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(differ)
     )
@@ -164,7 +164,7 @@ def band(mean: Array, sd: Array, colour: str) -> go.Scatter:
     )
 
 
-def faded(colour: str) -> str:
+def fade(colour: str) -> str:
     """A colour, ``#rrggbb``, seen through."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.15)"

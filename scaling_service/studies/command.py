@@ -91,10 +91,10 @@ def reproduce(
     report = import_module(f"scaling_service.studies.{study}.report")
     document: StudyDocument
     if study == "puchaud2019":
-        from scaling_service.capabilities.cohort.screen import watched
+        from scaling_service.capabilities.cohort.screen import show_progress
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
-        with watched() as watcher:
+        with show_progress() as watcher:
             document = reproduce_puchaud2019(
                 settings, subjects=subjects, generic=generic, worker_count=workers, watcher=watcher
             )

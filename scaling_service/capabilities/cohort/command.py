@@ -64,10 +64,10 @@ def batch(
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
-    from scaling_service.capabilities.cohort.screen import show_cohort, watched
+    from scaling_service.capabilities.cohort.screen import show_cohort, show_progress
 
     chosen = None if methods is None else tuple(names(methods))
-    with watched() as watcher:
+    with show_progress() as watcher:
         try:
             result = run_batch(
                 cohort, out, chosen, settings, worker_count=workers, force=force, watcher=watcher

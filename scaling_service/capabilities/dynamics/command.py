@@ -10,8 +10,8 @@ from scaling_service.capabilities.shared.flags import Only, Out, Report, Subject
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
-    introduce,
     list_files,
+    print_subject,
     print_table,
     print_tables,
     running,
@@ -56,7 +56,7 @@ def show(document: DynamicsDocument, out: Path) -> None:
     console, inertial = console_of_results(), document.inertial
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
     own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
-    introduce(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
+    print_subject(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
     print_tables(console, residual_tables(document.trials))
     if inertial is not None and inertial.combinations:
         for table in inertial_tables(inertial, most=_SHOWN):

@@ -20,7 +20,7 @@ from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.playback.shapes import local_bones
+from scaling_service.capabilities.playback.shapes import place_bones
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
     clinical_document,
@@ -142,7 +142,7 @@ def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
 
 def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
     """Write a method's bones beside its model; returns their files' names, none where there are no bones."""
-    local = local_bones(calibration, bones)
+    local = place_bones(calibration, bones)
     if not local:
         return []
     (folder / BONES).mkdir()

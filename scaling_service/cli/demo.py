@@ -8,8 +8,7 @@ import typer
 
 from scaling_service.capabilities.discovery.command import find_hidden
 from scaling_service.capabilities.scaling.command import show
-from scaling_service.capabilities.shared.arguments import Out, Report
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, with_flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 

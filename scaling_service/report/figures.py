@@ -103,6 +103,27 @@ def chart(
     return figure
 
 
+def grouped_bars(
+    labels: Sequence[str],
+    series: Sequence[tuple[str, str | Sequence[str], Sequence[float | None]]],
+    sds: Sequence[Sequence[float | None]] = (),
+    **layout: Any,
+) -> go.Figure:
+    """A group of bars at each label, one of each series: its name, its colour or colours, its values.
+
+    ``sds``: of every series, whiskers on its bars.
+    """
+    whiskers: list[dict[str, Any] | None] = [None] * len(series)
+    if sds:
+        whiskers = [{"type": "data", "array": list(sd), "thickness": 1} for sd in sds]
+    x = [plain(label) for label in labels]
+    traces = [
+        go.Bar(x=x, y=list(values), name=name, marker={"color": colour}, error_y=whisker)
+        for (name, colour, values), whisker in zip(series, whiskers, strict=True)
+    ]
+    return chart(traces, barmode="group", **layout)
+
+
 def cycle_figure(
     title: str,
     description: str,
@@ -117,7 +138,7 @@ def cycle_figure(
     """
     percent = np.linspace(0.0, 100.0, len(next(iter(mean.values()))))
     known = styles(list(mean))
-    bands = [band(mean[name], spread, faded(known[name].colour)) for name, spread in sd.items()]
+    bands = [band(mean[name], spread, fade(known[name].colour)) for name, spread in sd.items()]
     drawn = chart(
         [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(differ)
     )
@@ -143,7 +164,7 @@ def band(mean: Array, sd: Array, colour: str) -> go.Scatter:
     )
 
 
-def faded(colour: str) -> str:
+def fade(colour: str) -> str:
     """A colour, ``#rrggbb``, seen through."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},0.15)"

@@ -76,7 +76,7 @@ class Scene:
         return (
             f'<figure class="scene"><figcaption>{escape(self.caption)}</figcaption>{self._controls(middle)}'
             f'<div class="stage" role="img" aria-label="{escape(self.description)}"></div>'
-            f'<div class="flat">{flat_views(self, middle)}'
+            f'<div class="flat">{draw_flat_views(self, middle)}'
             f'<p class="note">At {self.times[middle]:.2f} s.</p></div>{to_data(self._data())}</figure>'
         )
 
@@ -115,7 +115,7 @@ class Scene:
             "pause_ms": round(1e3 / self.rate_hz),
             "ink": INK,
             "bone": BONE,
-            "measured": {"labels": [escape(label) for label in self.labels], "points": packed(self.measured)},
+            "measured": {"labels": [escape(label) for label in self.labels], "points": pack(self.measured)},
             "methods": [_body(body) for body in self.bodies],
             "bones": {name: _surface(surface) for name, surface in self.surfaces.items()},
             "box": self._box(),
@@ -156,7 +156,7 @@ class Scene:
         return {"x": x, "y": y, "z": [None if v is None else ground for v in x]}
 
 
-def packed(values: Array) -> str:
+def pack(values: Array) -> str:
     """Numbers as base64 of 32 bit floats: 0.1 µm at 1 m."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
 
@@ -168,7 +168,7 @@ def _indices(values: NDArray[np.integer[Any]]) -> str:
 def _surface(surface: Bone) -> dict[str, str]:
     if len(surface.vertices) > 2**16:
         raise ValueError("a surface within a page has at most 65,536 corners: coarsen it first")
-    return {"vertices": packed(surface.vertices), "faces": _indices(surface.faces)}
+    return {"vertices": pack(surface.vertices), "faces": _indices(surface.faces)}
 
 
 def _body(body: Body) -> dict[str, Any]:
@@ -176,12 +176,12 @@ def _body(body: Body) -> dict[str, Any]:
         "name": body.name,
         "colour": body.colour,
         "count": body.points.shape[1],
-        "points": packed(body.points),
+        "points": pack(body.points),
         "centres": [[k, escape(label)] for k, label in body.centres],
         "sticks": [list(pair) for pair in body.sticks],
         "axes": [list(pair) for pair in body.axes],
         "markers": [[k, escape(label), measured] for k, label, measured in body.markers],
-        "bones": [{"name": name, "pose": packed(pose)} for name, pose in body.bones.items()],
+        "bones": [{"name": name, "pose": pack(pose)} for name, pose in body.bones.items()],
     }
 
 
@@ -204,7 +204,7 @@ def _checked(on: bool) -> str:
     return " checked" if on else ""
 
 
-def flat_views(scene: Scene, frame: int) -> str:
+def draw_flat_views(scene: Scene, frame: int) -> str:
     """Both views of the bodies shown at one frame."""
     shown = [body for body in scene.bodies if body.shown]
     bones = [_bone(scene, body, name, frame) for body in shown for name in body.bones]
@@ -282,7 +282,7 @@ MOST_FACES = 4000
 """Chosen: a bone keeps its shape at the size of a screen, and takes 0.1 MB of the page."""
 
 
-def coarsened(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
+def coarsen(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
     """A surface of fewer triangles, by collapsing edges where it hardly changes (VTK's quadric decimation).
 
     Thin plates such as the wing of a pelvis keep both of their sides. For pictures, not for measuring.
@@ -293,7 +293,7 @@ def coarsened(bone: Bone, most_faces: int = MOST_FACES) -> Bone:
     --------
     >>> import numpy as np
     >>> flat = Bone(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-    >>> coarsened(flat).faces.shape
+    >>> coarsen(flat).faces.shape
     (1, 3)
     """
     count = len(bone.faces)

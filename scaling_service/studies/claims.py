@@ -9,7 +9,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import Field
 
-from scaling_service.capabilities.cohort.executors import gathered
+from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import cores
 from scaling_service.documents.base import Part
@@ -116,7 +116,7 @@ def study_persons(
     """
     if subjects < 1:
         raise InputError("no subject is asked for", field="--subjects", remedy="Take at least one")
-    return gathered(
+    return run_in_processes(
         study,
         [(one, *settings) for one in person_seeds(seed, subjects)],
         min(worker_count or cores(), subjects),

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from rich.console import Console
+from rich.markup import escape
 
-from scaling_service.capabilities.shared.arguments import Out
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, with_flags
+from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
+
+if TYPE_CHECKING:
+    from scaling_service.report.blocks import Table
+    from scaling_service.studies.claims import StudyDocument
 
 IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
 """As the paper has it."""
@@ -78,17 +85,16 @@ def reproduce(
     [bold]Example[/bold]: scaling-service reproduce puchaud2019 --out study
     """
     from scaling_service.documents.writing import check_folder
-    from scaling_service.studies.claims import StudyDocument, save_study
-    from scaling_service.studies.screen import show_person, show_study
+    from scaling_service.studies.claims import save_study
 
     check_folder(out)
     report = import_module(f"scaling_service.studies.{study}.report")
     document: StudyDocument
     if study == "puchaud2019":
-        from scaling_service.capabilities.cohort.screen import watched
+        from scaling_service.capabilities.cohort.screen import show_progress
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
-        with watched() as watcher:
+        with show_progress() as watcher:
             document = reproduce_puchaud2019(
                 settings, subjects=subjects, generic=generic, worker_count=workers, watcher=watcher
             )
@@ -101,7 +107,7 @@ def reproduce(
             subjects=subjects,
             recordings=recording or (),
             worker_count=workers,
-            finished=show_person,
+            finished=_show_person,
         )
     else:
         from scaling_service.studies.futamure.run import reproduce_futamure
@@ -111,10 +117,28 @@ def reproduce(
             subjects=subjects,
             recordings=recording or (),
             worker_count=workers,
-            finished=show_person,
+            finished=_show_person,
         )
     files = save_study(document, report.page(document), out)
-    show_study(document, report.tables(document), out, files)
+    _show_study(document, report.tables(document), out, files)
+
+
+def _show_person(name: str, done: int, count: int) -> None:
+    """Says who is done, and how many of all are."""
+    Console(stderr=True).print(f"{done} of {count}  {name}", markup=False, highlight=False)
+
+
+def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, files: Sequence[str]) -> None:
+    """The tables, every claim, and what was written."""
+    from scaling_service.studies.claims import claims_table, count_held
+
+    console = console_of_results()
+    console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
+    for table in (*tables, claims_table(document)):
+        print_table(console, table)
+    taken = f"{document.wall_s:.0f} s for {document.size} persons"
+    console.print(f"{count_held(document)} claims hold; {taken}", highlight=False)
+    list_files(console, out, [", ".join(files)])
 
 
 COMMANDS = (reproduce,)

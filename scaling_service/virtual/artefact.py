@@ -81,7 +81,7 @@ def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
     return found
 
 
-def draw_shared(seed: int, *names: str, marker: str, count: int = 3) -> Array:
+def draw_shared(seed: int, *names: str | int, marker: str, count: int = 3) -> Array:
     """Normal numbers, (count,), of which a segment's markers have the share ``SHARED`` of variance in common.
 
     ``names``: of the random stream that all markers share.
@@ -93,12 +93,12 @@ def draw_shared(seed: int, *names: str, marker: str, count: int = 3) -> Array:
 
 def with_artefact(model: BodyModel, artefact: Artefact) -> BodyModel:
     """The model with markers that glide with the joint angles (the residual apart)."""
-    return model.with_markers(
-        tuple(gliding(m, artefact.coefficients.get(m.name, {}), artefact.reference) for m in model.markers)
-    )
+    moving = artefact.coefficients
+    markers = [glide_marker(m, moving.get(m.name, {}), artefact.reference) for m in model.markers]
+    return model.with_markers(tuple(markers))
 
 
-def gliding(
+def glide_marker(
     marker: Marker, per_rad: Mapping[str, Vector], reference: Mapping[str, float] = MappingProxyType({})
 ) -> Marker:
     """A marker that moves over its segment with joint angles.
@@ -115,13 +115,13 @@ def gliding(
     return replace(marker, laws=(x, y, z))
 
 
-def shifted(marker: Marker, by: Iterable[float]) -> Marker:
+def shift_marker(marker: Marker, by: Iterable[float]) -> Marker:
     """A marker that sits elsewhere on its segment, by (3,), m."""
     x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
     return replace(marker, laws=(x, y, z))
 
 
-def residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:
+def draw_residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:
     """What no angle explains, for one marker, (n_frames, 3), m, alike in all directions."""
     per_axis = artefact.residual_m / np.sqrt(3.0)
     return np.column_stack([wander(rng, times, per_axis, RESIDUAL_HZ) for _ in range(3)])

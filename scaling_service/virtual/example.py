@@ -25,9 +25,9 @@ from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.virtual.artefact import gliding
+from scaling_service.virtual.artefact import glide_marker
 from scaling_service.virtual.image import virtual_image
-from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, session_of, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_session, virtual_subject
 
 RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
 """Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
@@ -74,14 +74,14 @@ def hidden_session(
         name: trial if name == "static" else _swapped(_slid(trial, person, sliding))
         for name, trial in person.trials.items()
     }
-    return session_of(person, person.model, trials), person, (SLIDING, SWAPPED)
+    return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 
 
 def _with_sliding(model: BodyModel) -> BodyModel:
     """The model with the marker that slides."""
     (name,), (driver,) = SLIDING.where, SLIDING.driver
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    moved = gliding(model.marker(name), {driver: vector(gains)})
+    moved = glide_marker(model.marker(name), {driver: vector(gains)})
     return model.with_markers(tuple(moved if m.name == name else m for m in model.markers))
 
 

@@ -25,7 +25,13 @@ from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual import motion
-from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, shifted, with_artefact
+from scaling_service.virtual.artefact import (
+    Artefact,
+    draw_artefact,
+    draw_residual,
+    shift_marker,
+    with_artefact,
+)
 
 Sex = Literal["F", "M"]
 
@@ -54,22 +60,22 @@ KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 """Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
 
 
-def stature_of(sex: Sex) -> tuple[float, float]:
+def stature_spread(sex: Sex) -> tuple[float, float]:
     """Mean and SD of the stature (m) of one sex in the cohort."""
     mean, sd = STATURE_M
     mean += SEX_GAP_M * ((1.0 - MALE_SHARE) if sex == "M" else -MALE_SHARE)
     return mean, float(np.sqrt(sd**2 - MALE_SHARE * (1.0 - MALE_SHARE) * SEX_GAP_M**2))
 
 
-def person_of(seed: int) -> tuple[Sex, float, float]:
+def draw_person(seed: int) -> tuple[Sex, float, float]:
     """Sex, stature (m) and mass (kg); both sexes together have the cohort's mean and SD of stature."""
     rng = stream(seed, "person")
     sex: Sex = "M" if rng.random() < MALE_SHARE else "F"
-    height = float(rng.normal(*stature_of(sex)))
+    height = float(rng.normal(*stature_spread(sex)))
     return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
 
 
-def factors_of(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
+def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
     """Each segment's size against the generic model, for a person of a stature (m)."""
     rng = stream(seed, "lengths")
     common = rng.normal()
@@ -95,7 +101,7 @@ def _offset(model: BodyModel, segment: str) -> Array:
     return total
 
 
-def tilt_of_knee(seed: int, side: str) -> tuple[float, float]:
+def draw_knee_tilt(seed: int, side: str) -> tuple[float, float]:
     """The turns of a knee's axis about x and y of the thigh, rad."""
     rng = stream(seed, "knee_axis", side)
     x, y = (float(np.radians(rng.normal(*spread))) for spread in KNEE_AXIS_DEG[side])
@@ -173,9 +179,9 @@ def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) ->
     (1000, 14, 3)
     """
     generic = builtin(GENERIC)
-    sex, height, mass = person_of(seed)
-    factors = factors_of(seed, generic, height)
-    tilts = {f"knee_{side}": tilt_of_knee(seed, side) for side in KNEE_AXIS_DEG}
+    sex, height, mass = draw_person(seed)
+    factors = draw_factors(seed, generic, height)
+    tilts = {f"knee_{side}": draw_knee_tilt(seed, side) for side in KNEE_AXIS_DEG}
     offsets = _placement(seed, generic, settings.placement)
     model = _truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
@@ -200,12 +206,12 @@ def demo_session(
     seconds. ``progress``: called with what is done, where bones are made.
     """
     person = virtual_subject(seed, settings)
-    trials = {name: processed(trial, person.generic) for name, trial in person.trials.items()}
-    session = session_of(person, person.generic, trials)
+    trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
+    session = make_session(person, person.generic, trials)
     return replace(session, images=_imaged(person, progress) if images else None), person
 
 
-def session_of(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
+def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
     """A person's trials as a session: functional movements fit, walking is held out."""
     name = f"virtual_{person.seed}"
     subject = Subject(name, GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg)
@@ -227,7 +233,7 @@ def _imaged(person: VirtualSubject, progress: Callable[[str], None] | None) -> I
     return image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
 
 
-def processed(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
+def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
     """A virtual recording after the usual smoothing and filling; its axes are right already."""
     clusters = {
         segment: tuple(m.name for m in model.markers if m.segment == segment and m.weight > 0.0)
@@ -262,7 +268,7 @@ def _truth(
         for joint, turns in tilts.items()
         for letter, v in zip("xy", turns, strict=True)
     }
-    markers = tuple(shifted(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
+    markers = tuple(shift_marker(m, offsets[m.name]) if m.name in offsets else m for m in model.markers)
     return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
 
 
@@ -301,7 +307,7 @@ def _recorded(
     markers = markers + spread * stream(seed, "camera", name).normal(size=markers.shape)
     if not still:
         for k, label in enumerate(labels):
-            markers[:, k] += residual(skin, stream(seed, "artefact", name, label), times)
+            markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
             markers[_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
     return Trial(name, times, labels, markers, settings.rate_hz)
 

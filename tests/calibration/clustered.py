@@ -13,8 +13,8 @@ from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.recording.settings import ProcessingSettings
-from scaling_service.virtual.artefact import draw_artefact, residual, with_artefact
-from scaling_service.virtual.subject import VirtualSettings, processed, virtual_subject
+from scaling_service.virtual.artefact import draw_artefact, draw_residual, with_artefact
+from scaling_service.virtual.subject import VirtualSettings, process_recording, virtual_subject
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0, gait_trials=1)
 USUAL = VirtualSettings(placement=0.0, gaps=0.0, gait_trials=1)
@@ -57,8 +57,10 @@ def clustered(seed: int, settings: VirtualSettings, *, smoothed: bool = True) ->
         places = marker_positions(compile_model(moving, labels), q, parameter_values(moving))
         places = places + 5e-4 * settings.noise * stream(seed, "plates", name).normal(size=places.shape)
         for k, label in enumerate(labels if name != "static" else ()):
-            places[:, k] += residual(skin, stream(seed, "artefact", name, label), times)
-        trials[name] = processed(Trial(name, times, labels, places, settings.rate_hz), truth, processing)
+            places[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
+        trials[name] = process_recording(
+            Trial(name, times, labels, places, settings.rate_hz), truth, processing
+        )
     session = Session(
         Subject(f"virtual_{seed}", who.generic.name, extra_markers={m.name: m.segment for m in clusters()}),
         who.generic,

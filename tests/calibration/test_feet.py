@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.marker_based import linear
+from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.run import Results, compare
 from scaling_service.capabilities.shared.settings import CalibrationSettings
@@ -27,7 +27,7 @@ ANKLES = [f"ankle_{turn}_{side}" for turn in ("angle", "inversion") for side in 
 
 def test_a_foot_is_scaled_from_the_heel_to_the_metatarsal_heads() -> None:
     factors = {"calcn_r": (1.12,) * 3, "calcn_l": (0.94,) * 3, "tibia_r": (1.05,) * 3}
-    found = linear(person(51, factors=factors, model=FEET).session, MEASURED).scale_factors
+    found = scale_linearly(person(51, factors=factors, model=FEET).session, MEASURED).scale_factors
     for segment in ("calcn_r", "calcn_l", "tibia_r", "tibia_l"):
         assert found[segment] == pytest.approx(factors.get(segment, (1.0,) * 3), rel=1e-9)
 
@@ -36,7 +36,7 @@ def test_without_feet_the_leg_is_the_same() -> None:
     """The feet's markers take no part in the sizes of the others, nor in their lengths."""
     known = person(52, shift_m=0.005, model=FEET)
     bare = replace(known.session, model=builtin("lower_limb_14dof"))
-    with_feet, without = (linear(s, MEASURED) for s in (known.session, bare))
+    with_feet, without = (scale_linearly(s, MEASURED) for s in (known.session, bare))
     for segment, factors in without.scale_factors.items():
         assert with_feet.scale_factors[segment] == pytest.approx(factors, rel=1e-12)
     assert segment_lengths(with_feet.model) == pytest.approx(segment_lengths(without.model), rel=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
+from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly, setup_factors
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.hip_centre import hip_centres
@@ -22,7 +22,7 @@ SETTINGS = CalibrationSettings(sizes="measured")
 def test_a_uniformly_larger_person_gets_one_factor_everywhere() -> None:
     k = 1.13
     session = person(1, factors=dict.fromkeys(builtin("lower_limb_14dof").segment_names, (k, k, k))).session
-    found = linear(session, SETTINGS).scale_factors
+    found = scale_linearly(session, SETTINGS).scale_factors
     assert found["pelvis"] == pytest.approx((k, k, k), rel=1e-12)
     assert found["tibia_r"] == pytest.approx((k, k, k), rel=1e-12)
     # the hip regression has a constant part, so a thigh does not scale exactly with its markers
@@ -37,7 +37,9 @@ def test_the_pelvis_takes_the_mean_of_four_ratios() -> None:
     ratios = [
         np.linalg.norm(points[a] - points[b]) / np.linalg.norm(generic[a] - generic[b]) for a, b in pairs
     ]
-    assert linear(session, SETTINGS).scale_factors["pelvis"][0] == pytest.approx(np.mean(ratios), rel=1e-12)
+    assert scale_linearly(session, SETTINGS).scale_factors["pelvis"][0] == pytest.approx(
+        np.mean(ratios), rel=1e-12
+    )
 
 
 def test_the_thigh_runs_from_the_regressed_hip_to_the_middle_of_the_epicondyles() -> None:
@@ -49,28 +51,32 @@ def test_the_thigh_runs_from_the_regressed_hip_to_the_middle_of_the_epicondyles(
     length = np.linalg.norm(hips.right_ground - knee, axis=1).mean()
     generic = {m.name: np.array(m.nominal) for m in session.model.markers}
     model = np.linalg.norm(0.5 * (generic["RLFE"] + generic["RMFE"]))
-    assert linear(session, SETTINGS).scale_factors["femur_r"][0] == pytest.approx(length / model, rel=1e-12)
+    assert scale_linearly(session, SETTINGS).scale_factors["femur_r"][0] == pytest.approx(
+        length / model, rel=1e-12
+    )
 
 
 def test_where_the_laboratory_stands_changes_no_factor() -> None:
     session = person(4, shift_m=0.01).session
     turn = Rotation.from_rotvec([0.3, 1.2, -0.4]).as_matrix()
     moved = session.static.with_markers(session.static.markers @ turn.T + [1.0, 2.0, 3.0])
-    first, second = (linear(s, SETTINGS).scale_factors for s in (session, replace(session, static=moved)))
+    first, second = (
+        scale_linearly(s, SETTINGS).scale_factors for s in (session, replace(session, static=moved))
+    )
     for segment in first:
         assert first[segment] == pytest.approx(second[segment], rel=1e-9)
 
 
 def test_left_and_right_are_independent() -> None:
     session = person(5, factors={"femur_l": (1.1, 1.1, 1.1)}).session
-    found = linear(session, SETTINGS).scale_factors
+    found = scale_linearly(session, SETTINGS).scale_factors
     assert found["tibia_r"] == pytest.approx((1.0, 1.0, 1.0), rel=1e-9)
     assert found["femur_l"][0] > found["femur_r"][0] + 0.05
 
 
 def test_without_a_static_trial_the_movement_is_measured_and_it_says_so() -> None:
     session = replace(person(6).session, static=None)
-    found = linear(session, SETTINGS)
+    found = scale_linearly(session, SETTINGS)
     assert found.scale_factors["tibia_r"][0] == pytest.approx(1.0, abs=0.2)
     assert any("no static trial" in w for w in found.warnings)
 
@@ -79,14 +85,14 @@ def test_no_landmark_at_all_is_refused() -> None:
     session = person(7).session
     nameless = replace(session.static, labels=tuple(f"m{k}" for k in range(len(session.static.labels))))
     with pytest.raises(TrialUnusable, match="no segment could be measured"):
-        linear(replace(session, static=nameless, calibration=()), SETTINGS)
+        scale_linearly(replace(session, static=nameless, calibration=()), SETTINGS)
 
 
 def test_a_unit_mistaken_is_refused() -> None:
     session = person(8).session
     huge = session.static.with_markers(session.static.markers * 1000.0)
     with pytest.raises(TrialUnusable, match="Check the unit"):
-        linear(replace(session, static=huge), SETTINGS)
+        scale_linearly(replace(session, static=huge), SETTINGS)
 
 
 def test_a_set_up_scales_named_axes_in_its_order() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task
-from scaling_service.capabilities.scaling.methods.marker_based import linear, setup_factors
+from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly, setup_factors
 from scaling_service.capabilities.scaling.methods.placement import frames_around
 from scaling_service.capabilities.shared.settings import PAPER
 from scaling_service.capabilities.subject.loading import load
@@ -116,7 +116,7 @@ def test_the_factors_are_the_tools(cases: Mapping[str, Case], name: str) -> None
 @NAMES
 def test_the_markers_are_placed_where_the_tools_steps_lead(cases: Mapping[str, Case], name: str) -> None:
     this = cases[name]
-    found = {m.name: m for m in linear(this.session, PAPER).model.markers}
+    found = {m.name: m for m in scale_linearly(this.session, PAPER).model.markers}
     assert len(this.exact.markers) > 30
     for marker, (segment, place) in this.exact.markers.items():
         assert found[marker].segment == segment
@@ -149,7 +149,7 @@ def test_the_model_as_a_whole_is_the_tools(cases: Mapping[str, Case], name: str)
     this = cases[name]
     setup = this.session.scale_setup
     assert setup is not None
-    ours = linear(this.session, PAPER).model
+    ours = scale_linearly(this.session, PAPER).model
     theirs = read_osim(this.written)
     rng = np.random.default_rng(0)
     poses = rng.uniform(-0.3, 0.3, (20, len(ours.coordinates))) + [c.default for c in ours.coordinates]
@@ -187,7 +187,7 @@ def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], sha
         scale_setup=folder / "subject01_Setup_Scale.xml",
         static=folder / "subject01_static.trc",
     )
-    found = {m.name: m.nominal for m in linear(load(subject).session, PAPER).model.markers}
+    found = {m.name: m.nominal for m in scale_linearly(load(subject).session, PAPER).model.markers}
     for marker, (_, place) in cases["gait2354"].exact.markers.items():
         assert np.linalg.norm(np.subtract(found[marker], place)) < SMOOTHED, marker
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.marker_based import linear
+from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
@@ -38,7 +38,7 @@ def broad() -> Person:
 
 
 def test_known_factors_are_read_back(broad: Person) -> None:
-    found = linear(broad.session, OPEN).scale_factors
+    found = scale_linearly(broad.session, OPEN).scale_factors
     assert found["pelvis"][0] == pytest.approx(0.92, rel=1e-9)
     assert found["pelvis"][2] == pytest.approx(1.12, rel=1e-9)
     assert found["femur_r"][2] == pytest.approx(0.98, rel=1e-9)
@@ -54,13 +54,17 @@ def test_the_pelvis_is_as_high_as_the_regression_says(broad: Person) -> None:
     markers = [at(n) for n in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
     hips = hip_centres(*markers)
     below = -0.5 * (hips.right[:, 1].mean() + hips.left[:, 1].mean())
-    assert linear(broad.session, OPEN).scale_factors["pelvis"][1] == pytest.approx(below / 0.0831, rel=1e-9)
+    assert scale_linearly(broad.session, OPEN).scale_factors["pelvis"][1] == pytest.approx(
+        below / 0.0831, rel=1e-9
+    )
 
 
 def test_one_factor_is_the_default_and_a_uniform_person_hardly_differs() -> None:
     session = person(32, factors=dict.fromkeys(builtin("lower_limb_14dof").segment_names, (1.1,) * 3)).session
-    assert all(len(set(f)) == 1 for f in linear(session, CalibrationSettings()).scale_factors.values())
-    for segment, factors in linear(session, OPEN).scale_factors.items():
+    assert all(
+        len(set(f)) == 1 for f in scale_linearly(session, CalibrationSettings()).scale_factors.values()
+    )
+    for segment, factors in scale_linearly(session, OPEN).scale_factors.items():
         assert factors == pytest.approx((1.1,) * 3, rel=0.02), (
             segment
         )  # 7 of the regression's 83 mm do not grow
@@ -73,7 +77,7 @@ def test_a_breadth_that_no_marker_shows_follows_the_length(broad: Person) -> Non
         static=broad.session.static.selected([n for n in labels if n != "LPSIS"]),
         calibration=tuple(t.selected(labels) for t in broad.session.calibration),
     )
-    found = linear(one, OPEN)
+    found = scale_linearly(one, OPEN)
     assert len(set(found.scale_factors["femur_r"])) == 1
     assert any("femur_r: breadth not measured (RLFE, RMFE)" in w for w in found.warnings)
 
@@ -89,7 +93,7 @@ def test_a_pelvis_without_hips_keeps_its_mean_height() -> None:
 def test_a_set_up_says_its_own_axes(broad: Person) -> None:
     setup = ScaleSetup((), {}, ("measurements",), None, True, None, None)
     with pytest.raises(SubjectInvalid, match="scale_setup"):
-        linear(replace(broad.session, scale_setup=setup), OPEN)
+        scale_linearly(replace(broad.session, scale_setup=setup), OPEN)
 
 
 def test_the_fit_finds_lengths_and_breadths_without_noise() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.marker_based import linear
+from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.scaling.sizes.points import person_points
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
 from scaling_service.capabilities.shared.settings import CalibrationSettings
@@ -136,7 +136,7 @@ def test_a_lateral_marker_and_half_the_width_give_the_middle_of_both() -> None:
         for joint, a, b in (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
     }
     session = replace(known.session, subject=replace(known.session.subject, sizes_m=widths))
-    found, full = linear(without(session, MEDIAL), SETTINGS), linear(session, SETTINGS)
+    found, full = scale_linearly(without(session, MEDIAL), SETTINGS), scale_linearly(session, SETTINGS)
     for segment in ("femur_r", "tibia_l"):
         assert found.scale_factors[segment][0] == pytest.approx(full.scale_factors[segment][0], rel=2e-3)
     assert "half its width" in found.centres["knee_r"].source

@@ -11,7 +11,7 @@ import pytest
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.scaling.clinical_gait import clinical_of
-from scaling_service.capabilities.scaling.comparison.evidence import following
+from scaling_service.capabilities.scaling.comparison.evidence import average_errors
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import method_document
 from scaling_service.cli import main
@@ -30,7 +30,7 @@ def error(mean: float, frames: int = 10) -> KinematicError:
 
 def test_every_trial_counts_once() -> None:
     errors = {"hip": error(0.002, 1000), "knee": error(0.006, 10), "walk": error(0.005), "run": error(0.011)}
-    fitted, held_out = following(errors, ["hip", "knee"]), following(errors, ["walk", "run"])
+    fitted, held_out = average_errors(errors, ["hip", "knee"]), average_errors(errors, ["walk", "run"])
     assert fitted is not None
     assert held_out is not None
     assert (fitted.mean, held_out.mean) == pytest.approx((0.004, 0.008))
@@ -38,10 +38,10 @@ def test_every_trial_counts_once() -> None:
 
 def test_a_trial_that_shows_no_marker_does_not_count() -> None:
     errors = {"hip": error(0.002), "knee": error(float("nan"))}
-    found = following(errors, ["hip", "knee"])
+    found = average_errors(errors, ["hip", "knee"])
     assert found is not None
     assert (found.mean, found.trials) == (0.002, 1)
-    assert following(errors, ["knee"]) is None
+    assert average_errors(errors, ["knee"]) is None
 
 
 def test_the_document_holds_both_means(tmp_path: Path) -> None:

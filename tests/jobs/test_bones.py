@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.capabilities.playback.shapes import local_bones
+from scaling_service.capabilities.playback.shapes import place_bones
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.saving import write_bones
 from scaling_service.files.mesh import read_mesh
@@ -45,7 +45,7 @@ def calibration(evidence: ImageEvidence) -> Calibration:
 
 def test_a_bone_lies_where_its_segment_says(calibration: Calibration, evidence: ImageEvidence) -> None:
     """Thigh and shank begin at hip and knee centre, so the balls are about their origins."""
-    for bone in local_bones(calibration, evidence.bones).values():
+    for bone in place_bones(calibration, evidence.bones).values():
         np.testing.assert_allclose(bone.vertices.mean(axis=0), 0.0, atol=1e-9)
         np.testing.assert_allclose(np.linalg.norm(bone.vertices, axis=1), HEAD_M, rtol=1e-9)
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.cohort.document import StatisticsDocument
-from scaling_service.capabilities.cohort.executors import tell, workers
+from scaling_service.capabilities.cohort.executors import report_stage, workers
 from scaling_service.capabilities.cohort.outcomes import (
     Done,
     NothingPossible,
@@ -206,7 +206,7 @@ def _interrupted(begun: threading.Event, kept: list[Future[None]]) -> None:
 
 def _talk_for_ever() -> None:
     while True:
-        tell("S1", "talking", 0.5)
+        report_stage("S1", "talking", 0.5)
 
 
 def test_an_unknown_method_is_refused_before_any_work():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import doubts
+from scaling_service.capabilities.scaling.comparison.geometry import list_doubts
 
 
 def _error(mean: float) -> KinematicError:
@@ -18,7 +18,7 @@ def test_a_trial_that_no_method_follows_is_told() -> None:
         "MB": {"a": _error(0.150), "b": _error(0.060)},
         "MB_am": {"a": _error(0.142), "b": _error(0.010)},
     }
-    (said,) = doubts(errors, {}, None)
+    (said,) = list_doubts(errors, {}, None)
     assert "'a' better than 142 mm" in said
 
 
@@ -27,7 +27,7 @@ def test_lengths_are_judged_by_stature(height_m: float) -> None:
     usual = {"femur_r": 0.2454 * height_m, "shank_r": 0.2356 * height_m, "inter_hip": 0.3, "hand_r": 1.0}
     spread = np.array([0.85, 1.15])
     for factor in spread:
-        assert doubts({}, {"MB": {n: factor * x for n, x in usual.items()}}, height_m) == ()
-    (said,) = doubts({}, {"MB": usual, "MB_lam": usual | {"femur_r": 0.32 * height_m}}, height_m)
+        assert list_doubts({}, {"MB": {n: factor * x for n, x in usual.items()}}, height_m) == ()
+    (said,) = list_doubts({}, {"MB": usual, "MB_lam": usual | {"femur_r": 0.32 * height_m}}, height_m)
     assert said.startswith(f"femur_r of {320 * height_m:.0f} mm (MB_lam) is unusual")
-    assert doubts({}, {"MB": usual | {"femur_r": 3.0}}, None) == ()
+    assert list_doubts({}, {"MB": usual | {"femur_r": 3.0}}, None) == ()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.discovery.scene import AFTER, BEFORE, scene_of_discovery
 from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
-from scaling_service.capabilities.playback.shapes import MOST_FACES, glb, long_ends, simple_shape
+from scaling_service.capabilities.playback.shapes import MOST_FACES, find_ends, simple_shape, to_glb
 from scaling_service.capabilities.scaling.run import Results, run
 from scaling_service.capabilities.scaling.scene import scene_of_results
 from scaling_service.capabilities.subject.loading import Loaded
@@ -190,7 +190,7 @@ def test_samples_are_those_nearest_in_time(times: list[float], wanted: list[floa
 
 
 def test_a_body_without_any_shape_is_still_a_file(tmp_path: Path) -> None:
-    (tmp_path / "empty.glb").write_bytes(glb({}))
+    (tmp_path / "empty.glb").write_bytes(to_glb({}))
     content = trimesh.load(tmp_path / "empty.glb")
     assert isinstance(content, trimesh.Scene)
     assert not content.geometry
@@ -198,9 +198,9 @@ def test_a_body_without_any_shape_is_still_a_file(tmp_path: Path) -> None:
 
 def test_long_segments_are_rods_and_broad_ones_are_not() -> None:
     hip, knee, kneecap = [0.0, 0.0, 0.0], [0.0, -0.4, 0.0], [0.05, -0.37, 0.0]
-    assert np.array_equal(long_ends(np.array([hip, kneecap, knee])), [hip, knee])
-    assert long_ends(np.array([hip, [0.0, 0.0, 0.17], [0.1, 0.1, 0.08]])) is None
-    assert long_ends(np.array([hip, hip])) is None
+    assert np.array_equal(find_ends(np.array([hip, kneecap, knee])), [hip, knee])
+    assert find_ends(np.array([hip, [0.0, 0.0, 0.17], [0.1, 0.1, 0.08]])) is None
+    assert find_ends(np.array([hip, hip])) is None
 
 
 def test_a_simple_shape_goes_around_its_points() -> None:

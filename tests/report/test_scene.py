@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from scaling_service.model.trial import Bone
-from scaling_service.report.scene import Body, Scene, coarsened
+from scaling_service.report.scene import Body, Scene, coarsen
 from tests.report.reading import data, read
 
 
@@ -107,7 +107,7 @@ def test_the_flat_view_from_the_right_keeps_proportions() -> None:
 def test_a_coarse_sphere_is_a_sphere(most: int) -> None:
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
     fine = Bone(np.array(sphere.vertices), np.array(sphere.faces))
-    found = coarsened(fine, most)
+    found = coarsen(fine, most)
     assert most / 4 < len(found.faces) <= most
     radii = np.linalg.norm(found.vertices, axis=1)
     assert np.abs(radii / 0.05 - 1.0).max() < 8.0 / most  # triangles of this number sag by so much
@@ -122,7 +122,7 @@ def test_a_thin_plate_keeps_both_sides() -> None:
     plate = (
         trimesh.creation.box((0.1, 0.1, 0.002)).subdivide().subdivide().subdivide().subdivide().subdivide()
     )
-    found = coarsened(Bone(np.array(plate.vertices), np.array(plate.faces)), 500)
+    found = coarsen(Bone(np.array(plate.vertices), np.array(plate.faces)), 500)
     coarse = trimesh.Trimesh(found.vertices, found.faces, process=False)
     assert coarse.is_watertight
     assert coarse.volume == pytest.approx(plate.volume, rel=0.01)
@@ -131,7 +131,7 @@ def test_a_thin_plate_keeps_both_sides() -> None:
 def test_corners_repeated_in_every_triangle_are_one() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=0.05)
     torn = Bone(np.array(sphere.triangles).reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
-    found = coarsened(torn, 1000)
+    found = coarsen(torn, 1000)
     assert len(found.faces) <= 1000
     assert trimesh.Trimesh(found.vertices, found.faces, process=False).is_watertight
 
@@ -139,4 +139,4 @@ def test_corners_repeated_in_every_triangle_are_one() -> None:
 def test_a_small_surface_stays_as_it_is() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=1)
     fine = Bone(np.array(sphere.vertices), np.array(sphere.faces))
-    assert coarsened(fine) is fine
+    assert coarsen(fine) is fine

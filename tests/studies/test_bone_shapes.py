@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from scaling_service.virtual.bones.shapes import (
-    HalfSpace,
     Part,
-    Plate,
-    Shaft,
-    Solid,
     ball,
     chain,
+    half_space,
+    plate,
     rod,
+    shaft,
+    solid,
     strip,
     surface_of,
 )
@@ -37,34 +37,34 @@ def test_a_ball_and_a_rod() -> None:
 
 
 def test_a_plate_over_its_face_edge_and_corner() -> None:
-    plate = Plate(at((0, 0, 0), (4, 0, 0), (0, 4, 0)), 0.5)
+    face = plate(at((0, 0, 0), (4, 0, 0), (0, 4, 0)), 0.5)
     over = at((1, 1, 2), (1, 1, -2), (2, -3, 0), (-3, -4, 0), (4, 4, 0))
-    assert plate.distance(over) == pytest.approx([1.5, 1.5, 2.5, 4.5, np.sqrt(8.0) - 0.5])
+    assert face.distance(over) == pytest.approx([1.5, 1.5, 2.5, 4.5, np.sqrt(8.0) - 0.5])
 
 
 def test_a_straight_shaft_is_a_cylinder_with_flat_ends() -> None:
     level = np.array([0.0, 5.0, 10.0])
     same = np.ones(3)
-    shaft = Shaft(level, 0 * same, 0 * same, 2 * same, 2 * same, rounding=0.1)
-    assert shaft.distance(at((5, 5, 0), (0, 12, 0), (0, 5, 0))) == pytest.approx([3.0, 2.0, -2.0])
+    column = shaft(heights=level, x=0 * same, z=0 * same, half_x=2 * same, half_z=2 * same, rounding=0.1)
+    assert column.distance(at((5, 5, 0), (0, 12, 0), (0, 5, 0))) == pytest.approx([3.0, 2.0, -2.0])
 
 
 def test_parts_are_added_cut_and_trimmed() -> None:
-    solid = Solid(
+    cut = solid(
         (
             Part(ball((0, 0, 0), 0.05)),
             Part(ball((0.04, 0, 0), 0.02), 0.0, "cut"),
-            Part(HalfSpace(np.zeros(3), np.array([0.0, 1.0, 0.0])), 0.0, "trim"),
+            Part(half_space(np.zeros(3), np.array([0.0, 1.0, 0.0])), 0.0, "trim"),
         )
     )
-    inside = solid.distance(at((0, -0.03, 0), (0.04, -0.001, 0), (0, 0.03, 0))) < 0.0
+    inside = cut.distance(at((0, -0.03, 0), (0.04, -0.001, 0), (0, 0.03, 0))) < 0.0
     assert inside.tolist() == [True, False, False]
 
 
 def test_a_blend_adds_near_the_seam_and_nothing_elsewhere() -> None:
     two = (ball((0, 0, 0), 0.02), ball((0.03, 0, 0), 0.02))
-    sharp = Solid(tuple(Part(each) for each in two))
-    soft = Solid((Part(two[0]), Part(two[1], 5e-3)))
+    sharp = solid(tuple(Part(each) for each in two))
+    soft = solid((Part(two[0]), Part(two[1], 5e-3)))
     seam, far = at((0.015, 0.0135, 0)), at((-0.02, 0.0, 0))
     assert (soft.distance(seam) < 0 < sharp.distance(seam)).all()
     assert soft.distance(far) == pytest.approx(sharp.distance(far), abs=1e-12)

@@ -16,7 +16,7 @@ from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.virtual import motion
-from scaling_service.virtual.artefact import Artefact, draw_artefact, residual, with_artefact
+from scaling_service.virtual.artefact import Artefact, draw_artefact, draw_residual, with_artefact
 from scaling_service.virtual.subject import (
     CAMERA_MM,
     VirtualSettings,
@@ -204,7 +204,7 @@ def test_markers_of_a_segment_move_together_more_than_apart(person: VirtualSubje
 
 def test_the_residual_has_the_size_asked_for_and_is_slow(person: VirtualSubject) -> None:
     times = np.arange(20_000) / 100.0
-    signal = residual(person.artefact, stream(0, "r"), times)
+    signal = draw_residual(person.artefact, stream(0, "r"), times)
     rms = np.sqrt((signal**2).sum(axis=1).mean())
     assert rms == pytest.approx(person.artefact.residual_m, rel=0.05)
     assert 0.002 <= person.artefact.residual_m <= 0.003

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out, Workers
-from scaling_service.capabilities.shared.flags import Only, names, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Workers, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.settings import Settings
 
@@ -65,10 +64,10 @@ def batch(
     scaling-service batch subjects/ --methods MB,MB_am --workers 2 --out cohort
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
-    from scaling_service.capabilities.cohort.screen import show_cohort, watched
+    from scaling_service.capabilities.cohort.screen import show_cohort, show_progress
 
     chosen = None if methods is None else tuple(names(methods))
-    with watched() as watcher:
+    with show_progress() as watcher:
         try:
             result = run_batch(
                 cohort, out, chosen, settings, worker_count=workers, force=force, watcher=watcher

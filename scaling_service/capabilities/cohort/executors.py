@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from multiprocessing.synchronize import Event
@@ -29,7 +30,7 @@ Listener = Callable[[str, str, float], None]
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
-def tell(name: str, what: str, share: float) -> None:
+def report_stage(name: str, what: str, share: float) -> None:
     """Say from within a task how far it is; raises KeyboardInterrupt where the batch is being stopped."""
     listener = _LISTENER.get()
     if listener is not None:
@@ -41,14 +42,14 @@ def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
     """An executor for a batch: this process for one worker, else a pool of spawned processes.
 
     Worker processes use one thread of linear algebra each, unless the environment says otherwise. When
-    the block is left by an interruption, tasks under way end at the next :func:`tell`. The listener is told
-    how far each task is, perhaps from another thread.
+    the block is left by an interruption, tasks under way end when they next report their stage. The listener
+    is told how far each task is, perhaps from another thread.
     """
     with _here(listener) if count == 1 else _pool(count, listener) as executor:
         yield executor
 
 
-def gathered(
+def run_in_processes(
     work: Callable[..., T],
     tasks: Iterable[tuple[object, ...]],
     count: int,
@@ -58,11 +59,18 @@ def gathered(
 
     ``finished`` is called with each result as it comes, and how many there are.
     """
+    ended = itertools.count(1)
+
+    def announce(future: Future[T]) -> None:
+        if finished is not None and not future.cancelled() and future.exception() is None:
+            finished(future.result(), next(ended))
+
     with workers(count) as executor:
-        futures = [executor.submit(work, *task) for task in tasks]
-        for done, future in enumerate(as_completed(futures), start=1):
-            if finished is not None:
-                finished(future.result(), done)
+        futures = []
+        for task in tasks:
+            future = executor.submit(work, *task)
+            future.add_done_callback(announce)
+            futures.append(future)
         return [future.result() for future in futures]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal, Protocol
 
-from scaling_service.capabilities.cohort.executors import tell
+from scaling_service.capabilities.cohort.executors import report_stage
 from scaling_service.capabilities.cohort.summary import SubjectSummary
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
@@ -157,7 +157,7 @@ def _ended(member: Member, methods: Sequence[str] | None, settings: Settings) ->
         return Outcome(name, member.groups, status, reason, summary, kept, wall_s, member.shown)
 
     try:
-        done = member.work(methods, settings, partial(tell, member.name))
+        done = member.work(methods, settings, partial(report_stage, member.name))
     except NothingPossible as error:
         return outcome("skipped", error.problem)
     except InputError as error:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+import plotly.graph_objects as go
+
 from scaling_service.capabilities.cohort.document import (
     AgreementEntry,
     CohortDocument,
@@ -13,11 +16,11 @@ from scaling_service.capabilities.cohort.document import (
     StatisticsDocument,
     SubjectEntry,
 )
-from scaling_service.capabilities.cohort.figures import draw_curves, draw_dots
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Grid, Row, Table, Text
-from scaling_service.report.methods import method_columns, method_legend, percent_spans, words
+from scaling_service.report.figures import Figure, chart, cycle_figure, plain, ranges
+from scaling_service.report.methods import INK, method_columns, method_legend, percent_spans, styles, words
 from scaling_service.report.page import Page, Section
 
 TITLES: Mapping[str, str] = {
@@ -29,6 +32,8 @@ TITLES: Mapping[str, str] = {
     "from_truth_deg": "Joint angles, RMS distance from the truth",
 }
 """The document's lists of quantities, as people call them."""
+
+_JITTER = 0.28  # chosen: of two methods' distance, so that dots of one value do not hide each other
 
 _UNITS = {"mm": "mm", "deg": "degrees"}
 
@@ -143,7 +148,7 @@ def _blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterator[Blo
     first = {entry.quantity: entry for entry in reversed(entries)}  # that of most methods comes first
     several = [entry for entry in reversed(first.values()) if len(entry.values) > 1]
     if several:
-        yield Grid([draw_dots(e, unit, f"{title}, {quantity_words(e.quantity)}") for e in several])
+        yield Grid([_draw_dots(e, unit, f"{title}, {quantity_words(e.quantity)}") for e in several])
 
 
 def _describe_excluded(entries: Sequence[QuantityEntry]) -> str:
@@ -163,7 +168,7 @@ def angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:
         "curve, thresholds by permutation, 5 % for each angle)."
     )
     yield method_legend(list(dict.fromkeys(m for c in curves for m in c.compared.methods)))
-    yield Grid([draw_curves(curve) for curve in curves])
+    yield Grid([_draw_curves(curve) for curve in curves])
     yield curve_table(curves)
 
 
@@ -335,3 +340,46 @@ def _icc(found: Interval | None) -> str:
     if found is None:
         return "–"
     return f"{found.value:.2f}" + ("" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})")
+
+
+def _draw_dots(entry: QuantityEntry, unit: str, caption: str) -> Figure:
+    """Every subject's value under each method, with mean and SD."""
+    methods = entry.compared.methods
+    known = styles(methods)
+    count = max(len(entry.values) - 1, 1)
+    traces = [
+        go.Scatter(
+            x=[k + _JITTER * (2.0 * n / count - 1.0) for n in range(len(entry.values))],
+            y=[of[method] for of in entry.values.values()],
+            mode="markers",
+            marker={"color": known[method].colour, "size": 5, "opacity": 0.6},
+            text=[plain(subject) for subject in entry.values],
+            hovertemplate="%{text}: %{y:.1f}<extra></extra>",
+        )
+        for k, method in enumerate(methods)
+    ]
+    mean = [entry.mean[m] for m in methods]
+    sd = [entry.sd.get(m, 0.0) for m in methods]
+    traces.append(
+        go.Scatter(
+            x=list(range(len(methods))),
+            y=mean,
+            error_y={"type": "data", "array": sd, "color": INK, "thickness": 1.5},
+            mode="markers",
+            marker={"color": INK, "size": 9, "symbol": "line-ew-open", "line": {"width": 2}},
+            hoverinfo="skip",
+        )
+    )
+    figure = chart(traces, y_title=unit, hovermode="closest")
+    figure.update_xaxes(tickvals=list(range(len(methods))), ticktext=[plain(m) for m in methods])
+    described = ", ".join(f"{m} {a:.1f} ± {b:.1f}" for m, a, b in zip(methods, mean, sd, strict=True))
+    return Figure(figure, caption, f"{caption}: {described} {unit}.", 240)
+
+
+def _draw_curves(curve: CurveEntry) -> Figure:
+    """A joint angle by each method, grey bars where they differ."""
+    mean, sd = ({m: np.array(v) for m, v in of.items()} for of in (curve.mean_deg, curve.sd_deg))
+    count = len(curve.compared.subjects)
+    title = f"{words(curve.coordinate)} ({count} subject{'s' if count != 1 else ''})"
+    differ = [] if curve.anova is None else curve.anova.spans
+    return cycle_figure(title, f"{title} over the gait cycle by method. {ranges(mean)}", mean, sd, differ)

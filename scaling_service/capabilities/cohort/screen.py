@@ -142,7 +142,7 @@ def _line(outcome: Outcome) -> str:
 
 
 @contextmanager
-def watched() -> Iterator[Screen]:
+def show_progress() -> Iterator[Screen]:
     """A screen for the time of a batch; the bars are gone when it is left."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[counted]}"), _Rest())

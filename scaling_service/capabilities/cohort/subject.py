@@ -75,7 +75,7 @@ class SubjectMember:
         possible, left_out = possible_methods(subject, methods)
         if not possible:
             raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
-        specified = specification(self.file, subject, methods, settings)
+        specified = hash_inputs(self.file, subject, methods, settings)
         known = None if self.force else read_record(self.folder)
         if known is not None and known.specification == specified:
             return Done(known.summary, kept=True)
@@ -94,7 +94,7 @@ class SubjectMember:
         return Done(summary)
 
 
-def specification(file: Path, subject: Subject, methods: Sequence[str] | None, settings: Settings) -> str:
+def hash_inputs(file: Path, subject: Subject, methods: Sequence[str] | None, settings: Settings) -> str:
     """SHA-256 of what a subject's results depend on.
 
     The subject document counts as it is understood, not as it is written: comments and order change nothing.

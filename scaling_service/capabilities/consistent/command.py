@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
-    introduce,
     list_files,
+    print_subject,
     print_table,
     running,
     say,
@@ -51,7 +50,7 @@ def show(document: ConsistentDocument, out: Path) -> None:
     from scaling_service.capabilities.consistent.report import error_table
 
     console = console_of_results()
-    introduce(
+    print_subject(
         console,
         document,
         f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "

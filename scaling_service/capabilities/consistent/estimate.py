@@ -101,7 +101,9 @@ def consistent(
     say = progress or silent
     recordings = (*fitted, *held_out)
     rated = [classical_motion(model, r, settings) for r in recordings]
-    classical = tuple(_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True))
+    classical = tuple(
+        _measure_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True)
+    )
     now, factors = model, dict[str, float]()
     history: list[tuple[float, Array]] = []
     moved: list[ConsistentMotion] = []
@@ -113,11 +115,12 @@ def consistent(
         freedom = inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
         earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
-            _moved(table, r, m, settings, freedom, b) for r, m, b in zip(fitted, rated, earlier, strict=False)
+            _balance(table, r, m, settings, freedom, b)
+            for r, m, b in zip(fitted, rated, earlier, strict=False)
         ]
         rated[: len(fitted)] = [m.rated for m in moved]
         say(f"{loop}: geometry")
-        found = _with_geometry(model, fitted, moved, settings)
+        found = _refit_geometry(model, fitted, moved, settings)
         factors = dict(found.factors)
         say(f"{loop}: inertia")
         prior = with_inertias(found.model, inertias_of(model))
@@ -127,18 +130,21 @@ def consistent(
         ]
         inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
         now = inertial.model
-        tracked = [_tracked(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
-        history.append(_pooled(tracked))
-        converged = len(history) > 1 and _settled(history[-2], history[-1], settings)
+        tracked = [_measure_errors(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
+        history.append(_pool(tracked))
+        converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
-    final = [_moved(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
+    final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
     return ConsistentResult(
         model,
         now,
         classical,
-        tuple(_tracked(r, m.rated, m.objectives, m.weight) for r, m in zip(recordings, final, strict=True)),
-        tuple(_predicted(now, r, settings) for r in recordings),
+        tuple(
+            _measure_errors(r, m.rated, m.objectives, m.weight)
+            for r, m in zip(recordings, final, strict=True)
+        ),
+        tuple(_predict(now, r, settings) for r in recordings),
         inertial,
         factors,
         len(history),
@@ -147,7 +153,7 @@ def consistent(
     )
 
 
-def _moved(
+def _balance(
     model: BodyModel,
     recording: ConsistentRecording,
     rated: RatedMotion,
@@ -164,7 +170,7 @@ def _moved(
     return consistent_motion(problem, start, limits(model, problem), 1.0 if before is None else before.weight)
 
 
-def _with_geometry(
+def _refit_geometry(
     start: BodyModel,
     fitted: Sequence[ConsistentRecording],
     moved: Sequence[ConsistentMotion],
@@ -188,23 +194,23 @@ def _with_geometry(
     )
 
 
-def _unchanged(
+def _measure_unchanged(
     model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
 ) -> TrackedRecording:
     """How far a motion is from what was measured, without changing it."""
     problem = problem_of(model, recording, rated, settings)
-    return _tracked(recording, rated, problem.objectives_of(rated.rates))
+    return _measure_errors(recording, rated, problem.objectives_of(rated.rates))
 
 
-def _predicted(
+def _predict(
     model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> TrackedRecording:
     """The classical two steps anew."""
     again = replace(recording, motion=inverse_kinematics(model, recording.trial))
-    return _unchanged(model, again, classical_motion(model, again, settings), settings)
+    return _measure_unchanged(model, again, classical_motion(model, again, settings), settings)
 
 
-def _tracked(
+def _measure_errors(
     recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
 ) -> TrackedRecording:
     seen = np.isfinite(recording.trial.selected(recording.motion.markers).markers).all(axis=2)
@@ -213,13 +219,15 @@ def _tracked(
     return TrackedRecording(rated, marker, wrench, gaps, weight)
 
 
-def _pooled(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:
+def _pool(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:
     """RMS errors of markers and wrench over recordings, each counting alike."""
     markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
     return float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))
 
 
-def _settled(before: tuple[float, Array], after: tuple[float, Array], settings: ConsistentSettings) -> bool:
+def _has_settled(
+    before: tuple[float, Array], after: tuple[float, Array], settings: ConsistentSettings
+) -> bool:
     resolution = np.array([settings.force_resolution_n] * 3 + [settings.moment_resolution_nm] * 3)
     markers = abs(after[0] - before[0]) < settings.marker_resolution_m
     return bool(markers and (np.abs(after[1] - before[1]) < resolution).all())

@@ -79,11 +79,11 @@ def identify_geometry(
     start; markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone
     hold, as in the paper; ``independent`` is how many frames' worth of errors weigh against it.
     """
-    freed = _freed(model, markers, bound, axes)
+    freed = _free_parameters(model, markers, bound, axes)
     start = parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
     upper = np.array([p.upper for p in freed.parameters])
-    normal, slope = _normal(freed, markers, fitted, expected_m, start)
+    normal, slope = _normal_equations(freed, markers, fitted, expected_m, start)
     if not normal.any():
         raise TrialUnusable(
             "no marker is seen in any frame", file=fitted[0].name, field="markers", remedy="Record them again"
@@ -98,13 +98,13 @@ def identify_geometry(
     step = lsq_linear(
         root[:, None] * vectors.T, (vectors.T @ slope) / root, (lower - start, upper - start), method="bvls"
     ).x
-    return _result(model, freed, start + step, lower, upper)
+    return _fold_in(model, freed, start + step, lower, upper)
 
 
-def _freed(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) -> BodyModel:
+def _free_parameters(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) -> BodyModel:
     """Every length that moves a marker, and the coordinates of the markers, as parameters."""
     free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
-    for segment in _long(model, markers):
+    for segment in _sized_segments(model, markers):
         free = free_scale(free, segment, bound)
     for name in markers:
         reach = bound * float(np.linalg.norm(model.marker(name).nominal))
@@ -113,7 +113,7 @@ def _freed(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) 
     return free
 
 
-def _long(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
+def _sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
     """Segments whose size carries other segments with markers."""
     carrying = {model.marker(name).segment for name in markers}
     for segment in reversed(model.segments):
@@ -127,7 +127,7 @@ def _long(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
     return [s.name for s in model.segments if s.name in sized]
 
 
-def _normal(
+def _normal_equations(
     freed: BodyModel,
     markers: tuple[str, ...],
     fitted: Sequence[KnownMotion],
@@ -153,7 +153,7 @@ def _normal(
     return normal / frames, slope / frames
 
 
-def _result(
+def _fold_in(
     model: BodyModel, freed: BodyModel, values: Array, lower: Array, upper: Array
 ) -> GeometricIdentification:
     found = dict(zip((p.name for p in freed.parameters), values.tolist(), strict=True))

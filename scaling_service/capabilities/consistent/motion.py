@@ -69,13 +69,13 @@ def consistent_motion(
         steps += 1
         front = Front.of(*problem.normal(at), at.coefficients, bounds)
         step, weight = balance(front, weight)
-        after, at = _descended(problem, at, now, step, weight)
+        after, at = _descend(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
         converged, now = max(changes) < SETTLED, after
-    return ConsistentMotion(_rated(problem, at), at, now, problem.glide(at), weight, steps, converged)
+    return ConsistentMotion(_differentiate(problem, at), at, now, problem.glide(at), weight, steps, converged)
 
 
-def _descended(
+def _descend(
     problem: ConsistentProblem, at: State, now: Objectives, step: Step, weight: float
 ) -> tuple[Objectives, State]:
     """The step, halved until the weighted sum falls; where it never does, no step."""
@@ -89,7 +89,7 @@ def _descended(
     return now, at
 
 
-def _rated(problem: ConsistentProblem, at: State) -> RatedMotion:
+def _differentiate(problem: ConsistentProblem, at: State) -> RatedMotion:
     motion = problem.motion(at.coefficients)
     parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
     return RatedMotion(problem.basis.times, *parts)
@@ -120,7 +120,7 @@ class Front:
         held: NDArray[np.bool_] = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))
         fixed = np.zeros_like(gradient)
         for _ in range(ROUNDS):
-            found = self._solved(weight, gradient, fixed, held)
+            found = self._solve(weight, gradient, fixed, held)
             beyond = ((found.coefficients < low) | (found.coefficients > high)) & ~held
             if not beyond.any():
                 break
@@ -128,7 +128,7 @@ class Front:
             fixed = np.where(held, np.clip(found.coefficients, low, high), 0.0)
         return Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
 
-    def _solved(self, weight: float, gradient: Array, fixed: Array, held: NDArray[np.bool_]) -> Step:
+    def _solve(self, weight: float, gradient: Array, fixed: Array, held: NDArray[np.bool_]) -> Step:
         """Everything but the held coefficients, which change by ``fixed``; shared numbers by elimination."""
         markers, wrench = self.markers, self.wrench
         band = self.bands[0] + weight * self.bands[1]

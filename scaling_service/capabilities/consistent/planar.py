@@ -75,8 +75,8 @@ def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURC
 
 def plane_of(trial: Trial) -> SagittalPlane:
     """The plane of a squat from its standing at the beginning, seen by the planar markers."""
-    ankle = _standing(trial, "ANK")
-    facing = _standing(trial, "ASI") - _standing(trial, "PSI")
+    ankle = _standing_place(trial, "ANK")
+    facing = _standing_place(trial, "ASI") - _standing_place(trial, "PSI")
     return SagittalPlane(
         (float(ankle[0]), float(ankle[1]), float(ankle[2])), float(np.arctan2(-facing[2], facing[0]))
     )
@@ -106,35 +106,35 @@ def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
     markers show the hip. Markers are where the standing person shows them, those not seen at their scaled
     places.
     """
-    seen = {name: _standing(trial, name)[:2] for name in trial.labels if name in generic.marker_names}
+    seen = {name: _standing_place(trial, name)[:2] for name in trial.labels if name in generic.marker_names}
     own = {m.name: np.array(m.nominal)[:2] for m in generic.markers}
     size = {
         "shank": _length(seen["KNE"] - seen["ANK"]) / _length(own["KNE"] - own["ANK"]),
-        "torso": _length(seen["SHO"] - _middle(seen)) / _length(own["SHO"] - _middle(own)),
+        "torso": _length(seen["SHO"] - _pelvis_middle(seen)) / _length(own["SHO"] - _pelvis_middle(own)),
     }
     trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
-    turn, hip = _rigid(size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk]))
-    reach = {s.name: _joint(generic, s.name) for s in generic.segments}
+    turn, hip = _fit_in_plane(
+        size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk])
+    )
+    reach = {s.name: _joint_place(generic, s.name) for s in generic.segments}
     size["thigh"] = _length(hip - seen["KNE"]) / _length(reach["torso"])
     shoulder = hip + size["torso"] * turn @ reach["arm"]
     frames = {
         "foot": (np.eye(2), np.zeros(2)),
-        "shank": (_upwards(seen["KNE"]), np.zeros(2)),
-        "thigh": (_upwards(hip - seen["KNE"]), seen["KNE"]),
+        "shank": (_turn_onto(seen["KNE"]), np.zeros(2)),
+        "thigh": (_turn_onto(hip - seen["KNE"]), seen["KNE"]),
         "torso": (turn, hip),
     }
     if "ELB" in seen:
         size["arm"] = _length(seen["ELB"] - shoulder) / _length(own["ELB"])
-        frames["arm"] = (_upwards(shoulder - seen["ELB"]), shoulder)
+        frames["arm"] = (_turn_onto(shoulder - seen["ELB"]), shoulder)
     model = scaled(generic, {name: (k, k, k) for name, k in size.items()})
     return model.with_markers(
-        tuple(
-            _placed(m, seen, frames) if m.name in seen and m.segment in frames else m for m in model.markers
-        )
+        tuple(_place(m, seen, frames) if m.name in seen and m.segment in frames else m for m in model.markers)
     )
 
 
-def _standing(trial: Trial, name: str) -> Array:
+def _standing_place(trial: Trial, name: str) -> Array:
     rows = trial.times <= trial.times[0] + STANDING_S
     values = trial.position(name)[rows]
     values = values[np.isfinite(values).all(axis=1)]
@@ -148,7 +148,7 @@ def _standing(trial: Trial, name: str) -> Array:
     return np.asarray(values.mean(axis=0))
 
 
-def _middle(points: Mapping[str, Array]) -> Array:
+def _pelvis_middle(points: Mapping[str, Array]) -> Array:
     return 0.5 * (points["ASI"] + points["PSI"])
 
 
@@ -156,20 +156,20 @@ def _length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
-def _joint(model: BodyModel, segment: str) -> Array:
+def _joint_place(model: BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, (2,), m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
     total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
     return total[:2]
 
 
-def _upwards(axis: Array) -> Array:
+def _turn_onto(axis: Array) -> Array:
     """The turn that brings y onto an axis, (2, 2)."""
     x, y = axis / _length(axis)
     return np.array([[y, x], [-x, y]])
 
 
-def _rigid(local: Array, seen: Array) -> tuple[Array, Array]:
+def _fit_in_plane(local: Array, seen: Array) -> tuple[Array, Array]:
     """Turn and shift that bring points onto others best, in the plane."""
     a, b = local - local.mean(axis=0), seen - seen.mean(axis=0)
     angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
@@ -177,7 +177,7 @@ def _rigid(local: Array, seen: Array) -> tuple[Array, Array]:
     return turn, seen.mean(axis=0) - turn @ local.mean(axis=0)
 
 
-def _placed(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]) -> Marker:
+def _place(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]) -> Marker:
     turn, origin = frames[marker.segment]
     x, y = turn.T @ (seen[marker.name] - origin)
     placed = Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
@@ -198,7 +198,7 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in movement_forces(subject, loaded.plates).items():
         with blamed_on(path, [path]):
-            trial = join_sides(_named(trials[path.stem]))
+            trial = join_sides(_rename_labels(trials[path.stem]))
             plane = plane_of(trial)
         with blamed_on(source, [source]):
             forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
@@ -233,7 +233,7 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     return prepared, recordings
 
 
-def _named(trial: Trial) -> Trial:
+def _rename_labels(trial: Trial) -> Trial:
     """Labels of a body in space under the built-in models' names; those of the planar model stay."""
     wanted = {source for sources in PLANAR_SOURCES.values() for source in sources}
     taken = set(trial.labels)

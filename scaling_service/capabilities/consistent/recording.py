@@ -91,14 +91,14 @@ def artefact_m(model: BodyModel) -> dict[str, float]:
     still = {s.name for s in model.segments if s.parent == GROUND and not any(map(_moves, s.joints))}
     found = {}
     for marker in model.markers:
-        row = _OF_MARKERS.get(_right(marker.name))
+        row = _OF_MARKERS.get(_mirror_to_right(marker.name))
         if row is None or (row == "toe" and marker.segment not in still):
             row = next((r for r, starts in _OF_SEGMENTS.items() if marker.segment.startswith(starts)), _ELSE)
         found[marker.name] = ARTEFACT_M[row]
     return found
 
 
-def _right(name: str) -> str:
+def _mirror_to_right(name: str) -> str:
     """The landmark's name on the right-hand side."""
     known = canonical(name) or name
     mirrored = f"R{known[1:]}"
@@ -125,7 +125,7 @@ def artefact_shifts(
     ``placed_m`` is the standard deviation of what is wrong with a marker's place on its segment; where zero,
     there are no constant shifts.
     """
-    driven = {s.name: _driver(model, s, q) for s in model.segments}
+    driven = {s.name: _find_driver(model, s, q) for s in model.segments}
     moving = {name: k for k, name in enumerate(n for n, way in driven.items() if way is not None)}
     rows: list[tuple[int, int, int, float]] = []
     for k, name in enumerate(names):
@@ -140,7 +140,7 @@ def artefact_shifts(
     return MarkerShifts(marker, axis, which, table[:, 3], signals)
 
 
-def _driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
+def _find_driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
     """First principal component of the angles at a segment's ends, of range one or less, (n,)."""
     joints = [
         *(segment.joints if segment.parent != GROUND else ()),

@@ -15,12 +15,12 @@ from scaling_service.capabilities.consistent.planar import STANDING, prepare_squ
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
-    check_weight,
     inverse_dynamics,
     judged_frames,
 )
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
@@ -119,32 +119,34 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
         prepared, found = prepare_squat(loaded, chosen)
     else:
         prepared = prepare(loaded, chosen, settings, progress=progress)
-        found = {name: _recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
+        found = {name: _build_recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)
     held_out = tuple(recording for name, recording in found.items() if name not in names)
-    prepared, notes = _weighed(prepared, fitted)
+    prepared, notes = _take_borne_mass(prepared, fitted)
     # fitted markers, and those of a given model, are where they are said to be
     placed_m = PLACED_M if prepared.start in ("MB", "EB", STANDING) else 0.0
     own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
     return Ready(prepared, fitted, held_out, own, notes)
 
 
-def _recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
+def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
     motion, forces = prepared.motions[name], prepared.forces[name]
     dynamics = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
-    check_weight(dynamics, frames=forces.contacts.supported)
+    weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
+    assert weight is not None  # it has one recording
+    weight.check()
     trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
     return ConsistentRecording(
         trial,
         motion,
         forces.loads,
         judged_frames(dynamics, forces.contacts, cutoff_hz),
-        _feet(prepared.model, dynamics.motion.q, forces.loads.segments),
+        _middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
     )
 
 
-def _feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
+def _middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
     """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
     rows = [model.segment_names.index(name) for name in segments]
     known = np.isfinite(q).all(axis=1)
@@ -156,7 +158,9 @@ def _feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
     return result
 
 
-def _weighed(prepared: Prepared, fitted: tuple[ConsistentRecording, ...]) -> tuple[Prepared, tuple[str, ...]]:
+def _take_borne_mass(
+    prepared: Prepared, fitted: tuple[ConsistentRecording, ...]
+) -> tuple[Prepared, tuple[str, ...]]:
     """The model with the mass that the plates bear, and a note where that is another."""
     if not fitted:
         raise TrialUnusable(

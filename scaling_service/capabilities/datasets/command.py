@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
-from scaling_service.capabilities.shared.arguments import folder
+from scaling_service.capabilities.shared.flags import folder
 from scaling_service.capabilities.shared.screen import console_of_results, print_table, progress_bar
 from scaling_service.report.blocks import Row, Table
 

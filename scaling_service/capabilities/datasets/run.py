@@ -6,7 +6,7 @@ import csv
 import io
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -226,48 +226,30 @@ def _row(marker: Element, model: Path) -> tuple[str, ...]:
 
 def source_note(name: str, dataset: Dataset) -> str:
     """``SOURCE.md``: where everything is from, on what terms, and what was made here."""
-    return "\n".join([*_head(name, dataset), *_table(dataset), *_made_here(dataset)]) + "\n"
+    made = []
+    if dataset.subject is not None:
+        made.append(f"- `{SUBJECT_FILE}`: the subject file")
+    if dataset.image_markers_from is not None:
+        made.append(
+            f"- `{IMAGE_MARKERS_FILE}`: the markers of `{dataset.image_markers_from}`, "
+            "whose bodies have the image's axes, in mm"
+        )
+    files = [f"| `{f.saved_as}` | `{f.path}` | {f.bytes} | `{f.sha256}` |" for f in dataset.files]
+    paragraphs = [
+        f"# {name}: {dataset.title}",
+        f"Source: https://github.com/{dataset.repository}, commit {dataset.commit}",
+        f"Licence: {terms(dataset)}",
+        *([dataset.licence.note] if dataset.licence.note else []),
+        "Please cite:",
+        "\n".join(f"- {reference}" for reference in dataset.cite),
+        dataset.about,
+        "\n".join(["| file | in the repository | bytes | SHA-256 |", "|---|---|---|---|", *files]),
+        "These are unchanged copies. Made by scaling-service, not part of the source:",
+        "\n".join([*made, "- this note"]),
+    ]
+    return "\n\n".join(paragraphs) + "\n"
 
 
 def terms(dataset: Dataset) -> str:
     """The licence in one line, commercial use told where it is excluded."""
     return dataset.licence.name + (" (NON-COMMERCIAL USE ONLY)" if dataset.licence.non_commercial else "")
-
-
-def _head(name: str, dataset: Dataset) -> Iterator[str]:
-    yield f"# {name}: {dataset.title}"
-    yield ""
-    yield f"Source: https://github.com/{dataset.repository}, commit {dataset.commit}"
-    yield ""
-    yield f"Licence: {terms(dataset)}"
-    if dataset.licence.note:
-        yield ""
-        yield dataset.licence.note
-    yield ""
-    yield "Please cite:"
-    yield ""
-    yield from (f"- {reference}" for reference in dataset.cite)
-    yield ""
-    yield dataset.about
-    yield ""
-
-
-def _table(dataset: Dataset) -> Iterator[str]:
-    yield "| file | in the repository | bytes | SHA-256 |"
-    yield "|---|---|---|---|"
-    for file in dataset.files:
-        yield f"| `{file.saved_as}` | `{file.path}` | {file.bytes} | `{file.sha256}` |"
-
-
-def _made_here(dataset: Dataset) -> Iterator[str]:
-    yield ""
-    yield "These are unchanged copies. Made by scaling-service, not part of the source:"
-    yield ""
-    if dataset.subject is not None:
-        yield f"- `{SUBJECT_FILE}`: the subject file"
-    if dataset.image_markers_from is not None:
-        yield (
-            f"- `{IMAGE_MARKERS_FILE}`: the markers of `{dataset.image_markers_from}`, "
-            "whose bodies have the image's axes, in mm"
-        )
-    yield "- this note"

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
-    introduce,
     list_files,
+    print_subject,
     print_table,
     running,
     say,
@@ -85,7 +84,7 @@ def show(document: DiscoveryDocument, out: Path) -> None:
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
     console = console_of_results()
-    introduce(console, document, text.describe_model(document))
+    print_subject(console, document, text.describe_model(document))
     if document.effects:
         print_table(console, text.tabulate_effects(document))
     print_table(console, text.tabulate_gaps(document))

@@ -13,12 +13,12 @@ from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.playback import scene as playback
 from scaling_service.capabilities.playback.document import SceneDocument
-from scaling_service.capabilities.playback.overlay import Drawing, centred
-from scaling_service.capabilities.playback.shapes import MOST_FACES, local_bones
+from scaling_service.capabilities.playback.overlay import Drawing, follow_person
+from scaling_service.capabilities.playback.shapes import MOST_FACES, place_bones
 from scaling_service.model.trial import Bone
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.methods import words
-from scaling_service.report.scene import Body, Scene, coarsened
+from scaling_service.report.scene import Body, Scene, coarsen
 
 BEFORE, AFTER = "as given", "with what was named"
 """Bodies of a search."""
@@ -53,8 +53,8 @@ def _bones(prepared: Prepared) -> dict[str, Bone]:
     images = prepared.loaded.session.images
     if images is None or prepared.calibration is None:
         return {}
-    coarse = {segment: coarsened(bone, MOST_FACES) for segment, bone in images.bones.items()}
-    return local_bones(prepared.calibration, coarse)
+    coarse = {segment: coarsen(bone, MOST_FACES) for segment, bone in images.bones.items()}
+    return place_bones(prepared.calibration, coarse)
 
 
 def _played(name: str, item: TrackedTrial) -> playback.Played:
@@ -75,7 +75,7 @@ def draw_largest_change(results: DiscoverResults) -> Scene | None:
     if not np.isfinite(measured).any():
         return None
     role = "held out" if before.role == "held_out" else "used to fit"
-    return centred(
+    return follow_person(
         Scene(
             f"{before.name} ({role}) around {before.trial.times[middle]:.2f} s, where the two differ most",
             f"The model {BEFORE} and {AFTER}, with measured markers in {before.name}, turned by dragging.",

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
-    introduce,
     list_files,
+    print_subject,
     print_table,
     print_tables,
     running,
@@ -52,17 +51,21 @@ def dynamics(
 
 def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
-    from scaling_service.capabilities.dynamics.report import inertial_tables, residual_tables, told
+    from scaling_service.capabilities.dynamics.report import inertial_tables, merge_warnings, residual_tables
 
     console, inertial = console_of_results(), document.inertial
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
     own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
-    introduce(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
+    print_subject(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
     print_tables(console, residual_tables(document.trials))
     if inertial is not None and inertial.combinations:
         for table in inertial_tables(inertial, most=_SHOWN):
             print_table(console, table)
-    warnings = (*document.warnings, *told(document), *(inertial.warnings if inertial is not None else ()))
+    warnings = (
+        *document.warnings,
+        *merge_warnings(document),
+        *(inertial.warnings if inertial is not None else ()),
+    )
     say(console, "Note", "yellow", dict.fromkeys(warnings))
     say(console, "Verdict", "bold", [document.verdict])
     further = [name for name in ("dynamics.json", "report.html") if (out / name).is_file()]

@@ -58,7 +58,7 @@ def read_trial_forces(
     """
     if named is not None:
         with _blamed_on(named):
-            return named, _plausible(read_forces(named))
+            return named, _check_moments(read_forces(named))
     if plates is None:
         return None
     with _blamed_on(recording):
@@ -106,7 +106,7 @@ def _blamed_on(file: Path) -> Iterator[None]:
         raise
 
 
-def _plausible(forces: GroundForces) -> GroundForces:
+def _check_moments(forces: GroundForces) -> GroundForces:
     """Refuse moments that are not in N m."""
     centre = forces.centre_of_pressure()
     loaded = np.isfinite(centre).all(axis=2) & forces.known

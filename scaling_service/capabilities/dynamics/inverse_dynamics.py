@@ -31,13 +31,6 @@ from scaling_service.recording.plates_feet import FootContacts
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""
 
-FAR_OFF = 1.5
-"""Ratio of the mass that the plates bear to the model's beyond which one of them must be wrong (chosen: even
-mean forces over part of a stride stay within 1.2)."""
-
-NOTICED = 1.05
-"""Ratio that is told (chosen: shoes and clothes are 1 to 3 %)."""
-
 EDGE_PERIODS = 0.5
 """Periods of the cutoff left out at both ends of what is known (chosen). There the filter leans on
 mirrored data: in public walking trials the residual peaks at 90 to 240 N there, at 30 to 120 N elsewhere."""
@@ -130,7 +123,7 @@ def rated_motion(
     n_coordinates), rad or m, in the model's order; NaN where not known. ``order`` is that of both passes
     together. Refuses a cutoff that is not below half the frame rate.
     """
-    clock, values = np.asarray(times, dtype=float), _unwrapped(model, np.array(q, dtype=float))
+    clock, values = np.asarray(times, dtype=float), _unwrap(model, np.array(q, dtype=float))
     if cutoff_hz is not None:
         rate = 1.0 / float(np.median(np.diff(clock)))
         if not 0 < cutoff_hz < 0.5 * rate:
@@ -185,25 +178,6 @@ def dynamics_of(
     )
 
 
-def check_weight(dynamics: InverseDynamics, *, frames: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Compare what the plates bear with what the model weighs, in the known ones of the frames given.
-
-    A note where they differ by more than ``NOTICED``, an error by more than ``FAR_OFF``: the residual would
-    mean nothing.
-    """
-    borne = float(dynamics.external[dynamics.used(frames), 1].mean() / -wrench.GRAVITY[1])
-    ratio = borne / dynamics.mass
-    said = f"the plates bear {borne:.1f} kg on average, the model weighs {dynamics.mass:.1f} kg"
-    if not 1 / FAR_OFF <= ratio <= FAR_OFF:
-        raise TrialUnusable(
-            said,
-            file=dynamics.trial,
-            field="subject.mass_kg",
-            remedy="Declare the right mass, use a model of the whole body, and give forces in N",
-        )
-    return (said,) if not 1 / NOTICED <= ratio <= NOTICED else ()
-
-
 def in_model_order(model: BodyModel, motion: Motion) -> Array:
     """The motion's coordinates as the model orders them, (n, n_coordinates)."""
     missing = [name for name in model.coordinate_names if name not in motion.coordinates]
@@ -217,7 +191,7 @@ def in_model_order(model: BodyModel, motion: Motion) -> Array:
     return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
 
 
-def _unwrapped(model: BodyModel, q: Array) -> Array:
+def _unwrap(model: BodyModel, q: Array) -> Array:
     """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
     for column, coordinate in enumerate(model.coordinates):
         if coordinate.kind == "rotation":
@@ -257,7 +231,7 @@ def judged_frames(dynamics: InverseDynamics, contacts: FootContacts, cutoff_hz: 
     return inner & contacts.supported
 
 
-def trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[np.bool_]) -> list[str]:
+def find_trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[np.bool_]) -> list[str]:
     """Coordinates that turn faster than joints do, largest first."""
     fastest = {
         coordinate.name: float(np.abs(dynamics.motion.qddot[frames, k]).max())

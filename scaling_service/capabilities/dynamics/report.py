@@ -72,7 +72,7 @@ def dynamics_page(document: DynamicsDocument, curves: Curves) -> Page:
     )
 
 
-def told(document: DynamicsDocument) -> list[str]:
+def merge_warnings(document: DynamicsDocument) -> list[str]:
     """The recordings' warnings, what holds of several of them told once."""
     where: dict[str, list[str]] = {}
     for name, trial in document.trials.items():
@@ -84,7 +84,7 @@ def told(document: DynamicsDocument) -> list[str]:
 def _verdict(document: DynamicsDocument) -> Iterator[Block]:
     supported = [yes for trial in document.trials.values() for yes in trial.calibration_supported]
     headline, tone = _HEADLINES[any(supported) + all(supported)]
-    yield Callout(headline, [Text(document.verdict), Bullets(told(document))], tone)
+    yield Callout(headline, [Text(document.verdict), Bullets(merge_warnings(document))], tone)
 
 
 def _loads(document: DynamicsDocument) -> Iterator[Block]:

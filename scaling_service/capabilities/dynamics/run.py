@@ -22,11 +22,10 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     HICKS,
     InverseDynamics,
     Residuals,
-    check_weight,
     evaluate_residuals,
+    find_trembling,
     inverse_dynamics,
     judged_frames,
-    trembling,
 )
 from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
@@ -36,6 +35,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     propagate,
 )
+from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import Progress, part_of, silent
@@ -46,7 +46,7 @@ from scaling_service.model.subject import Subject
 _PREPARING = 0.3
 """Chosen: about the share of reading, scaling and inverse kinematics; the uncertainty takes the rest."""
 
-_TOLD = ("two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded")
+_WARNED_OF = ("two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded")
 """Repairs of forces that a person should know of without opening the results."""
 
 
@@ -71,6 +71,7 @@ class DynamicsResults:
     chosen: DynamicsSettings
     settings: Settings
     trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
+    weight: Weight  # by the plates, beside the model's
     verdict: str  # in plain words: what the residuals say of the model
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
     warnings: tuple[str, ...] = ()  # what concerns all recordings
@@ -99,6 +100,9 @@ def dynamics(
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
             trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
+        weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
+        assert weight is not None  # a recording without a frame that counts is refused
+        weight.check()
         inertial, told = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
     return DynamicsResults(
@@ -106,7 +110,8 @@ def dynamics(
         chosen,
         settings,
         trials,
-        verdict_of(trials),
+        weight,
+        verdict_of(trials, weight),
         inertial,
         (*prepared.warnings, *told),
         time.perf_counter() - clock,
@@ -156,21 +161,20 @@ def trial_dynamics(
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
     frames = judged_frames(found, forces.contacts, chosen.cutoff_hz)
-    notes = check_weight(found, frames=frames)
     residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
     recording = Recording(prepared.model, motion, forces.loads, prepared.height_m, frames, chosen.cutoff_hz)
     uncertainty = propagate(
         recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
     )
-    told = _told(forces, motion, trembling(found, prepared.model, frames))
-    warnings = tuple(f"{name}: {said}" for said in (*notes, *told))
+    said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
+    warnings = tuple(f"{name}: {warning}" for warning in said)
     return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, warnings)
 
 
-def _told(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
+def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
     """What a person should know of a recording."""
     for repair in forces.repairs:
-        if repair.what in _TOLD:
+        if repair.what in _WARNED_OF:
             frames = f" ({repair.frames} frames)" if repair.frames else ""
             yield f"{repair.where}: {repair.detail}{frames}"
     still = [name for name in motion.coordinates if name not in motion.estimated]
@@ -180,9 +184,9 @@ def _told(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
         yield f"{few(shaking)} tremble faster than joints do: markers hardly determine them, nor the residual"
 
 
-def verdict_of(trials: Mapping[str, TrialDynamics]) -> str:
-    """Whether these recordings can calibrate inertia, and whether the residuals keep the limits."""
-    return f"{_calibration(trials)} {_gates(trials)}"
+def verdict_of(trials: Mapping[str, TrialDynamics], weight: Weight) -> str:
+    """Whether the mass is right, inertia can be calibrated, and the residuals keep the limits."""
+    return " ".join([*weight.sentences, _calibration(trials), _gates(trials)])
 
 
 def _calibration(trials: Mapping[str, TrialDynamics]) -> str:

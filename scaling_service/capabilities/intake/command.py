@@ -11,8 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.shared.arguments import Out
-from scaling_service.capabilities.shared.flags import Only, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, with_flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.text import few

@@ -105,10 +105,10 @@ def axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEn
 
 def _axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
     roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
-    return decide(trial, roles=_once(roles), up=up, forward=forward)
+    return decide(trial, roles=_unambiguous(roles), up=up, forward=forward)
 
 
-def _once(roles: Mapping[str, str]) -> dict[str, str]:
+def _unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
     """Labels whose role no other label has: of two persons nobody knows whose it is."""
     every = list(roles.values())
     return {label: role for label, role in roles.items() if every.count(role) == 1}
@@ -157,14 +157,14 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     suffix = file.suffix.lower()
     if suffix in READERS:
         guess = InputFile(file.name, "recording", f"a recording, by its suffix {suffix}")
-        return _tried(guess, file, lambda: look_at(file, up, forward))
+        return _try_reading(guess, file, lambda: look_at(file, up, forward))
     reader = _READERS.get(suffix)
     if reader is None:
         return InputFile(file.name, "other", "of no kind that is used here")
     return reader(file)
 
 
-def _tried(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
+def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
         return replace(guess, content=read())
@@ -187,7 +187,7 @@ def _mesh(file: Path) -> InputFile:
         extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
         return "mm" if extent >= _LONGEST_M else "m"
 
-    return _tried(InputFile(file.name, "mesh", "a surface, by its suffix"), file, unit)
+    return _try_reading(InputFile(file.name, "mesh", "a surface, by its suffix"), file, unit)
 
 
 def _csv(file: Path) -> InputFile:
@@ -195,7 +195,7 @@ def _csv(file: Path) -> InputFile:
     if "marker" not in text or "segment" not in text:
         return InputFile(file.name, "other", "a table without the columns marker and segment")
     guess = InputFile(file.name, "image_markers", "it has the columns of image markers")
-    return _tried(guess, file, lambda: ", ".join(read_image_markers(file)))
+    return _try_reading(guess, file, lambda: ", ".join(read_image_markers(file)))
 
 
 def _xml(file: Path) -> InputFile:
@@ -236,7 +236,7 @@ def _document(file: Path) -> InputFile:
         return InputFile(file.name, "model", "a model of this program")
     if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
         return InputFile(file.name, "other", "a document without a subject")
-    return _tried(InputFile(file.name, "subject", "it describes a subject"), file, read)
+    return _try_reading(InputFile(file.name, "subject", "it describes a subject"), file, read)
 
 
 def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def propose_markers(
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]
     offers = {marker: list(_by_name(marker, labels, document, laboratory)) for marker in wanted}
-    taken = _assigned(offers)
+    taken = _assign(offers)
     if standing is not None:
         for marker, choice in _by_place(
             model, standing, taken, [m for m in wanted if m not in taken]
@@ -94,7 +94,7 @@ def _by_name(
             yield _Choice(label, CONFIDENCE[reason], reason or "the same name", "name")
 
 
-def _assigned(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
+def _assign(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
     """The surest offers first; no label is used twice. Of two equally sure ones, the first, less sure."""
     taken: dict[str, _Choice] = {}
     used: set[str] = set()
@@ -131,7 +131,7 @@ def _by_place(
     known = [m for m, choice in taken.items() if choice.label in seen]
     if len(known) < FEWEST_KNOWN:
         return {}
-    expected = _placed_like(
+    expected = _place_like(
         model_at, [*known, *missing], known, np.stack([seen[taken[m].label] for m in known])
     )
     pairs = sorted(
@@ -154,7 +154,7 @@ def _middle(trial: Trial, label: str) -> Array:
     return np.asarray(np.median(known, axis=0)) if len(known) else np.full(3, np.nan)
 
 
-def _placed_like(
+def _place_like(
     model_at: Mapping[str, Array], names: Sequence[str], known: Sequence[str], measured: Array
 ) -> dict[str, Array]:
     """Markers of the standing model, sized and placed so that the known ones lie as measured."""
@@ -256,7 +256,7 @@ def _extra_entry(
     label: str, known: str | None, carried: Mapping[str, Sequence[str]], trials: Mapping[str, Trial]
 ) -> ExtraMarker:
     spreads = {name: _spread_mm(label, others, trials) for name, others in carried.items()}
-    segment = known or said_of(label)
+    segment = known or guess_segment(label)
     if segment not in spreads and known is None:
         segment = _clear({name: s for name, s in spreads.items() if len(carried[name]) >= FEWEST})
     spread = float("inf") if segment is None else spreads.get(segment, float("inf"))
@@ -265,7 +265,7 @@ def _extra_entry(
     )
 
 
-def said_of(label: str) -> str | None:
+def guess_segment(label: str) -> str | None:
     """The segment that a label's words tell.
 
     Examples

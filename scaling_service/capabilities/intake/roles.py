@@ -9,7 +9,7 @@ from typing import Any
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
 from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
 from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, words
-from scaling_service.capabilities.intake.tables import WALKED_M, walked
+from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
 from scaling_service.core.text import few
 from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
 from scaling_service.model.forces import GroundForces
@@ -58,7 +58,7 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
         for file in held_out[1:] or held_out:
             roles[file] = ("trials.calibration", "there is no other movement to fit")
     elif not held_out and unnamed and len(moves) > 1:
-        walks = {item.file for item in recordings if walked(item.trial, item.axes) >= WALKED_M}
+        walks = {item.file for item in recordings if measure_walk(item.trial, item.axes) >= WALKED_M}
         chosen = next((file for file in unnamed if file in walks), unnamed[0])
         roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
     return roles
@@ -263,7 +263,7 @@ def propose_subject(
     return content
 
 
-def ordered(document: Mapping[str, Any]) -> dict[str, Any]:
+def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
     """A subject document with its parts in the order in which they are described."""
     return {key: document[key] for key in SubjectDocument.model_fields if key in document}
 

@@ -40,7 +40,7 @@ from scaling_service.capabilities.intake.markers import (
 from scaling_service.capabilities.intake.roles import (
     assign_roles,
     named_in,
-    ordered,
+    order_keys,
     propose_subject,
     sizes_proof,
     static_of,
@@ -144,7 +144,7 @@ def prove(
     markers, unused = propose_markers(model, trials, standing, known.get("markers") or {}, labels or {})
     proposed = propose_subject(known, found, look.roles, usual, _explicit(markers, known))
     if proposed is not None:
-        proposed = ordered(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
+        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compared(), *unknown_person(sizes)]
     reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.intake.files import RecordingFile
-from scaling_service.capabilities.intake.markers import said_of
+from scaling_service.capabilities.intake.markers import guess_segment
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
 from scaling_service.model.trial import Trial
@@ -106,7 +106,7 @@ def sort_by_segment(labels: Sequence[str]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for label in labels:
         meant = meaning(label)
-        segment = said_of(label) if meant is None else meant.segment
+        segment = guess_segment(label) if meant is None else meant.segment
         if segment is None or looks_computed(label):
             continue
         if meant is not None and meant.side and segment not in ("pelvis", "torso", "head"):

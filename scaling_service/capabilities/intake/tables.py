@@ -49,7 +49,7 @@ def recording_proof(
     given. Raises InputError: the unit of its positions cannot be told.
     """
     trial = apply(axes, item.trial)
-    turned, problems = _turned(ground, axes)
+    turned, problems = _turn(ground, axes)
     distance, direction = _walk(trial)
     plates: list[PlateEntry] = []
     force = pressure = None
@@ -81,7 +81,7 @@ def recording_proof(
     return entry, trial
 
 
-def _turned(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None, list[ProblemEntry]]:
+def _turn(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None, list[ProblemEntry]]:
     """Forces in our axes, or why they cannot be had."""
     if ground is None:
         return None, []
@@ -124,7 +124,7 @@ def _label(trial: Trial, column: int) -> LabelEntry:
     )
 
 
-def walked(trial: Trial, axes: Orientation) -> float:
+def measure_walk(trial: Trial, axes: Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
     return _walk(apply(axes, trial))[0]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out
+from scaling_service.capabilities.shared.flags import Out
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.capabilities.shared.screen import (
     console_of_results,

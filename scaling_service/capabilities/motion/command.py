@@ -10,8 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.shared.arguments import Out
-from scaling_service.capabilities.shared.flags import with_flags
+from scaling_service.capabilities.shared.flags import Out, with_flags
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
     list_files,

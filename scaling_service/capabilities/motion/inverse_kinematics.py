@@ -169,7 +169,7 @@ def solve_task(
         kept = _not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
-    close = natural.q if stride == 1 else _interpolated(task.model, times, rows, natural.q)
+    close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
     return _solve(task, slice(None), close, progress, _FINE)
 
 
@@ -236,7 +236,7 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
 
 
-def _interpolated(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
+def _interpolate(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
     """The coarse motion at all times, by cubic pieces through four neighbours; angles without jumps."""
     turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
     q = q.copy()

@@ -37,8 +37,8 @@ def first_guess(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     angles = _turns(tree, root, rotation[known])
     for coordinate, values in angles.items():
         q[known, coordinate] = values
-    q[known] = _translated(tree, root, q[known], position[known], p)
-    return _spread(q, known)
+    q[known] = _translate(tree, root, q[known], position[known], p)
+    return _fill_from_nearest(q, known)
 
 
 def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
@@ -85,7 +85,7 @@ def _turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
     return {c: (angles[:, k] - offsets[k]) / gains[k] for k, c in enumerate(coordinates)}
 
 
-def _translated(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
+def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
     """The root's translations set so that its origin lies at ``position``."""
     poses = forward(tree, np.ascontiguousarray(q.T), p)
     shifts = [
@@ -99,13 +99,8 @@ def _translated(tree: Tree, root: int, q: Array, position: Array, p: Array) -> A
     return q
 
 
-def _spread(q: Array, known: NDArray[np.bool_]) -> Array:
+def _fill_from_nearest(q: Array, known: NDArray[np.bool_]) -> Array:
     """Frames that could not be placed take the nearest one that could."""
     rows = np.flatnonzero(known)
-    nearest = (
-        rows[np.abs(np.arange(len(q))[:, None] - rows[None]).argmin(axis=1)]
-        if len(rows) < 2000
-        else (rows[np.clip(np.searchsorted(rows, np.arange(len(q))), 0, len(rows) - 1)])
-    )
-    spread: Array = np.where(known[:, None], q, q[nearest])
-    return spread
+    nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
+    return np.asarray(np.where(known[:, None], q, q[nearest]))

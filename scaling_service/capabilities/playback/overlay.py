@@ -136,7 +136,7 @@ def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Arra
     return placed
 
 
-def centred(scene: Scene) -> Scene:
+def follow_person(scene: Scene) -> Scene:
     """Seen from a point that goes along: the measured markers' centre stays above one place of the floor."""
     centre = _filled(
         np.array(

@@ -23,7 +23,7 @@ from scaling_service.capabilities.playback.document import (
     SegmentEntry,
 )
 from scaling_service.capabilities.playback.overlay import knee_axes
-from scaling_service.capabilities.playback.shapes import glb, surfaces
+from scaling_service.capabilities.playback.shapes import build_surfaces, to_glb
 from scaling_service.documents.arrays import ArrayEntry
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
@@ -110,10 +110,10 @@ def write_scene(
 
 def _body(body: Body, outputs: Path) -> BodyEntry:
     model, values = body.model, model_values(body.model)
-    found, shapes = surfaces(model, body.bones)
+    found, shapes = build_surfaces(model, body.bones)
     name = f"{FOLDER}/{_plain(body.name)}.glb"
     (outputs / name).parent.mkdir(parents=True, exist_ok=True)
-    (outputs / name).write_bytes(glb(found))
+    (outputs / name).write_bytes(to_glb(found))
     return BodyEntry(
         name=body.name,
         bones=name,

@@ -27,7 +27,7 @@ NEAR_AN_END = 0.25
 Shape = Literal["image", "simple", "none"]
 
 
-def surfaces(
+def build_surfaces(
     model: BodyModel, bones: Mapping[str, Bone]
 ) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
     """A surface of every segment that has a size, in the segment's frame.
@@ -47,7 +47,7 @@ def surfaces(
     return found, shapes
 
 
-def glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
+def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
     """Surfaces as binary glTF, each a node of its segment's name that stands where its frame stands."""
     scene = trimesh.Scene()
     for name, mesh in meshes.items():
@@ -65,7 +65,7 @@ def _smooth(bone: Bone) -> trimesh.Trimesh:
 def _points(model: BodyModel, segment: str) -> Array:
     """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
     joints = np.stack([np.zeros(3), *_joints(model, segment)])
-    ends = long_ends(joints)
+    ends = find_ends(joints)
     if ends is not None:
         return ends
     values = model_values(model)
@@ -73,7 +73,7 @@ def _points(model: BodyModel, segment: str) -> Array:
     return np.stack([*joints, *markers])
 
 
-def long_ends(joints: Array) -> Array | None:
+def find_ends(joints: Array) -> Array | None:
     """Both ends of a segment whose joints all lie near one of two, such as a thigh with its kneecap's.
 
     ``joints``: (n, 3), m.
@@ -111,7 +111,7 @@ def simple_shape(points: Array) -> trimesh.Trimesh | None:
     return hull
 
 
-def local_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str, Bone]:
+def place_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str, Bone]:
     """Each imaged bone in its segment's frame, m; bones without a pose in the image are left out."""
     return {
         name: Bone(pose.to_local(bones[name].vertices), bones[name].faces)

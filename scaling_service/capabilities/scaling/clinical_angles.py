@@ -55,7 +55,7 @@ def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
         if name[:-2] in _CENTRES
     }
     for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
-        found = next((m for m in model.markers if _means(m.name, name)), None)
+        found = next((m for m in model.markers if _is_landmark(m.name, name)), None)
         if found is not None:
             places[name] = place(found.segment, marker_position(found, values))
     for letter in "RL":
@@ -69,7 +69,7 @@ def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     }
 
 
-def moved_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
+def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
     """Landmark to its trajectory in a motion of the model, (n_frames, 3), m.
 
     NaN where it hangs on a coordinate that the recording, or this frame of it, does not determine.
@@ -89,7 +89,7 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
     One that lies off the line through both front spines does. A motion that follows no marker of the pelvis
     at all (as of a virtual person) is taken as known.
     """
-    front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _means(m.name, name)}
+    front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _is_landmark(m.name, name)}
     if len(front) < 2:
         return True
     values, pelvis = model_values(model), front["RASIS"].segment
@@ -104,7 +104,7 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
     return not off or max(off) > _BEHIND_M
 
 
-def _means(label: str, landmark: str) -> bool:
+def _is_landmark(label: str, landmark: str) -> bool:
     if canonical(label) == landmark:
         return True
     plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
@@ -218,12 +218,12 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     >>> round(float(angles.values["r"]["knee_flexion"][0]), 6) + 0.0, angles.left_out
     (0.0, ('ankle and foot: the model has no heel and toe',))
     """
-    points = moved_landmarks(model, motion, clinical_landmarks(model))
+    points = track_landmarks(model, motion, clinical_landmarks(model))
     sides = {side: conventional_angles(points, side) for side in SIDES}
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     heading = _heading(pelvis[np.isfinite(pelvis).all(axis=1)])
-    free = {side: _without_locked(angles) for side, angles in sides.items()}
+    free = {side: _drop_locked(angles) for side, angles in sides.items()}
     values = {side: _against(angles, side, heading) for side, angles in free.items()}
     left_out = tuple(_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
@@ -291,7 +291,7 @@ def _heading(way: Array, otherwise: float = 0.0) -> float:
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
 
 
-def _without_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
+def _drop_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
     """Without turns that the model's knee cannot make: they say nothing of the person."""
     bends = "knee_flexion" in angles and _range(angles["knee_flexion"]) > 100.0 * _LOCKED
     locked = [name for name in KNEE[1:] if bends and _range(angles[name]) < _LOCKED]

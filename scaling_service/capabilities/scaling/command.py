@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.arguments import Out, Report, SubjectFile
-from scaling_service.capabilities.shared.flags import names, with_flags
+from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
-    introduce,
     list_files,
+    print_subject,
     print_tables,
     running,
     say,
@@ -93,7 +92,7 @@ def show(document: ComparisonDocument, out: Path) -> None:
     from scaling_service.capabilities.scaling.report.tables import comparison_tables
 
     console = console_of_results()
-    introduce(console, document)
+    print_subject(console, document)
     print_tables(console, comparison_tables(document))
     say(console, "Note", "yellow", document.all_warnings)
     if document.verdict is not None and (out / "comparison.json").is_file():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
-from scaling_service.capabilities.scaling.comparison.geometry import Geometry, doubts, geometry
+from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry, list_doubts
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
@@ -111,7 +111,7 @@ def run(
     clock = time.perf_counter() if started is None else started
     check_methods(methods or ())
     session = loaded.session
-    chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _possible(session)
+    chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
     report = progress or silent
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
@@ -123,9 +123,9 @@ def run(
             part = part_of(report, _LOADING + share * k, share)
             part(f"{method}: fitting", 0.0)
             found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
-            scalings[method] = _evaluated(with_mass(found, session), session, part)
+            scalings[method] = _evaluate(with_mass(found, session), session, part)
     report("done", 1.0)
-    doubtful = doubts(
+    doubtful = list_doubts(
         {method: scaling.errors for method, scaling in scalings.items()},
         {method: scaling.geometry.lengths for method, scaling in scalings.items()},
         session.subject.height_m,
@@ -146,7 +146,7 @@ def check_methods(methods: Sequence[str]) -> None:
         check_method(method)
 
 
-def _possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a word on those that trials are missing for."""
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
@@ -165,7 +165,7 @@ def _steps(part: Progress, method: str) -> Callable[[int, float], None]:
     return step
 
 
-def _evaluated(calibration: Calibration, session: Session, part: Progress) -> Scaling:
+def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Scaling:
     clock = time.perf_counter()
     motions: dict[str, Motion] = {}
     trials = session.dynamic

@@ -20,14 +20,14 @@ from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.playback.shapes import local_bones
+from scaling_service.capabilities.playback.shapes import place_bones
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
     clinical_document,
     clinical_of,
     write_clinical,
 )
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, evidence_of, following
+from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.run import Results, Scaling
@@ -142,7 +142,7 @@ def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
 
 def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
     """Write a method's bones beside its model; returns their files' names, none where there are no bones."""
-    local = local_bones(calibration, bones)
+    local = place_bones(calibration, bones)
     if not local:
         return []
     (folder / BONES).mkdir()
@@ -194,8 +194,8 @@ def method_document(
 ) -> MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
-    fitted = following(scaling.errors, [trial.name for trial in results.session.calibration])
-    held_out = following(scaling.errors, results.held_out)
+    fitted = average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
+    held_out = average_errors(scaling.errors, results.held_out)
     return MethodResult(
         method=calibration.method,
         kinematic_error_mm={

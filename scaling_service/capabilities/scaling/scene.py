@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.playback.document import CycleScene, GaitScene, SceneDocument, TestEntry
-from scaling_service.capabilities.playback.overlay import centred, draw_body, place_points
+from scaling_service.capabilities.playback.overlay import draw_body, follow_person, place_points
 from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
-from scaling_service.capabilities.playback.shapes import MOST_FACES, local_bones
+from scaling_service.capabilities.playback.shapes import MOST_FACES, place_bones
 from scaling_service.capabilities.scaling.comparison.curves import describe_test, gait_curves
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.core.errors import InputError
@@ -20,7 +20,7 @@ from scaling_service.model.results import Array
 from scaling_service.model.trial import ImagePose, Trial
 from scaling_service.recording.plates import ground_forces, orient_forces
 from scaling_service.report.methods import styles
-from scaling_service.report.scene import Scene, coarsened
+from scaling_service.report.scene import Scene, coarsen
 
 MOST_FRAMES = 60
 """Chosen: a second of walking at 60 per second, or a minute of slow movement at one per second."""
@@ -52,7 +52,7 @@ def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
             )
         )
     imaged = dict.fromkeys(segment for body in bodies for segment in body.bones)
-    return centred(
+    return follow_person(
         Scene(
             f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
             f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
@@ -60,7 +60,7 @@ def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
             labels,
             measured,
             bodies,
-            {segment: coarsened(images[segment]) for segment in imaged if segment in images},
+            {segment: coarsen(images[segment]) for segment in imaged if segment in images},
         )
     )
 
@@ -79,9 +79,9 @@ def scene_of_results(results: Results, outputs: Path) -> SceneDocument:
     """Write the models of all methods in all recordings into the folder of a job's files."""
     session = results.session
     images = {} if session.images is None else session.images.bones
-    coarse = {segment: coarsened(bone, MOST_FACES) for segment, bone in images.items()}
+    coarse = {segment: coarsen(bone, MOST_FACES) for segment, bone in images.items()}
     bodies = [
-        Body(name, scaling.calibration.model, local_bones(scaling.calibration, coarse))
+        Body(name, scaling.calibration.model, place_bones(scaling.calibration, coarse))
         for name, scaling in results.scalings.items()
     ]
     recorded = [

@@ -1,4 +1,4 @@
-"""Commands from options: a parameter that is an options model becomes a flag for each flagged field."""
+"""Commands from options: an options model becomes flags, and the arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
 import annotated_types
@@ -15,6 +16,41 @@ from pydantic.fields import FieldInfo
 
 from scaling_service.core.errors import InputError
 from scaling_service.core.options import LARGEST, Flag, Options
+
+# Whether a path can be read is asked where it is read, with file and remedy in the answer.
+SubjectFile = Annotated[
+    Path,
+    typer.Argument(metavar="SUBJECT", help="Subject file, YAML or JSON.", show_default=False, readable=False),
+]
+
+
+def folder(option: str) -> Callable[[str], Path]:
+    """The parser of an option that names a folder; an empty text, as of an unset shell variable, is none."""
+
+    def parse(text: str) -> Path:
+        if not text.strip():
+            raise InputError("no folder is given", field=option, remedy="Name a folder")
+        return Path(text)
+
+    return parse
+
+
+Out = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="DIR",
+        help="Folder for the results.",
+        show_default=False,
+        parser=folder("--out"),
+    ),
+]
+Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Subjects at a time; unless given, one per processor core."),
+]
 
 
 @dataclass(frozen=True, slots=True)

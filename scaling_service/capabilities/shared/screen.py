@@ -94,7 +94,7 @@ def list_files(console: Console, out: Path, lines: Iterable[str]) -> None:
         console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
 
 
-def introduce(console: Console, document: Provenance, how: str = "") -> None:
+def print_subject(console: Console, document: Provenance, how: str = "") -> None:
     """Whose result it is and how it came about, then how the files were read."""
     after = f": {escape(how)}" if how else ""
     console.print(f"Subject [bold]{escape(document.subject)}[/bold]{after}", highlight=False)

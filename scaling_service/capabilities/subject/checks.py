@@ -185,26 +185,28 @@ def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Tr
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.
     """
-    shown = {trial.name: _shown(trial) for trial in trials}
+    shown = {trial.name: _seen_labels(trial) for trial in trials}
     if subject.calibration and not subject.evaluation:
         yield (
             "there is no evaluation trial: nothing says how well the models follow recordings that were "
             "not used to fit"
         )
-    yield from _unseen(model, subject, set().union(*shown.values()), trials)
+    yield from _describe_unseen(model, subject, set().union(*shown.values()), trials)
     for trial in trials:
-        yield from _repaired(trial)
+        yield from _describe_repairs(trial)
         yield from find_exchanged_sides(
             trial, {label: role for label in trial.labels if (role := canonical(label))}
         )
 
 
-def _shown(trial: Trial) -> set[str]:
+def _seen_labels(trial: Trial) -> set[str]:
     """The labels that are seen in some frame."""
     return {trial.labels[k] for k in np.flatnonzero(ever(seen(trial.markers)))}
 
 
-def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequence[Trial]) -> Iterator[str]:
+def _describe_unseen(
+    model: BodyModel, subject: Subject, shown: set[str], trials: Sequence[Trial]
+) -> Iterator[str]:
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
     landmarks = {canonical(name) for name in shown}
@@ -225,7 +227,7 @@ def _unseen(model: BodyModel, subject: Subject, shown: set[str], trials: Sequenc
         if label not in shown:
             yield f"extra marker '{label}' is in no recording: it is left out"
     for trial in trials:
-        here = _shown(trial)
+        here = _seen_labels(trial)
         empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
         if empty:
             yield f"{trial.name}: {few(empty)} labelled, but never seen"
@@ -236,7 +238,7 @@ def _stand_in(name: str, landmarks: Container[str | None]) -> str | None:
     return next((other for other in others if other in landmarks), None)
 
 
-def _repaired(trial: Trial) -> Iterator[str]:
+def _describe_repairs(trial: Trial) -> Iterator[str]:
     for repair in trial.repairs:
         if repair.what in _TOLD:
             count = f"{repair.frames} frame{'s' if repair.frames != 1 else ''}"

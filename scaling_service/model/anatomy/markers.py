@@ -64,7 +64,6 @@ class LabelMap:
     """Which label of the recordings was taken for which marker of the model."""
 
     mapped: Mapping[str, str]  # model marker to label, in the order asked for
-    unmatched_model: tuple[str, ...]  # markers for which no label was found
     unused_labels: tuple[str, ...]  # labels that no marker took
     notes: tuple[str, ...]  # what was decided and why, one plain sentence each, for a person
 
@@ -216,7 +215,6 @@ def match_labels(
     ]
     return LabelMap(
         {name: mapped[name] for name in wanted if name in mapped},
-        tuple(name for name in wanted if name not in mapped),
         tuple(label for label in present if label not in mapped.values()),
         tuple(notes),
     )

@@ -72,8 +72,6 @@ class RotationCentre:
     # independent: the least that it can be. Skin moves with the movement, and noise in the poses draws the
     # centre towards the markers where the range of motion is small.
     sd: Array
-    # (...): smallest singular value: zero where a whole line of points would do, as for a hinge
-    weakest: Array
     frames: NDArray[np.intp]  # (...): how many were used
 
 
@@ -119,9 +117,7 @@ def rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
     solution = _least_squares(stack, stack.values > _RANK)
     first, second = solution[..., :3], solution[..., 3:]
     gaps = proximal.place(first) - distal.place(second)
-    return RotationCentre(
-        first, second, _rms(gaps, stack), _deviation(stack, gaps), stack.values[..., -1], stack.frames
-    )
+    return RotationCentre(first, second, _rms(gaps, stack), _deviation(stack, gaps), stack.frames)
 
 
 def rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing, absent, checked
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, absent, checked
 
 LIMITS = 0.95
 """The share of differences between the limits of agreement (Bland & Altman 1986; z = 1.96)."""
@@ -97,6 +96,12 @@ def agreement(
         quantity=quantity,
         dimensions=2,
     )
+    if len(pairs) < 3:
+        raise ComparisonImpossible(
+            f"agreement needs at least three subjects, and there are {len(pairs)}",
+            field=quantity,
+            remedy="Add subjects",
+        )
     absolute, consistent = intraclass_correlations(pairs, confidence=confidence)
     return Agreement(
         quantity=quantity,
@@ -110,27 +115,19 @@ def agreement(
     )
 
 
-def bland_altman(values: ArrayLike, reference: ArrayLike, *, confidence: float = 0.95) -> BlandAltman:
+def bland_altman(values: Array, reference: Array, *, confidence: float = 0.95) -> BlandAltman:
     """Bias and limits of agreement of paired values.
 
-    ``values``, ``reference``: (n_subjects,).
+    ``values``, ``reference``: (n_subjects,), three or more, finite.
     ``confidence``: of the intervals.
-    Raises ValueMissing: a value that is not finite.
-    Raises ComparisonImpossible: fewer than three pairs, or shapes that differ.
 
     Bland & Altman 1986 (Lancet 327:307-310) with the standard error of a limit from Bland & Altman 1999 (Stat
     Methods Med Res 8:135-160, section 2.1), s² (1/n + z² / (2 (n - 1))), of which the earlier paper's 3 s²/n
     is the rounded form.
     """
-    ours, theirs = _finite(values), _finite(reference)
-    if ours.ndim != 1 or ours.shape != theirs.shape:
-        raise ComparisonImpossible(
-            f"values of shape {ours.shape} and references of {theirs.shape} are no pairs"
-        )
-    n = _enough(len(ours), "pairs")
-    differences, means = ours - theirs, (ours + theirs) / 2
+    n, differences, means = len(values), values - reference, (values + reference) / 2
     bias, sd = float(differences.mean()), float(differences.std(ddof=1))
-    quantile = float(scipy.stats.t.ppf(_upper(confidence), n - 1))
+    quantile = float(scipy.stats.t.ppf((1 + confidence) / 2, n - 1))
     z = float(scipy.stats.norm.ppf((1 + LIMITS) / 2))
     wide = quantile * sd * float(np.sqrt(1 / n + z**2 / (2 * (n - 1))))
     lower, upper = bias - z * sd, bias + z * sd
@@ -144,23 +141,18 @@ def bland_altman(values: ArrayLike, reference: ArrayLike, *, confidence: float =
     )
 
 
-def intraclass_correlations(table: ArrayLike, *, confidence: float = 0.95) -> tuple[Estimate, Estimate]:
+def intraclass_correlations(table: Array, *, confidence: float = 0.95) -> tuple[Estimate, Estimate]:
     """ICC(2,1), of absolute agreement, and ICC(3,1), of consistency.
 
-    ``table``: (n_subjects, n_methods).
+    ``table``: (n_subjects, n_methods), three or more subjects, finite.
     Returns ``absolute``, ``consistent``: of single measurements; NaN where all values are one.
-    Raises ValueMissing: a value that is not finite.
-    Raises ComparisonImpossible: fewer than three subjects or two methods.
 
     Shrout & Fleiss 1979 (Psychol Bull 86:420-428); intervals from McGraw & Wong 1996 (Psychol Methods
     1:30-46, table 7, ICC(A,1) and ICC(C,1)), that of ICC(2,1) with Satterthwaite's degrees of freedom.
     """
-    scores = _finite(table)
-    if scores.ndim != 2 or scores.shape[1] < 2:
-        raise ComparisonImpossible(f"a table of shape {scores.shape} does not compare methods")
-    n, k = _enough(scores.shape[0], "subjects"), scores.shape[1]
-    rows, columns, error = _mean_squares(scores)
-    upper = _upper(confidence)
+    n, k = table.shape
+    rows, columns, error = _mean_squares(table)
+    upper = (1 + confidence) / 2
     if error <= 0.0:
         return _without_error(rows, columns, n, k)
     ratio = rows / error
@@ -222,34 +214,8 @@ def _slope(means: Array, differences: Array, confidence: float) -> Estimate:
     value = float(centred @ differences) / size
     left = differences - differences.mean() - value * centred
     error = float(np.sqrt(left @ left / (n - 2) / size))
-    return _about(value, float(scipy.stats.t.ppf(_upper(confidence), n - 2)) * error)
+    return _about(value, float(scipy.stats.t.ppf((1 + confidence) / 2, n - 2)) * error)
 
 
 def _about(value: float, half_width: float) -> Estimate:
     return Estimate(value, value - half_width, value + half_width)
-
-
-def _upper(confidence: float) -> float:
-    if not 0.0 < confidence < 1.0:
-        raise ComparisonImpossible(
-            f"a confidence of {confidence:g} is not between 0 and 1", field="confidence"
-        )
-    return (1 + confidence) / 2
-
-
-def _enough(n: int, what: str) -> int:
-    if n < 3:
-        raise ComparisonImpossible(
-            f"agreement needs at least three {what}, and there are {n}", remedy="Add subjects"
-        )
-    return n
-
-
-def _finite(values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if not np.isfinite(array).all():
-        row = int(np.argwhere(~np.isfinite(array))[0, 0])
-        raise ValueMissing(
-            f"row {row} holds no finite value", remedy="Compute it, or leave its subject out on both sides"
-        )
-    return array

@@ -1,8 +1,7 @@
 """Rearrangements under which a null hypothesis leaves curves alike, and the statistic of each.
 
-Within a subject the labels of the conditions may be exchanged, which holds where conditions scatter
-alike, or the signs of all deviations from the subject's mean, which holds where they scatter evenly to
-both sides; for a paired test these are the same. All rearrangements are taken where they are few, else
+Within a subject the labels of the conditions are exchanged, which holds where conditions scatter alike; for
+a paired test these are the signs of the differences. All rearrangements are taken where they are few, else
 a random sample with the observed one among it, which keeps the test valid (Phipson & Smyth 2010, Stat
 Appl Genet Mol Biol 9:39). Statistics are computed for a batch of rearrangements at once.
 
@@ -118,10 +117,7 @@ class RepeatedMeasuresF:
         return self._k - 1, (self._n - 1) * (self._k - 1)
 
     def __call__(self, items: NDArray[np.int8]) -> Array:
-        """F, shape (n, n_nodes), for orders (n, n_subjects, n_conditions) or signs (n, n_subjects).
-
-        A sign turns all of a subject's deviations from the subject's own mean.
-        """
+        """F, shape (n, n_nodes), for orders (n, n_subjects, n_conditions)."""
         found = np.empty((len(items), self._nodes))
         size = self._k * max(self._n * self._k, self._nodes)
         for part in _batches(len(items), size):
@@ -137,12 +133,8 @@ class RepeatedMeasuresF:
     def _choices(self, items: NDArray[np.int8]) -> Array:
         """What each condition's sum takes of the rows, shape (n, n_conditions, n_rows)."""
         choice = np.zeros((len(items), self._k, self._n * self._k))
-        if items.ndim == 3:
-            taken = items + self._k * np.arange(self._n)[:, None]
-            np.put_along_axis(choice, taken.transpose(0, 2, 1), 1.0, axis=2)
-        else:
-            for condition in range(self._k):
-                choice[:, condition, condition :: self._k] = items
+        taken = items + self._k * np.arange(self._n)[:, None]
+        np.put_along_axis(choice, taken.transpose(0, 2, 1), 1.0, axis=2)
         return choice
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 
@@ -29,17 +28,17 @@ from scaling_service.numerics.statistics.permutation_tests import (
 
 @dataclass(frozen=True, slots=True)
 class WaveformSettings:
-    """How curves are compared."""
+    """How curves are compared.
+
+    The analysis of variance exchanges labels within subjects, which supposes, like the parametric test, that
+    methods scatter alike; where one scatters three times as much as four others it finds a difference of
+    means that is not there in 25 % of cohorts (the parametric test: 23 %). The paired tests exchange signs.
+    """
 
     alpha: float = 0.05  # Chance of any false finding along a curve; shared by the pairs
     # All are taken where they are no more than this, else so many are drawn. Chosen: with 10,000 the level
     # reached has a standard error of 0.2 % at 5 %.
     rearrangements: int = 10_000
-    # What the analysis of variance exchanges within subjects. ``labels`` supposes, like the parametric test,
-    # that methods scatter alike; where one scatters three times as much as four others it finds a difference
-    # of means that is not there in 25 % of cohorts (the parametric test: 23 %). ``signs`` holds there too,
-    # but offers few rearrangements: 2^(n - 1). The paired tests always exchange signs.
-    exchange: Literal["labels", "signs"] = "labels"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha < 1.0:
@@ -138,13 +137,9 @@ def repeated_measures_anova(
     ``values`` (n_subjects, n_conditions, n_nodes): complete: use ``Curves`` to make sure.
     """
     chosen = settings or WaveformSettings()
-    _refuse_gaps(values)
     statistic = RepeatedMeasuresF(values)
     n, k = values.shape[:2]
-    if chosen.exchange == "labels":
-        rearranged = orders(n, k, chosen.rearrangements, rng)
-    else:
-        rearranged = signs(n, chosen.rearrangements, rng)
+    rearranged = orders(n, k, chosen.rearrangements, rng)
     return curve_test("F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha)
 
 
@@ -162,8 +157,6 @@ def paired_t_test(
     ``n_tests``: alpha is divided by it (Bonferroni).
     """
     chosen = settings or WaveformSettings()
-    _refuse_gaps(first)
-    _refuse_gaps(second)
     scale = float(max(np.abs(first).max(), np.abs(second).max()))
     statistic = PairedT(first - second, scale)
     rearranged = signs(len(first), chosen.rearrangements, rng)
@@ -198,8 +191,3 @@ def _pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
             remedy="Name one of them",
         )
     return [(method, reference) for method in curves.methods if method != reference]
-
-
-def _refuse_gaps(values: Array) -> None:
-    if not np.isfinite(values).all():
-        raise ComparisonImpossible("a curve has a missing node", remedy="Fill it, or leave its subject out")

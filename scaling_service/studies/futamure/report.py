@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
-from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, chart, grouped_bars
 from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import study_page
@@ -89,20 +89,14 @@ def _wrench_blocks(persons: Sequence[SquatterEntry]) -> list[Block]:
 
 
 def _bars(persons: Sequence[SquatterEntry], k: int) -> Figure:
-    traces = [
-        go.Bar(
-            x=[plain(p.name) for p in persons],
-            y=[getattr(p.fitted, way).wrench_rmse[k] for p in persons],
-            name=way,
-            marker={"color": colour},
-        )
+    series = [
+        (way, colour, [getattr(p.fitted, way).wrench_rmse[k] for p in persons])
         for way, colour in _COLOURS.items()
     ]
     return Figure(
-        chart(traces, y_title=_WRENCH[k], barmode="group"),
+        grouped_bars([p.name for p in persons], series, y_title=_WRENCH[k]),
         f"RMS error of {_WRENCH[k]}",
         f"RMS error of {_WRENCH[k]} of every person in three ways.",
-        260,
     )
 
 

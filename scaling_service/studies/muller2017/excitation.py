@@ -30,7 +30,7 @@ from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
-from scaling_service.virtual.artefact import draw_shared, gliding, shifted
+from scaling_service.virtual.artefact import draw_shared, glide_marker, shift_marker
 from scaling_service.virtual.motion import wander
 from scaling_service.virtual.sequence import sequence
 
@@ -156,7 +156,7 @@ def _calibrated(seed: int, truth: BodyModel, height: float, mass: float, size: f
         own = float(1.0 + LENGTH_LEFT * size * rng.normal())
         factors[name] = (own, own, own)
     model = scaled(truth, factors)
-    markers = tuple(shifted(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
+    markers = tuple(shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
     return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
 
@@ -245,7 +245,7 @@ def _gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker
     for coordinate in _joints_about(model, marker.segment):
         drawn = draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
         per_rad[coordinate] = vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
-    return gliding(marker, per_rad)
+    return glide_marker(marker, per_rad)
 
 
 def _joints_about(model: BodyModel, segment: str) -> list[str]:

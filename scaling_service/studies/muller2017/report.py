@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
-from scaling_service.report.figures import Figure, chart
+from scaling_service.report.figures import Figure, chart, grouped_bars
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import study_page
@@ -117,18 +117,14 @@ def _boxes(persons: Sequence[PersonEntry]) -> Figure:
 def _beside(person: PersonEntry) -> Figure:
     """Figure 10: residuals beside their uncertainty, and what the truth adds; a scale of powers of ten."""
     values = (person.dr, person.total, person.markers_sd, person.true_measurement_error)
-    rows = [(name, row, colour) for (name, colour, _), row in zip(_BARS, values, strict=True)]
-    traces = [
-        go.Bar(x=list(COMPONENTS), y=list(values), name=name, marker={"color": colour})
-        for name, values, colour in rows
-    ]
-    figure = chart(
-        traces,
+    series = [(name, colour, row) for (name, colour, _), row in zip(_BARS, values, strict=True)]
+    figure = grouped_bars(
+        COMPONENTS,
+        series,
         y_title="share of weight",
-        barmode="group",
         yaxis={"type": "log", "dtick": 1, "gridcolor": "#e4e7eb", "fixedrange": True, "automargin": True},
     )
-    said = "; ".join(f"{name}: {', '.join(f'{v:.4f}' for v in values)}" for name, values, _ in rows)
+    said = "; ".join(f"{name}: {', '.join(f'{v:.4f}' for v in values)}" for name, _, values in series)
     return Figure(figure, f"Figure 10, {person.name}", f"{said}.", 260)
 
 

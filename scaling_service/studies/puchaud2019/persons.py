@@ -15,7 +15,7 @@ from typing import Literal
 
 from scaling_service.capabilities.cohort.outcomes import Done
 from scaling_service.capabilities.cohort.summary import Truth, summarise
-from scaling_service.capabilities.scaling.methods.placement import moved, with_centre
+from scaling_service.capabilities.scaling.methods.placement import move_markers, with_centre
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
@@ -108,7 +108,7 @@ def custom_legs(mean: BodyModel) -> BodyModel:
         for name, place in _MARKERS.items()
         for letter, side in (("R", 1.0), ("L", -1.0))
     }
-    model = moved(mean, local)
+    model = move_markers(mean, local)
     for segment, place in _CENTRES.items():
         for letter, side in (("r", 1.0), ("l", -1.0)):
             model = with_centre(model, f"{segment}_{letter}", _sided(place, k, side))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import plotly.graph_objects as go
-
 from scaling_service.capabilities.cohort.report import angle_blocks, quantity_words, statistics_sections
 from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Cell, Grid, Row, Table
-from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, grouped_bars
 from scaling_service.report.methods import FAINT, method_columns, styles
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import study_page
@@ -92,24 +90,15 @@ def _bars(caption: str, cells: Sequence[Beside]) -> Figure:
     known = styles(list(dict.fromkeys(cell.method for cell in cells)))
     many = len({cell.quantity for cell in cells}) > 1
     names = [f"{quantity_words(c.quantity)} {c.method}" if many else c.method for c in cells]
-    labels = [plain(name) for name in names]
-    traces = [
-        go.Bar(
-            x=labels,
-            y=[cell.paper_mean for cell in cells],
-            error_y={"type": "data", "array": [cell.paper_sd for cell in cells], "thickness": 1},
-            marker={"color": FAINT},
-            name="paper",
-        ),
-        go.Bar(
-            x=labels,
-            y=[cell.mean for cell in cells],
-            error_y={"type": "data", "array": [cell.sd for cell in cells], "thickness": 1},
-            marker={"color": [known[cell.method].colour for cell in cells]},
-            name="here",
-        ),
-    ]
-    figure = chart(traces, y_title="mm", barmode="group")
+    figure = grouped_bars(
+        names,
+        [
+            ("paper", FAINT, [cell.paper_mean for cell in cells]),
+            ("here", [known[cell.method].colour for cell in cells], [cell.mean for cell in cells]),
+        ],
+        [[cell.paper_sd for cell in cells], [cell.sd for cell in cells]],
+        y_title="mm",
+    )
     described = "; ".join(
         f"{name}: paper {_paper(cell)}, here {cell.mean:.1f} ± {cell.sd:.1f}"
         for name, cell in zip(names, cells, strict=True)

@@ -19,17 +19,17 @@ from numpy.typing import ArrayLike
 from scaling_service.core.streams import stream
 from scaling_service.virtual.bones.shapes import (
     Array,
-    Grown,
-    HalfSpace,
     Part,
-    Plate,
-    Shaft,
     Shape,
-    Solid,
     at_mm,
     ball,
     chain,
+    grown,
+    half_space,
+    plate,
     rod,
+    shaft,
+    solid,
 )
 from scaling_service.virtual.subject import Sex
 
@@ -168,7 +168,7 @@ def femur(shape: LegShape, length: float, axis: Array) -> Femur:
         *_hollows(knee, w),
         Part(ball(np.zeros(3), shape.head_radius), 3e-3),
     ]
-    return Femur(Solid(tuple(parts)), (medial, lateral), tips)
+    return Femur(solid(parts), (medial, lateral), tips)
 
 
 def _to_side(shape: LegShape) -> Array:
@@ -186,7 +186,7 @@ def _neck_base(shape: LegShape) -> Array:
     )
 
 
-def _femoral_shaft(shape: LegShape, length: float, w: float) -> Shaft:
+def _femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
     """From the neck's base into the condyles, bowed forward, flaring at both ends."""
     top = np.add(_neck_base(shape), [0.0, 8e-3, 0.0])
     bottom = _beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
@@ -196,8 +196,14 @@ def _femoral_shaft(shape: LegShape, length: float, w: float) -> Shaft:
     r, mm = shape.shaft_radius, 1e-3 * w
     half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
     half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
-    return Shaft(
-        line[:, 1], line[:, 0], line[:, 2], np.array(half_x), np.array(half_z), ridge=-0.03, rounding=10e-3
+    return shaft(
+        heights=line[:, 1],
+        x=line[:, 0],
+        z=line[:, 2],
+        half_x=np.array(half_x),
+        half_z=np.array(half_z),
+        ridge=-0.03,
+        rounding=10e-3,
     )
 
 
@@ -206,13 +212,13 @@ def _upper_end(shape: LegShape, w: float) -> list[Part]:
     base, r = _neck_base(shape), shape.head_radius
     corners = [_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
     return [
-        Part(Plate(np.array(corners), 11.5e-3 * w), 9e-3),
+        Part(plate(np.array(corners), 11.5e-3 * w), 9e-3),
         Part(ball(_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
         Part(rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
     ]
 
 
-def _condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Solid:
+def _condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shape:
     """Both condyles with the trochlea, their sides cut square to the axis.
 
     Behind and below, each is a sphere about its centre on the axis; in front it grows into the trochlea.
@@ -228,8 +234,8 @@ def _condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Solid:
     above = [_beside(knee, at, w) for at in ((12, 20, -14), (12, 20, 14))]
     parts.append(Part(rod(above[0], above[1], 20e-3 * w), 6e-3))
     wall = 0.5 * shape.epicondylar_breadth - _WALL_M
-    parts += [Part(HalfSpace(knee + s * wall * axis, s * axis), 5e-3, "trim") for s in (-1.0, 1.0)]
-    return Solid(tuple(parts))
+    parts += [Part(half_space(knee + s * wall * axis, s * axis), 5e-3, "trim") for s in (-1.0, 1.0)]
+    return solid(parts)
 
 
 def _epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> Part:
@@ -305,17 +311,17 @@ def tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places:
             Part(ball(centre, radius + JOINT_SPACE_M), 2e-3, "cut")
             for centre, radius in zip(condyles, shape.condyle_radii, strict=True)
         ),
-        Part(Grown(fibula, _APART_M), 2e-3, "cut"),
+        Part(grown(fibula, _APART_M), 2e-3, "cut"),
     ]
     landmarks = {
         "MM": medial - [0.0, end, 0.0],
         "LM": lateral - [0.0, end, 0.0],
         "FH": np.add(upper, [0.0, head, 0.0]),
     }
-    return Tibia(Solid(tuple(bone)), fibula, landmarks)
+    return Tibia(solid(bone), fibula, landmarks)
 
 
-def _column(shape: LegShape, length: float, w: float) -> Shaft:
+def _column(shape: LegShape, length: float, w: float) -> Shape:
     """From the plateau, three-sided in the shaft, to the ankle."""
     top = max(shape.condyle_radii) + JOINT_SPACE_M - 2e-3 * w  # the condyles' dishes are cut 2 mm deep
     upper = np.array([0.0, 10.0, 26.0, 45.0, 75.0]) * 1e-3 * w
@@ -324,7 +330,7 @@ def _column(shape: LegShape, length: float, w: float) -> Shaft:
     middle = low + np.array([0.4, 0.62]) * (high - low)
     r, mm = 0.82 * shape.shaft_radius, 1e-3 * w
     unit = np.repeat([mm, r, mm], [3, 4, 5])  # the ends follow the knee's size, the shaft its own radius
-    return Shaft(
+    return shaft(
         heights=np.concatenate([low + lower, middle, (high - upper)[::-1]]),
         x=mm * np.array([0.0, 0.0, 0.0, 0.0, 1.0, 4.0, 6.0, 6.0, 3.0, 0.0, 0.0, 0.0]),
         z=mm * np.array([-3.0, -3.0, -2.0, -1.0, 0.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
@@ -335,7 +341,7 @@ def _column(shape: LegShape, length: float, w: float) -> Shaft:
     )
 
 
-def _fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Solid:
+def _fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Shape:
     """Head, a thin shaft, and the lateral malleolus."""
     under, above = upper + at_mm((2, -32, -1), w), lateral + at_mm((1, 45, -3), w)
     middle = 0.5 * (under + above) + at_mm((-4, 0, 2), w)

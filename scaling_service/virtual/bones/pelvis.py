@@ -14,14 +14,14 @@ import numpy as np
 
 from scaling_service.virtual.bones.shapes import (
     Array,
-    HalfSpace,
     Part,
     Shape,
-    Solid,
     at_mm,
     ball,
     chain,
+    half_space,
     rod,
+    solid,
     strip,
 )
 
@@ -64,7 +64,7 @@ def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
         Part(ball(front, SPINE_M * w)),
         Part(ball(rear, POSTERIOR_SPINE_M * w)),
     ]
-    return HipBone(Solid(tuple(parts)), {"ASIS": asis, "PSIS": psis})
+    return HipBone(solid(parts), {"ASIS": asis, "PSIS": psis})
 
 
 def _ilium(front: Array, rear: Array, w: float) -> list[Part]:
@@ -102,10 +102,10 @@ def _ischium_and_pubis(w: float) -> list[Part]:
 def _socket(hip: Array, radius: float, w: float) -> list[Part]:
     """Bone around the head, opened to its side; only then the sphere itself, sharp-edged."""
     out = np.array(_OPENING) / np.linalg.norm(_OPENING)
-    cup = Solid(
+    cup = solid(
         (
             Part(ball(hip, radius + _WALL_M * w)),
-            Part(HalfSpace(hip - _DEPTH * radius * out, out), 3e-3, "trim"),
+            Part(half_space(hip - _DEPTH * radius * out, out), 3e-3, "trim"),
         )
     )
     aside = radius * out

@@ -14,7 +14,7 @@ from scaling_service.model.parameters import axis_of
 from scaling_service.virtual.bones.leg import SOCKET_GAP_M, LegShape, Places, Side, femur, leg_shape, tibia
 from scaling_service.virtual.bones.pelvis import hip_bone
 from scaling_service.virtual.bones.shapes import Array, surface_of
-from scaling_service.virtual.subject import FEMUR, VirtualSubject, stature_of
+from scaling_service.virtual.subject import FEMUR, VirtualSubject, stature_spread
 
 Faces = NDArray[np.intp]
 
@@ -69,7 +69,7 @@ _SIDES: tuple[Side, Side] = ("r", "l")
 
 def leg_shapes(person: VirtualSubject) -> dict[Side, LegShape]:
     """Sizes and angles of a person's bones, those of long bones larger; drawn, nothing is made."""
-    mean, sd = stature_of(person.sex)
+    mean, sd = stature_spread(person.sex)
     lengths = segment_lengths(person.model)
     own = 0.5 * (lengths["femur_r"] + lengths["femur_l"])
     usual = float(np.hypot(FEMUR[0] * sd, FEMUR[1]))

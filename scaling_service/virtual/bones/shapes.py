@@ -8,161 +8,31 @@ is what counts, is where it should be.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
 Array = NDArray[np.float64]
-Bounds = tuple[Array, Array]
-"""Lowest and highest corner of what may hold the shape, each (3,), m."""
 
 _FAR = 1.0  # m; chosen: larger than any bone, so "nothing near"
-_EVERYWHERE: Bounds = (np.full(3, -np.inf), np.full(3, np.inf))
-
-
-class Shape(Protocol):
-    """A solid."""
-
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance of points (n, 3), m: (n,), m, negative inside."""
+_NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rod:
-    """A rod with round ends, its radius going from one end's to the other's; a ball if both ends agree."""
+class Shape:
+    """A solid: a box that holds it, and how far points are from its surface.
 
-    start: Array
-    end: Array
-    start_radius: float
-    end_radius: float
+    ``low``, ``high``: corners of the box, (3,), m. ``distance``: of points (n, 3), m, (n,), negative inside.
+    """
 
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-        thick = max(self.start_radius, self.end_radius)
-        return np.minimum(self.start, self.end) - thick, np.maximum(self.start, self.end) + thick
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m."""
-        along, offset = self.end - self.start, points - self.start
-        square = float(along @ along)
-        share = np.clip(offset @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
-        offset -= share[:, None] * along
-        away: Array = _length(offset) - self.start_radius - share * (self.end_radius - self.start_radius)
-        return away
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Plate:
-    """A triangle (corners in rows) with a skin of some thickness around it."""
-
-    corners: Array
-    radius: float
-
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-        return self.corners.min(axis=0) - self.radius, self.corners.max(axis=0) + self.radius
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m."""
-        sides = np.roll(self.corners, -1, axis=0) - self.corners
-        normal = np.cross(sides[0], sides[1])
-        normal /= np.linalg.norm(normal)
-        above = (points - self.corners[0]) @ normal
-        inside = np.ones(len(points), dtype=bool)
-        edge = np.full(len(points), np.inf)
-        for corner, side in zip(self.corners, sides, strict=True):
-            offset = points - corner
-            inside &= offset @ np.cross(normal, side) >= 0.0
-            share = np.clip(offset @ side / float(side @ side), 0.0, 1.0)
-            offset -= share[:, None] * side
-            np.minimum(edge, _length(offset), out=edge)
-        away: Array = np.where(inside, np.abs(above), edge) - self.radius
-        return away
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shaft:
-    """A column along y whose middle and half-widths change with height."""
-
-    heights: Array  # (n_levels,), m: rising
-    x: Array
-    z: Array
-    """``x``, ``z``: (n_levels,), m: middle at each height; smooth between."""
-    half_x: Array
-    half_z: Array
-    """``half_x``, ``half_z``: (n_levels,), m."""
-    ridge: float = 0.0
-    """Share by which the section is drawn out to the front (x) and pressed in elsewhere, threefold."""
-    rounding: float = 4e-3  # m: of the edges at both ends
-
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-        wide_x, wide_z = (np.asarray(h) * (1.0 + abs(self.ridge)) for h in (self.half_x, self.half_z))
-        low = np.array([(self.x - wide_x).min(), self.heights[0], (self.z - wide_z).min()])
-        high = np.array([(self.x + wide_x).max(), self.heights[-1], (self.z + wide_z).max()])
-        return low, high
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m."""
-        levels = np.column_stack([self.x, self.z, self.half_x, self.half_z])
-        x, z, half_x, half_z = _smoothly(points[:, 1], self.heights, levels).T
-        across, beside = (points[:, 0] - x) / half_x, (points[:, 2] - z) / half_z
-        radius = np.hypot(across, beside)
-        if self.ridge:
-            angle = np.arctan2(beside, across)
-            radius = radius / (1.0 + self.ridge * np.cos(3.0 * angle))
-        wall = (radius - 1.0) * np.minimum(half_x, half_z)
-        middle, half = 0.5 * (self.heights[0] + self.heights[-1]), 0.5 * np.ptp(self.heights)
-        ends = np.abs(points[:, 1] - middle) - half
-        return _smooth_max(wall, ends, self.rounding)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class HalfSpace:
-    """Everything on the far side of a plane from its normal."""
-
-    point: Array
-    normal: Array
-
-    @property
-    def bounds(self) -> Bounds:
-        """It has none."""
-        return _EVERYWHERE
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m."""
-        away: Array = (points - self.point) @ (self.normal / np.linalg.norm(self.normal))
-        return away
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Grown:
-    """A shape thickened all round, m."""
-
-    shape: Shape
-    by: float
-
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-        low, high = self.shape.bounds
-        return low - self.by, high + self.by
-
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m."""
-        return self.shape.distance(points) - self.by
+    low: Array
+    high: Array
+    distance: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,37 +47,119 @@ class Part:
     how: Literal["add", "cut", "trim"] = "add"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solid:
-    """Parts put together, one after the other."""
+def rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float | None = None) -> Shape:
+    """A rod between two points with round ends, as thick all along unless told otherwise, in m."""
+    first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    growth = 0.0 if end_radius is None else end_radius - start_radius
+    thick = start_radius + max(growth, 0.0)
+    along = last - first
+    square = float(along @ along)
 
-    parts: tuple[Part, ...]
+    def distance(points: Array) -> Array:
+        offset = points - first
+        share = np.clip(offset @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
+        offset -= share[:, None] * along
+        return np.asarray(_length(offset) - start_radius - share * growth)
 
-    @property
-    def bounds(self) -> Bounds:
-        """A box that holds it."""
-        boxes = [(part.shape.bounds, part.blend) for part in self.parts if part.how == "add"]
-        low = np.min([box[0] - blend for box, blend in boxes], axis=0)
-        return low, np.max([box[1] + blend for box, blend in boxes], axis=0)
+    return Shape(np.minimum(first, last) - thick, np.maximum(first, last) + thick, distance)
 
-    def distance(self, points: Array) -> Array:
-        """Signed distance, (n,), m; only right in sign where every part is further away than its blend."""
+
+def ball(centre: ArrayLike, radius: float) -> Shape:
+    """A ball, in m."""
+    return rod(centre, centre, radius)
+
+
+def plate(corners: Array, radius: float) -> Shape:
+    """A triangle (corners in rows) with a skin of some thickness around it, in m."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    normal = np.cross(sides[0], sides[1])
+    normal /= np.linalg.norm(normal)
+
+    def distance(points: Array) -> Array:
+        above = (points - corners[0]) @ normal
+        inside = np.ones(len(points), dtype=bool)
+        edge = np.full(len(points), np.inf)
+        for corner, side in zip(corners, sides, strict=True):
+            offset = points - corner
+            inside &= offset @ np.cross(normal, side) >= 0.0
+            share = np.clip(offset @ side / float(side @ side), 0.0, 1.0)
+            offset -= share[:, None] * side
+            np.minimum(edge, _length(offset), out=edge)
+        return np.where(inside, np.abs(above), edge) - radius
+
+    return Shape(corners.min(axis=0) - radius, corners.max(axis=0) + radius, distance)
+
+
+def shaft(
+    *,
+    heights: Array,
+    x: Array,
+    z: Array,
+    half_x: Array,
+    half_z: Array,
+    ridge: float = 0.0,
+    rounding: float = 4e-3,
+) -> Shape:
+    """A column along y whose middle (x, z) and half-widths change with height, smoothly between levels.
+
+    All are (n_levels,), m, heights rising. ``ridge``: share by which the section is drawn out to the front
+    (x) and pressed in elsewhere, threefold. ``rounding`` (m): of the edges at both ends.
+    """
+    levels = np.column_stack([x, z, half_x, half_z])
+    middle, half = 0.5 * (heights[0] + heights[-1]), 0.5 * np.ptp(heights)
+
+    def distance(points: Array) -> Array:
+        at_x, at_z, wide, deep = _interpolate(points[:, 1], heights, levels).T
+        across, beside = (points[:, 0] - at_x) / wide, (points[:, 2] - at_z) / deep
+        radius = np.hypot(across, beside)
+        if ridge:
+            radius = radius / (1.0 + ridge * np.cos(3.0 * np.arctan2(beside, across)))
+        wall = (radius - 1.0) * np.minimum(wide, deep)
+        return _smooth_max(wall, np.abs(points[:, 1] - middle) - half, rounding)
+
+    wide_x, wide_z = (np.asarray(h) * (1.0 + abs(ridge)) for h in (half_x, half_z))
+    low = np.array([(x - wide_x).min(), heights[0], (z - wide_z).min()])
+    high = np.array([(x + wide_x).max(), heights[-1], (z + wide_z).max()])
+    return Shape(low, high, distance)
+
+
+def half_space(point: Array, normal: Array) -> Shape:
+    """Everything on the far side of a plane from its normal."""
+    unit = normal / np.linalg.norm(normal)
+    return Shape(np.full(3, -np.inf), np.full(3, np.inf), lambda points: np.asarray((points - point) @ unit))
+
+
+def grown(shape: Shape, by: float) -> Shape:
+    """A shape thickened all round, m."""
+    return Shape(shape.low - by, shape.high + by, lambda points: shape.distance(points) - by)
+
+
+def solid(parts: Sequence[Part]) -> Shape:
+    """Parts put together, one after the other.
+
+    Its distance is only right in sign where every part is further away than its blend.
+    """
+
+    def distance(points: Array) -> Array:
         found = np.full(len(points), _FAR)
         low, high = points.min(axis=0), points.max(axis=0)
-        for part in self.parts:
-            bottom, top = part.shape.bounds
-            margin = part.blend + _NEAR
-            if part.how != "trim" and ((bottom - margin > high) | (top + margin < low)).any():
+        for part in parts:
+            shape, margin = part.shape, part.blend + _NEAR
+            if part.how != "trim" and ((shape.low - margin > high) | (shape.high + margin < low)).any():
                 continue
-            own = part.shape.distance(points)
+            own = shape.distance(points)
             if part.how == "add":
                 found = -_smooth_max(-found, -own, part.blend)
             else:
                 found = _smooth_max(found, own if part.how == "trim" else -own, part.blend)
         return found
 
-
-_NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out
+    added = [part for part in parts if part.how == "add"]
+    return Shape(
+        np.min([part.shape.low - part.blend for part in added], axis=0),
+        np.max([part.shape.high + part.blend for part in added], axis=0),
+        distance,
+    )
 
 
 def at_mm(at: ArrayLike, w: float) -> Array:
@@ -215,32 +167,20 @@ def at_mm(at: ArrayLike, w: float) -> Array:
     return 1e-3 * w * np.asarray(at, dtype=float)
 
 
-def ball(centre: ArrayLike, radius: float) -> Rod:
-    """A ball, in m."""
-    middle = np.asarray(centre, dtype=float)
-    return Rod(middle, middle, radius, radius)
-
-
-def rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float | None = None) -> Rod:
-    """A rod between two points, as thick all along unless told otherwise, in m."""
-    last = start_radius if end_radius is None else end_radius
-    return Rod(np.asarray(start, dtype=float), np.asarray(end, dtype=float), start_radius, last)
-
-
-def chain(points: ArrayLike, radii: Sequence[float]) -> Solid:
+def chain(points: ArrayLike, radii: Sequence[float]) -> Shape:
     """A bent rod from point to point (n, 3), m, as thick at each as ``radii`` says."""
     at = np.asarray(points, dtype=float)
     pieces = zip(at, at[1:], radii, radii[1:], strict=False)
-    return Solid(tuple(Part(rod(*piece)) for piece in pieces))
+    return solid([Part(rod(*piece)) for piece in pieces])
 
 
-def strip(upper: ArrayLike, lower: ArrayLike, radius: float) -> Solid:
+def strip(upper: ArrayLike, lower: ArrayLike, radius: float) -> Shape:
     """A folded plate between two rows of as many points, (n, 3) each, m."""
     top, bottom = np.asarray(upper, dtype=float), np.asarray(lower, dtype=float)
     corners = []
     for k in range(len(top) - 1):
         corners += [(top[k], top[k + 1], bottom[k]), (top[k + 1], bottom[k + 1], bottom[k])]
-    return Solid(tuple(Part(Plate(np.array(three), radius)) for three in corners))
+    return solid([Part(plate(np.array(three), radius)) for three in corners])
 
 
 def _smooth_max(a: Array, b: Array, blend: float) -> Array:
@@ -253,7 +193,7 @@ def _smooth_max(a: Array, b: Array, blend: float) -> Array:
     return rounded
 
 
-def _smoothly(at: Array, knots: Array, values: Array) -> Array:
+def _interpolate(at: Array, knots: Array, values: Array) -> Array:
     """Values (n, m) between knots by monotone cubics, held at both ends."""
     inside: Array = PchipInterpolator(knots, values)(np.clip(at, knots[0], knots[-1]))
     return inside
@@ -278,9 +218,8 @@ def surface_of(shape: Shape, step: float) -> tuple[Array, Faces]:
     ``step`` (m): of the grid; edges are about as long. Returns ``vertices`` ((n, 3), m); ``faces`` ((m, 3)):
     closed, corners counter-clockwise seen from outside.
     """
-    low, high = shape.bounds
-    low = low - 2.0 * step
-    size = np.ceil((high - low) / step).astype(int) + 3
+    low = shape.low - 2.0 * step
+    size = np.ceil((shape.high - low) / step).astype(int) + 3
     vertices, faces = _contour(_sampled(shape, low, size, step), size)
     vertices = low + step * vertices
     for _ in range(_PULLS):

@@ -112,7 +112,9 @@ def gather(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bo
     return np.asarray(information), np.asarray(slope)
 
 
-def weighed(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[float, float]:
+def weigh_errors(
+    evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
+) -> tuple[float, float]:
     """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
     squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)
     count = sum(float((e.frames / e.repeats)[components].sum()) for e in evidence)

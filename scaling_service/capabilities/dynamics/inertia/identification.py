@@ -20,7 +20,7 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     evidence_of,
     gather,
     most_likely_noise,
-    weighed,
+    weigh_errors,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import (
     InertialIdentification,
@@ -94,8 +94,8 @@ def identify_inertia(
     pseudo-inertias stay positive definite and centres of mass in their boxes. ``repeats`` is how many frames
     say the same thing. Y enters by its normal equations only.
     """
-    components, of_components = _components(supported, settings)
-    model, repaired = _possible(model)
+    components, of_components = _choose_components(supported, settings)
+    model, repaired = _make_possible(model)
     if not fitted:
         raise InputError(
             "there is no recording to identify inertia from",
@@ -122,10 +122,10 @@ def identify_inertia(
         tuple(components.tolist()),
         np.where(components, solution.noise, np.nan),
     )
-    return replace(result, warnings=(*of_components, *repaired, *_told(result, settings)))
+    return replace(result, warnings=(*of_components, *repaired, *_warn(result, settings)))
 
 
-def _components(
+def _choose_components(
     supported: ArrayLike | None, settings: IdentificationSettings
 ) -> tuple[NDArray[np.bool_], list[str]]:
     """The components that count, and what is to be said about them."""
@@ -144,7 +144,7 @@ def _components(
     return np.ones(N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
 
 
-def _possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
+def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
     """The model with every tensor that no body can have replaced by the nearest possible one."""
     inertias = inertias_of(model)
     nearest = [possible_tensor(tensor) for tensor in inertias.tensor]
@@ -170,7 +170,9 @@ def _solve(
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)
     size = (
-        1.0 if told is not None else most_likely_noise(gains, slopes, *weighed(evidence, assumed, components))
+        1.0
+        if told is not None
+        else most_likely_noise(gains, slopes, *weigh_errors(evidence, assumed, components))
     )
     gains, slopes = gains / size**2, slopes / size**2
     kept = np.flatnonzero(gains > DECIDES)[::-1]
@@ -187,7 +189,7 @@ def _solve(
     return Solution(prior.scale @ directions @ moves, directions, gains[kept], moves, size * assumed)
 
 
-def _told(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
+def _warn(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
     """What a person should know of a result."""
     if not result.combinations:
         hint = "; the total mass was held, too" if settings.mass_known else ""

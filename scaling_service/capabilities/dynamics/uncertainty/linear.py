@@ -86,22 +86,22 @@ def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
         there = moved[..., HALO + lag : HALO + lag + n]
         scaled = weight / step**2
         result[k, :, :3] = scaled * np.einsum("m,vman->van", roots, there[:, ::4])
-        result[k, :, 3:] = scaled * _summed_cross(signed[..., inner], there)
+        result[k, :, 3:] = scaled * _sum_cross(signed[..., inner], there)
     here = moved[..., inner]
     own = result[HALO]
-    own[:, 3:] -= _summed_cross(second_difference(signed, step), here)
+    own[:, 3:] -= _sum_cross(second_difference(signed, step), here)
     own[:, 3:] -= cross(np.einsum("m,vman->van", roots, here[:, ::4]), GRAVITY[:, None])
     # about the moving root, needed and provided alike: M - root x F
     root = poses.frames[poses.plan.link_node[0], 3]
     on_root = np.zeros(1, dtype=np.intp)
-    carried = _moved_by(body, poses, reference.varied, root[None], np.ones(1), on_root)[:, 0]
+    carried = _differentiate_vectors(body, poses, reference.varied, root[None], np.ones(1), on_root)[:, 0]
     force = second_difference(np.tensordot(roots, y[::4], axes=1), step) - roots @ roots * GRAVITY[:, None]
     result[:, :, 3:] -= cross(root[:, inner], result[:, :, :3])
     own[:, 3:] -= cross(carried[..., inner], force - external[:, inner])
     return result
 
 
-def _summed_cross(y: Array, other: Array) -> Array:
+def _sum_cross(y: Array, other: Array) -> Array:
     """``sum_m y_m x other_m``, (m, 3, n) with (v, m, 3, n) to (v, 3, n)."""
     result = np.empty((len(other), 3, y.shape[-1]))
     for i, j, k in CYCLE:
@@ -115,10 +115,10 @@ def vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> 
     y = body.moved(poses)
     pull = np.zeros((len(body.masses), 4))
     pull[:, 0] = np.sqrt(body.masses)  # the first vector is a place, the others are directions
-    return _moved_by(body, poses, varied, y, pull.ravel(), np.repeat(body.links, 4))
+    return _differentiate_vectors(body, poses, varied, y, pull.ravel(), np.repeat(body.links, 4))
 
 
-def _moved_by(
+def _differentiate_vectors(
     body: PointBody, poses: Poses, varied: NDArray[np.intp], y: Array, pull: Array, links: NDArray[np.intp]
 ) -> Array:
     """Derivatives of vectors y = pull * place + direction that sit on links, (n_varied, len(y), 3, n)."""

@@ -62,7 +62,6 @@ class MarkerUncertainty:
     # (n_markers,): standard deviation of the part of each marker's error that is its own, per direction,
     # after the filter
     sd_m: Array
-    leverage: Array  # (n_markers,): share of a marker's error that the model follows, mean over the frames
     frames: NDArray[np.intp]  # (n,): the frames used
     covariance: Array  # (n, 6, 6), N and N m: of each frame's residual wrench
     # (n_markers, 6): of the mean variance of each component; a segment's common part is divided among its
@@ -87,14 +86,14 @@ def marker_uncertainty(
     reference = Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
-    left = _filtered_residuals(reference)
+    left = _filter_residuals(reference)
     spread = noise_factors(_correlation(left, reference))
-    leverage, size = _sizes(reference, left, weights, shared)
+    size = _sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
-    together = _together(reference, sizes, shared)
+    together = _common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
     for block in wrench_jacobians(reference):
-        effect = _effect(block, _followed(reference, block, weights)[0], spread)
+        effect = _effect(block, _follow(reference, block, weights)[0], spread)
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_outer(own) + _outer(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
@@ -104,28 +103,26 @@ def marker_uncertainty(
     return MarkerUncertainty(
         names,
         sizes,
-        leverage,
         np.concatenate(frames),
         np.concatenate(covariances),
         variance / variance.sum(axis=0),
     )
 
 
-def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> tuple[Array, Array]:
-    """Mean leverage of each marker, and the standard deviation of its own error per direction, m.
+def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> Array:
+    """Standard deviation of each marker's own error per direction, m.
 
     What is left of errors e is ``(1 - J P) e``: the variance that unit errors would leave of each marker is
     compared with what is left of it.
     """
     count = len(weights)
-    common = _together(reference, np.ones(count), shared)
-    leverages, remains = [], []
+    common = _common_errors(reference, np.ones(count), shared)
+    remains = []
     for block in wrench_jacobians(reference, every=_THIN):
-        gain, moved, seen = _followed(reference, block, weights)
+        gain, moved, seen = _follow(reference, block, weights)
         n = len(gain)
         follows = moved.reshape(n, moved.shape[1], -1).transpose(0, 2, 1) @ gain.reshape(n, gain.shape[1], -1)
         follows = follows.reshape(n, count, 3, count, 3)
-        leverages.append(np.where(seen, np.einsum("nmama->nm", follows) / 3.0, np.nan))
         rest = np.eye(3 * count).reshape(count, 3, count, 3) - follows
         own = np.einsum("nmakb,nmakb->nm", rest, rest)
         joint = np.einsum("nmakb,gk->nmagb", rest, common, optimize=True)
@@ -133,11 +130,10 @@ def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> 
         remains.append(np.where(seen, whole / 3.0, np.nan))
     unit = np.nanmean(np.concatenate(remains), axis=0)
     variance = np.nanmean((left**2).sum(axis=1), axis=1) / 3.0
-    leverage = np.asarray(np.nanmean(np.concatenate(leverages), axis=0))
-    return leverage, np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
+    return np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
 
 
-def _together(reference: Reference, sizes: Array, shared: float) -> Array:
+def _common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
     links = reference.body.tree.marker_link
     on = links[None, :] == np.arange(len(reference.body.tree.links))[:, None]
@@ -145,7 +141,7 @@ def _together(reference: Reference, sizes: Array, shared: float) -> Array:
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
-def _filtered_residuals(reference: Reference) -> Array:
+def _filter_residuals(reference: Reference) -> Array:
     """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
     body, low_pass = reference.body, reference.low_pass
     placed = np.moveaxis(marker_positions(body.tree, np.nan_to_num(reference.q.T), body.p), 0, -1)
@@ -167,7 +163,7 @@ def _correlation(left: Array, reference: Reference) -> Array:
     return np.asarray(np.array(found) / found[0])
 
 
-def _followed(
+def _follow(
     reference: Reference, block: WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.

@@ -45,7 +45,6 @@ class MotionDatabase:
 
     error_m: float  # reconstruction error of the reference motion (filtered)
     dr: Array  # (6,): its residual indicator
-    largest: float  # upper end of the perturbations' standard deviation, rad and m
     sizes: Array  # (n,), rad and m: standard deviation of each perturbation before the filter
     errors_m: Array  # (n,)
     indicators: Array  # (n, 6)
@@ -55,11 +54,9 @@ class MotionDatabase:
 class Level:
     """Motions whose reconstruction error is uniform between the reference's and this much more."""
 
-    relative: float  # the largest added error over the reference's
-    added_m: float  # the same in m
+    added_m: float  # the largest added error
     dispersion: Array  # (6,): of the residual indicator: ``sqrt(12)`` standard deviations
     distinct: int  # how many different motions were drawn
-    misfit_m: float  # the largest distance between an error asked for and the one drawn
 
 
 def draw_database(
@@ -76,8 +73,8 @@ def draw_database(
     """
     error, dr = error_and_indicator(reference)
     largest = _largest(reference, seed, error, reach + BEYOND)
-    rows = _sampled(executor, partial(_perturbed, reference, seed, largest), count, progress)
-    return MotionDatabase(error, dr, largest, rows[:, 0], rows[:, 1], rows[:, 2:])
+    rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
+    return MotionDatabase(error, dr, rows[:, 0], rows[:, 1], rows[:, 2:])
 
 
 def error_and_indicator(reference: Reference) -> tuple[float, Array]:
@@ -93,7 +90,7 @@ def error_and_indicator(reference: Reference) -> tuple[float, Array]:
     return error, reference.indicator(residual)
 
 
-def _sampled(
+def _sample(
     executor: Executor,
     sample: Callable[[int], Array],
     count: int,
@@ -112,7 +109,7 @@ def _rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
-def _perturbed(reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _perturb(reference: Reference, seed: int, largest: float, number: int) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
@@ -149,8 +146,7 @@ def levels_of(
         wanted = database.error_m + added * shares
         drawn = order[_nearest(database.errors_m[order], wanted)]
         spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
-        misfit = float(np.abs(database.errors_m[drawn] - wanted).max())
-        found.append(Level(relative, added, spread, len(np.unique(drawn)), misfit))
+        found.append(Level(added, spread, len(np.unique(drawn))))
     return tuple(found)
 
 
@@ -212,7 +208,7 @@ def plate_dispersion(
 ) -> Array:
     """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
     plates = _plates(reference, noise)
-    rows = _sampled(executor, partial(_pushed, plates, seed, reference.trial), samples)
+    rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
     return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
 
 
@@ -235,7 +231,7 @@ def _plates(reference: Reference, noise: PlateNoise) -> _Plates:
     return _Plates(residual[:, used], force, centre - root, sigma, spread, reference.scale)
 
 
-def _pushed(plates: _Plates, seed: int, trial: str, number: int) -> Array:
+def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:
     """The residual indicator under one draw of noise; what the plates measure too much is missing then."""
     rng = stream(seed, "uncertainty", trial, "plates", number)
     pushed = plates.sigma * rng.standard_normal(plates.force.shape)

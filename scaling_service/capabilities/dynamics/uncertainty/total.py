@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +40,6 @@ deviations of the ten persons of Muller et al. 2017 (sec. 3.3: 2 Â± 0.6 %, 1.3 Â
 LARGER = np.sqrt(2.0)
 """Residual over the standard deviation of the measurement's error from which inertia has the larger part:
 both errors are independent, so the residual's variance is then more than twice the measurement's."""
-
-Whole = Literal["yes", "in part", "no"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +90,16 @@ class WrenchUncertainty:
     r2: Array  # (6,): of the lines through zero: ``1 - SSE / sum y^2``, as is right without intercept
     r2_centred: Array  # (6,): the stricter ``1 - SSE / sum (y - mean)^2``
     levels: tuple[Level, ...]
-    judgement: Verdict
 
     @property
     def calibration_supported(self) -> NDArray[np.bool_]:
-        """Component by component, whether inertial parameters can be calibrated by it."""
-        return self.judgement.supported
+        """Component by component, whether inertial parameters can be calibrated: dr exceeds ``total``."""
+        return np.asarray(self.dr > self.total)
 
     @property
     def verdict(self) -> str:
-        """The judgement in words."""
-        return self.judgement.sentence
+        """What the comparison of the residual with its uncertainty says."""
+        return describe_verdict(self.dr, self.total)
 
 
 def propagate(
@@ -143,52 +139,34 @@ def propagate(
         r2,
         centred,
         levels,
-        judge(database.dr, total),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Verdict:
-    """What the comparison of a residual with its uncertainty says."""
-
-    table_acceptable: bool  # H1: the inertial parameters at hand leave a residual as small as the paper's
-    # (6,): H2, component by component: the residual stands above its uncertainty
-    supported: NDArray[np.bool_]
-    calibration: Whole  # H2 as a whole: all components, some, or none
-    sentence: str
-
-
-def judge(dr: Array, total: Array) -> Verdict:
-    """Compare a residual indicator with its global uncertainty (Muller et al. 2017, sec. 3.3).
+def describe_verdict(dr: Array, total: Array) -> str:
+    """Compare a residual indicator with its global uncertainty, in words (Muller et al. 2017, sec. 3.3).
 
     Examples
     --------
     >>> import numpy as np
-    >>> verdict = judge(np.full(6, 0.02), np.array([0.1, 0.1, 0.1, 0.1, 0.01, 0.1]))
-    >>> verdict.calibration
-    'in part'
-    >>> print(verdict.sentence)
+    >>> print(describe_verdict(np.full(6, 0.02), np.array([0.1, 0.1, 0.1, 0.1, 0.01, 0.1])))
     Only my can calibrate inertial parameters: its residual stands above the uncertainty. In fx, fy, fz, mx,
     mz the measurement's own uncertainty explains all of the residual, so an identification would fit noise
     there. The parameters at hand are acceptable: forces are left by 2.0 % of body weight, moments by 2.0 % of
     body weight times stature.
     """
-    supported = np.asarray(dr > total)
     force, moment = float(dr[:3].mean()), float(dr[3:].mean())
     acceptable = force <= SMALL_FORCE and moment <= SMALL_MOMENT
-    whole: Whole = "yes" if supported.all() else "in part" if supported.any() else "no"
     said = "are acceptable" if acceptable else "leave more than those of a table usually do"
-    sentence = (
-        f"{_about_calibration(supported)} The parameters at hand {said}: forces are left by "
+    return (
+        f"{_about_calibration(dr > total)} The parameters at hand {said}: forces are left by "
         f"{100 * force:.1f} % of body weight, moments by {100 * moment:.1f} % of body weight times stature."
     )
-    return Verdict(acceptable, supported, whole, sentence)
 
 
 def blames_inertia(dr: Array, sd: Array) -> NDArray[np.bool_]:
     """Where the larger part of a residual is inertia's, by the uncertainty that the markers' errors give.
 
-    Sharper than :func:`judge`, which sets the residual against the whole range of white noise on every angle.
+    Sharper than the verdict, which sets the residual against the whole range of white noise on every angle.
     ``sd`` (6,) is :attr:`MarkerUncertainty.sd` in the units of the indicator.
 
     Examples

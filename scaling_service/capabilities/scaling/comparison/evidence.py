@@ -198,8 +198,8 @@ def _method(scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]) ->
         start=method.needs,
         from_images=method.needs_images,
         fits_lengths=method.fits_lengths,
-        fitted=following(scaling.errors, fitted),
-        held_out=following(scaling.errors, held_out),
+        fitted=average_errors(scaling.errors, fitted),
+        held_out=average_errors(scaling.errors, held_out),
         parameters=len(parameters),
         undetermined=sum(not p.identifiable for p in parameters),
         at_bounds=sum(p.at_bound for p in parameters),
@@ -217,7 +217,7 @@ def _method(scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]) ->
     )
 
 
-def following(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:
+def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:
     """Over trials that show any marker; None if there is none.
 
     Examples

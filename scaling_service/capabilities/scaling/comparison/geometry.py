@@ -175,7 +175,7 @@ SPREAD = 0.2
 """Chosen: about four standard deviations of those shares over persons (5.3 % and 5.5 %, same source)."""
 
 
-def doubts(
+def list_doubts(
     errors: Mapping[str, Mapping[str, KinematicError]],
     lengths: Mapping[str, Mapping[str, float]],
     height_m: float | None,

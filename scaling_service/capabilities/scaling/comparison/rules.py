@@ -74,7 +74,7 @@ def gain(method: MethodEvidence, evidence: Evidence) -> tuple[float, float] | No
     return start.fitted.mean - method.fitted.mean, start.held_out.mean - method.held_out.mean
 
 
-def overfitted(method: MethodEvidence, evidence: Evidence) -> bool:
+def is_overfitted(method: MethodEvidence, evidence: Evidence) -> bool:
     """Whether the fit serves its own trials much more than others."""
     gained = gain(method, evidence)
     if gained is not None:
@@ -84,12 +84,12 @@ def overfitted(method: MethodEvidence, evidence: Evidence) -> bool:
     return method.held_out.mean > FAR_ABOVE * method.fitted.mean + NOISE
 
 
-def mostly_undetermined(method: MethodEvidence) -> bool:
+def is_mostly_undetermined(method: MethodEvidence) -> bool:
     """Whether most of its fitted numbers are not determined by the recordings."""
     return method.undetermined > MOST_UNDETERMINED * max(method.parameters, 1)
 
 
-def implausible(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
+def implausible_lengths(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
     """Its lengths that are unusual for the person's height."""
     return unusual(method.lengths, evidence.usual_lengths)
 
@@ -134,7 +134,7 @@ def _held_out(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
 
 
 def _overfitting(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
-    gained, against = gain(method, evidence), overfitted(method, evidence)
+    gained, against = gain(method, evidence), is_overfitted(method, evidence)
     if gained is not None:
         yield (
             "against" if against else "for",
@@ -169,7 +169,7 @@ def _implausible_sizes(method: MethodEvidence, evidence: Evidence) -> Iterator[S
     usual = evidence.usual_lengths
     odd = [
         f"{name} {1e3 * method.lengths[name]:.0f} mm (usual {1e3 * usual[name]:.0f})"
-        for name in implausible(method, evidence)
+        for name in implausible_lengths(method, evidence)
     ]
     if odd:
         yield "against", f"for the person's height: {', '.join(odd)}"
@@ -178,7 +178,7 @@ def _implausible_sizes(method: MethodEvidence, evidence: Evidence) -> Iterator[S
 def _identifiability(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
     if method.parameters:
         loose = f"{method.undetermined} of {method.parameters} fitted numbers"
-        speaks: Speaks = "against" if mostly_undetermined(method) else "for"
+        speaks: Speaks = "against" if is_mostly_undetermined(method) else "for"
         yield speaks, f"{loose} are not determined by the recordings"
 
 

@@ -18,10 +18,10 @@ from scaling_service.capabilities.scaling.comparison.rules import (
     agreement,
     find,
     gates,
-    implausible,
+    implausible_lengths,
+    is_mostly_undetermined,
+    is_overfitted,
     mm,
-    mostly_undetermined,
-    overfitted,
 )
 from scaling_service.core.text import few
 from scaling_service.documents.results import TrustNote
@@ -101,7 +101,7 @@ def _choose(pool: Sequence[MethodEvidence], evidence: Evidence) -> MethodEvidenc
     """A proven refinement, else the plain model; one with fitted lengths only where there is no other."""
     plain = next((m for m in pool if not m.parameters), None)
     refined = [m for m in pool if m.parameters and not m.fits_lengths]
-    proven = [m for m in refined if _better(m, plain, evidence) and not mostly_undetermined(m)]
+    proven = [m for m in refined if _better(m, plain, evidence) and not is_mostly_undetermined(m)]
     if proven:
         return min(proven, key=_error)
     return plain or min(refined or pool, key=_error)
@@ -109,7 +109,7 @@ def _choose(pool: Sequence[MethodEvidence], evidence: Evidence) -> MethodEvidenc
 
 def _better(refined: MethodEvidence, plain: MethodEvidence | None, evidence: Evidence) -> bool:
     """Whether it follows held-out trials better, by more than the noise, and not its own trials alone."""
-    if refined.held_out is None or overfitted(refined, evidence):
+    if refined.held_out is None or is_overfitted(refined, evidence):
         return False
     return plain is None or plain.held_out is None or refined.held_out.mean < plain.held_out.mean - NOISE
 
@@ -131,7 +131,7 @@ def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
             "The image-based models do not pass the limits on marker errors: check that bones and recordings "
             "are of one person."
         )
-    if not chosen.from_images and mostly_undetermined(chosen):
+    if not chosen.from_images and is_mostly_undetermined(chosen):
         yield (
             f"{chosen.undetermined} of its {chosen.parameters} fitted numbers are not determined by the "
             "recordings: where pelvis and thighs lie among their markers rests on the first guess."
@@ -143,7 +143,7 @@ def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
             f"{chosen.at_bounds} of its {chosen.parameters} fitted numbers stopped at a bound: that is a "
             "limit that was set, not a finding."
         )
-    odd = implausible(chosen, evidence)
+    odd = implausible_lengths(chosen, evidence)
     if odd:
         yield _unusual(odd)
 
@@ -165,7 +165,7 @@ def _open_questions(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]
     """Refinements of the model chosen that are better, but mostly undetermined."""
     for m in evidence.methods:
         refines = m.start == chosen.method and m.parameters and not m.fits_lengths
-        if refines and mostly_undetermined(m) and _better(m, chosen, evidence):
+        if refines and is_mostly_undetermined(m) and _better(m, chosen, evidence):
             yield (
                 f"Over a cohort {m.method} was taken for the better model (Puchaud 2019): compare the joint "
                 f"angles of {chosen.method} and {m.method}, and rely on what both show."
@@ -227,9 +227,9 @@ def _refusal(method: MethodEvidence, chosen: MethodEvidence, evidence: Evidence)
         yield (
             f"its lengths and joint centres are inferred from skin markers{_off_the_image(method, evidence)}"
         )
-    if mostly_undetermined(method):
+    if is_mostly_undetermined(method):
         yield f"{method.undetermined} of its {method.parameters} fitted numbers are not determined"
-    if overfitted(method, evidence):
+    if is_overfitted(method, evidence):
         yield "it kept too little of its gain on held-out trials"
 
 
@@ -270,7 +270,7 @@ def _markers(chosen: MethodEvidence, evidence: Evidence) -> Graded:
 
 
 def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
-    odd = implausible(chosen, evidence)
+    odd = implausible_lengths(chosen, evidence)
     if odd:
         return "poor", _unusual(odd)
     if chosen.from_images:
@@ -324,7 +324,7 @@ def _angles(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     level: Level = "good" if gap <= ANGLE_GOOD else "fair" if gap <= ANGLE_FAIR else "poor"
     offset = (
         " Most of its fitted numbers are not determined by the recordings, so angles may be offset."
-        if mostly_undetermined(chosen)
+        if is_mostly_undetermined(chosen)
         else ""
     )
     return (

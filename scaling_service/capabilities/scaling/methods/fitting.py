@@ -138,7 +138,7 @@ class Fitted:
     variance: float
 
 
-def together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
+def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
     solution = Solution(fit.q0, fit.p0, np.inf, 0, Outcome.MAX_STEPS)
@@ -158,7 +158,7 @@ def _later(progress: Progress, steps: int, step: int, cost: float) -> None:
     progress(steps + step, cost)
 
 
-def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
+def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
     cost, outcome, loop = total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
@@ -174,4 +174,4 @@ def in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) 
     return Fitted(fit, Solution(q, p, cost, loop, outcome), fit.noise(q, p))
 
 
-STRATEGIES = {"joint": together, "alternating": in_turn}
+STRATEGIES = {"joint": fit_together, "alternating": fit_in_turn}

@@ -14,7 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.placement import moved, place_on, with_axis, with_centre
+from scaling_service.capabilities.scaling.methods.placement import (
+    move_markers,
+    place_on,
+    with_axis,
+    with_centre,
+)
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
@@ -59,10 +64,10 @@ def _leg(evidence: ImageEvidence, side: str) -> _Leg:
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = _epicondyles(evidence, side, knee)
     femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
-    femur = _through(femur, hip, knee)
+    femur = _turn_through(femur, hip, knee)
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
-    tibia = _carried(femur, knee, ankle, tilt)
+    tibia = _carry_shank(femur, knee, ankle, tilt)
     local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
     return _Leg(femur, tibia, _vector(local[0]), _vector(local[1]), tilt)
 
@@ -85,7 +90,7 @@ def _epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array
     return knee + outward, knee - outward
 
 
-def _through(femur: Frames, hip: Array, knee: Array) -> Frames:
+def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
     """The frame turned as little as needed for its y to run from the knee to the hip centre.
 
     The midpoint of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
@@ -96,7 +101,7 @@ def _through(femur: Frames, hip: Array, knee: Array) -> Frames:
     return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
 
 
-def _carried(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames:
+def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames:
     """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
     turned = tilt_rotation(tilt)
     shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
@@ -121,7 +126,7 @@ def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     if foot is not None:
         model = with_centre(model, foot, leg.ankle)
     model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
-    return moved(model, {f"{side.upper()}AJC": leg.ankle})
+    return move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
 def _with_other_leg(
@@ -254,7 +259,7 @@ class ImageBased:
         # Markers that the model does not have yet are told from their segment alone.
         new = [name for name in placed if name not in model.marker_names]
         added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
-        model = moved(model.with_markers((*model.markers, *added)), placed)
+        model = move_markers(model.with_markers((*model.markers, *added)), placed)
         seen = {segment for segment, _ in imaged.values()}
         if standing is not None:
             model = place_on(model, standing, frozenset(model.segment_names) - seen)

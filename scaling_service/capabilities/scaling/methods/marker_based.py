@@ -41,7 +41,7 @@ from scaling_service.numerics.multibody.tree import marker_positions
 _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
 
 
-def linear(session: Session, settings: CalibrationSettings) -> Calibration:
+def scale_linearly(session: Session, settings: CalibrationSettings) -> Calibration:
     """Scale the session's model from marker distances.
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
@@ -220,7 +220,7 @@ class MarkerBased:
         progress: object,  # noqa: ARG002 (one step: nothing to report)
     ) -> Calibration:
         """Scale the session's model from its standing trial."""
-        return linear(session, settings)
+        return scale_linearly(session, settings)
 
 
 MB = MarkerBased()

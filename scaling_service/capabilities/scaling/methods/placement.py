@@ -83,7 +83,7 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
         )
     if not wanted:
         return model
-    found = _found_on(model, trial, wanted)
+    found = _locate(model, trial, wanted)
     added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
     return model.with_markers((*model.markers, *added))
 
@@ -101,8 +101,8 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:
         return model, ()
-    found = _found_on(model, trial, tracking, landmarks)
-    return moved(model, found), tuple(found)
+    found = _locate(model, trial, tracking, landmarks)
+    return move_markers(model, found), tuple(found)
 
 
 def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyModel:
@@ -113,7 +113,7 @@ def place_on(model: BodyModel, trial: Trial, segments: frozenset[str]) -> BodyMo
     """
     own = {m.name: m.segment for m in model.markers if m.segment in segments and m.weight > 0.0}
     weights = {m.name: m.weight * (_FOLLOWER if m.name in own else 1.0) for m in model.markers}
-    return moved(model, _found_on(model, trial, own, weights))
+    return move_markers(model, _locate(model, trial, own, weights))
 
 
 def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) -> BodyModel:
@@ -128,10 +128,10 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     q = _static_pose(model, pose, placement)
     free = [m.name for m in model.markers if m.name not in placement.fixed]
     found = _local_means(model, pose, q, {name: model.marker(name).segment for name in free})
-    return moved(model, found)
+    return move_markers(model, found)
 
 
-def moved(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
+def move_markers(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
     """The model with some markers at other local positions (m)."""
     return model.with_markers(
         tuple(
@@ -141,7 +141,7 @@ def moved(model: BodyModel, local: Mapping[str, Vector]) -> BodyModel:
     )
 
 
-def _found_on(
+def _locate(
     model: BodyModel, trial: Trial, segments: Mapping[str, str], weights: Mapping[str, float] | None = None
 ) -> dict[str, Vector]:
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""

@@ -25,7 +25,7 @@ from scaling_service.report.blocks import (
     Table,
     Text,
 )
-from scaling_service.report.figures import Figure, band, chart, cycle_figure, faded, lines, ranges
+from scaling_service.report.figures import Figure, band, chart, cycle_figure, fade, lines, ranges
 from scaling_service.report.methods import (
     FAINT,
     Style,
@@ -78,13 +78,13 @@ def _gait(gait: Gait) -> Iterator[Block]:
         "the markers show it."
     )
     tested = [curve for curve in gait.curves if curve.anova is not None]
-    yield Text(_said(tested))
+    yield Text(_describe_tests(tested))
     yield Grid([_over_cycle(curve) for curve in gait.curves])
     if tested:
         yield _tests(tested, gait)
 
 
-def _said(tested: Sequence[CycleCurves]) -> str:
+def _describe_tests(tested: Sequence[CycleCurves]) -> str:
     """What the tests along the curve can and cannot say of one person."""
     if not tested:
         return "Methods were not tested against each other: that takes two cycles and two methods."
@@ -237,7 +237,7 @@ def _figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
     for side, curve in curves.items():
         if curve.sd_deg is not None:
             traces.append(
-                band(np.array(curve.mean_deg), np.array(curve.sd_deg), faded(_SIDES[side][1].colour))
+                band(np.array(curve.mean_deg), np.array(curve.sd_deg), fade(_SIDES[side][1].colour))
             )
     traces += [_line(side, curve) for side, curve in curves.items()]
     said = "; ".join(

@@ -370,6 +370,7 @@ export interface DynamicsDocument {
   start: string;
   inertia: string;
   mass_kg: number;
+  weight: WeightDocument;
   height_m: number;
   trials: Record<string, TrialDynamicsDocument>;
   verdict: string;
@@ -858,6 +859,7 @@ export interface MotionEntry {
 export interface MotionRequest {
   poses?: boolean;
   markers?: Record<string, string>;
+  bone_pins?: boolean;
   up?: string | null;
   forward?: string | null;
   smooth_hz?: number | null;
@@ -1409,6 +1411,13 @@ export interface Vocabulary {
 export interface WallTime {
   calibration: number;
   inverse_kinematics: number;
+}
+
+export interface WeightDocument {
+  declared_kg: number;
+  plates_kg: number;
+  sd_kg: number;
+  by_trial_kg: Record<string, number>;
 }
 
 export interface Wrench {

@@ -26,7 +26,7 @@ NOMINAL = 1.959964  # of the normal distribution, 95 %
 @pytest.mark.parametrize("uneven", [False, True])
 def test_intervals_of_95_percent_cover_the_truth(name: str, uneven: bool) -> None:
     made = recorded(name, 400, 3, uneven=uneven)
-    tracked = track(made.model, made.trial)
+    tracked = track(made.model, made.trial, skin=False)
     sd = tracked.uncertainty.sd
     free = [k for k, c in enumerate(made.model.coordinates) if not c.locked]
     off = (tracked.motion.q - made.q)[:, free]
@@ -55,7 +55,7 @@ def test_a_frame_by_itself_and_all_frames_give_what_a_closed_form_gives() -> Non
     places = corners + rng.normal(0.0, 3e-3, (500, 4, 3))
     trial = recorded("squat_4dof", 500, 0).trial
     trial = replace(trial, labels=("A", "B", "C", "D"), markers=places)
-    tracked = track(model, trial)
+    tracked = track(model, trial, skin=False)
     assert tracked.motion.q == pytest.approx((places - corners).mean(axis=1), abs=1e-9)
     assert tracked.uncertainty.sd == pytest.approx(np.full((500, 3), 1.5e-3), rel=0.05)
 

@@ -74,13 +74,14 @@ def test_an_effect_of_another_distribution_is_known(monkeypatch: pytest.MonkeyPa
     catalogue.known_effects.cache_clear()
     try:
         assert catalogue.known_effects()["shoe_lift"].meaning == lift.meaning
-        assert len(catalogue.known_effects()) == 22
+        assert len(catalogue.known_effects()) == 23
     finally:
         catalogue.known_effects.cache_clear()
 
 
-def test_every_effect_is_a_sum_of_columns_or_searches_for_itself() -> None:
-    assert len(known_effects()) == 21
+def test_every_effect_is_a_sum_of_columns_searches_for_itself_or_asks_a_question() -> None:
+    assert len(known_effects()) == 22
     for kind, effect in known_effects().items():
-        assert (effect.candidates is None) != (effect.search is None), kind
+        ways = (effect.candidates, effect.search, effect.question)
+        assert sum(way is not None for way in ways) == 1, kind
         assert len(effect.meaning) > 10

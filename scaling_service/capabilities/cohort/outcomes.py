@@ -13,8 +13,7 @@ from typing import Literal, Protocol
 from scaling_service.capabilities.cohort.executors import report_stage
 from scaling_service.capabilities.cohort.summary import SubjectSummary
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.run import check_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress

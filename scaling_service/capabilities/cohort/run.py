@@ -17,8 +17,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, possible_metho
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.run import check_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError

@@ -15,12 +15,12 @@ from scaling_service.capabilities.consistent.planar import STANDING, prepare_squ
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
-    check_weight,
     inverse_dynamics,
     judged_frames,
 )
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
@@ -133,7 +133,9 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
 def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
     motion, forces = prepared.motions[name], prepared.forces[name]
     dynamics = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
-    check_weight(dynamics, frames=forces.contacts.supported)
+    weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
+    assert weight is not None  # it has one recording
+    weight.check()
     trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
     return ConsistentRecording(
         trial,

@@ -143,12 +143,22 @@ class IdentificationDocument(Part):
     warnings: list[str]
 
 
+class WeightDocument(Part):
+    """Mass by the momentum balance of all recordings with forces, beside the model's."""
+
+    declared_kg: Number
+    plates_kg: Number
+    sd_kg: Number
+    by_trial_kg: dict[str, Number] = Field(description="What the plates bear in each recording.")
+
+
 class DynamicsDocument(Provenance):
     """``dynamics.json``."""
 
     start: str = Field(description="The method that scaled the model, or 'none'.")
     inertia: str = Field(description="An inertial table, or 'model': what the model holds.")
     mass_kg: Number = Field(description="The model's.")
+    weight: WeightDocument
     height_m: float
     trials: dict[str, TrialDynamicsDocument]
     verdict: str = Field(description="Whether these recordings can calibrate this person's inertia.")

@@ -31,13 +31,6 @@ from scaling_service.recording.plates_feet import FootContacts
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""
 
-FAR_OFF = 1.5
-"""Ratio of the mass that the plates bear to the model's beyond which one of them must be wrong (chosen: even
-mean forces over part of a stride stay within 1.2)."""
-
-NOTICED = 1.05
-"""Ratio that is told (chosen: shoes and clothes are 1 to 3 %)."""
-
 EDGE_PERIODS = 0.5
 """Periods of the cutoff left out at both ends of what is known (chosen). There the filter leans on
 mirrored data: in public walking trials the residual peaks at 90 to 240 N there, at 30 to 120 N elsewhere."""
@@ -183,25 +176,6 @@ def dynamics_of(
         external,
         total_mass(model),
     )
-
-
-def check_weight(dynamics: InverseDynamics, *, frames: NDArray[np.bool_] | None = None) -> tuple[str, ...]:
-    """Compare what the plates bear with what the model weighs, in the known ones of the frames given.
-
-    A note where they differ by more than ``NOTICED``, an error by more than ``FAR_OFF``: the residual would
-    mean nothing.
-    """
-    borne = float(dynamics.external[dynamics.used(frames), 1].mean() / -wrench.GRAVITY[1])
-    ratio = borne / dynamics.mass
-    said = f"the plates bear {borne:.1f} kg on average, the model weighs {dynamics.mass:.1f} kg"
-    if not 1 / FAR_OFF <= ratio <= FAR_OFF:
-        raise TrialUnusable(
-            said,
-            file=dynamics.trial,
-            field="subject.mass_kg",
-            remedy="Declare the right mass, use a model of the whole body, and give forces in N",
-        )
-    return (said,) if not 1 / NOTICED <= ratio <= NOTICED else ()
 
 
 def in_model_order(model: BodyModel, motion: Motion) -> Array:

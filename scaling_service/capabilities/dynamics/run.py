@@ -22,7 +22,6 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     HICKS,
     InverseDynamics,
     Residuals,
-    check_weight,
     evaluate_residuals,
     find_trembling,
     inverse_dynamics,
@@ -36,6 +35,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     propagate,
 )
+from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import Progress, part_of, silent
@@ -71,6 +71,7 @@ class DynamicsResults:
     chosen: DynamicsSettings
     settings: Settings
     trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
+    weight: Weight  # by the plates, beside the model's
     verdict: str  # in plain words: what the residuals say of the model
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
     warnings: tuple[str, ...] = ()  # what concerns all recordings
@@ -99,6 +100,9 @@ def dynamics(
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
             trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
+        weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
+        assert weight is not None  # a recording without a frame that counts is refused
+        weight.check()
         inertial, told = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
     return DynamicsResults(
@@ -106,7 +110,8 @@ def dynamics(
         chosen,
         settings,
         trials,
-        verdict_of(trials),
+        weight,
+        verdict_of(trials, weight),
         inertial,
         (*prepared.warnings, *told),
         time.perf_counter() - clock,
@@ -156,14 +161,13 @@ def trial_dynamics(
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
     frames = judged_frames(found, forces.contacts, chosen.cutoff_hz)
-    notes = check_weight(found, frames=frames)
     residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
     recording = Recording(prepared.model, motion, forces.loads, prepared.height_m, frames, chosen.cutoff_hz)
     uncertainty = propagate(
         recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
     )
-    told = _warn(forces, motion, find_trembling(found, prepared.model, frames))
-    warnings = tuple(f"{name}: {said}" for said in (*notes, *told))
+    said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
+    warnings = tuple(f"{name}: {warning}" for warning in said)
     return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, warnings)
 
 
@@ -180,9 +184,9 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
         yield f"{few(shaking)} tremble faster than joints do: markers hardly determine them, nor the residual"
 
 
-def verdict_of(trials: Mapping[str, TrialDynamics]) -> str:
-    """Whether these recordings can calibrate inertia, and whether the residuals keep the limits."""
-    return f"{_calibration(trials)} {_gates(trials)}"
+def verdict_of(trials: Mapping[str, TrialDynamics], weight: Weight) -> str:
+    """Whether the mass is right, inertia can be calibrated, and the residuals keep the limits."""
+    return " ".join([*weight.sentences, _calibration(trials), _gates(trials)])
 
 
 def _calibration(trials: Mapping[str, TrialDynamics]) -> str:

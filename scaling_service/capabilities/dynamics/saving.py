@@ -13,6 +13,7 @@ from scaling_service.capabilities.dynamics.document import (
     DynamicsDocument,
     IdentificationDocument,
     TrialDynamicsDocument,
+    WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
@@ -128,6 +129,12 @@ def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[st
     return DynamicsDocument(
         **known,
         mass_kg=total_mass(prepared.model),
+        weight=WeightDocument(
+            declared_kg=results.weight.declared_kg,
+            plates_kg=results.weight.plates_kg,
+            sd_kg=results.weight.sd_kg,
+            by_trial_kg=dict(results.weight.by_trial),
+        ),
         height_m=prepared.height_m,
         trials={name: _trial(found, results) for name, found in results.trials.items()},
         verdict=results.verdict,

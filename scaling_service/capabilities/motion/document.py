@@ -33,7 +33,7 @@ class TrackedTrialDocument(Part):
     )
     marker_noise_mm: dict[str, float] = Field(
         description="Standard deviation of one coordinate of each marker about the model, from this trial's "
-        "residuals; the standard deviations of the coordinates come from it."
+        "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
     )
     frames: int
 

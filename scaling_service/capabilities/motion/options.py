@@ -36,6 +36,10 @@ class MotionOptions(Options):
         default={},
         description="Model marker to label in the recordings, where name and known aliases differ.",
     )
+    bone_pins: Annotated[bool, Flag(name="--bone-pins")] = Field(
+        default=False,
+        description="Whether markers are fixed to the bone: standard deviations then leave skin out.",
+    )
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis that points up, such as +z; unless given, found from markers.",

@@ -13,6 +13,7 @@ import numpy as np
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.skin import skin_fields
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
@@ -90,19 +91,23 @@ def ik(
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(loaded.session.model, trial)
+            found[trial.name] = track(loaded.session.model, trial, skin=not options.bone_pins)
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 
 
-def track(model: BodyModel, trial: Trial) -> TrackedTrial:
-    """Track one trial, in the session's axes and with the model's marker names."""
+def track(model: BodyModel, trial: Trial, *, skin: bool = True) -> TrackedTrial:
+    """Track one trial, in the session's axes and with the model's marker names.
+
+    ``skin``: whether standard deviations hold what skin does over the bone.
+    """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
     motion = motion_of(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
-    uncertainty = coordinate_sd(task, solution.q, motion.residuals, np.isfinite(motion.q) & ever)
+    fields = tuple(skin_fields(task)) if skin else ()
+    uncertainty = coordinate_sd(task, solution.q, motion.residuals, np.isfinite(motion.q) & ever, fields)
     return TrackedTrial(motion, uncertainty, kinematic_error(motion, model))
 
 

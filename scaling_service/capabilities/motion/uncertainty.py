@@ -2,16 +2,16 @@
 
 The estimate moves with the markers' noise as ``H^-1 J^T W e`` (``H = J^T W J``, the Gauss-Newton matrix of
 the frame), so its covariance is ``H^-1 J^T W S W J H^-1`` whatever the weights W: the sandwich of Huber 1967.
-S holds one variance for each marker, for skin moves more in one place than in another.
+S holds one variance for each marker, for skin moves more in one place than in another, and what markers of a
+segment do alike (:mod:`.skin`), which looks like a motion of the bone and leaves no residual.
 
-What all markers of a segment do together looks like a motion of the bone and leaves no residual: it is not
-in these numbers. Nor is an error of the model's joints that the recording's residuals do not show. A gap that
+An error of the model's joints that the recording's residuals do not show is not in these numbers. A gap that
 processing filled counts as seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, pos
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.inverse_kinematics import Task
+from scaling_service.capabilities.motion.skin import SkinField
 
 Mask = NDArray[np.bool_]
 
@@ -49,11 +50,14 @@ class CoordinateSd:
     at_range_end: Mask  # (n_frames, n_coordinates)
 
 
-def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> CoordinateSd:
+def coordinate_sd(
+    task: Task, q: Array, residuals: Array, known: Mask, fields: Sequence[SkinField] = ()
+) -> CoordinateSd:
     """Standard deviation of every coordinate in every frame of a solved task.
 
     ``q`` (n_frames, n_coordinates), rad or m; ``residuals`` (n_frames, n_markers, 3), m, measured minus
-    model, NaN where not seen; ``known``: where the markers of a frame determine a coordinate.
+    model, NaN where not seen; ``known``: where the markers of a frame determine a coordinate; ``fields``: how
+    skin moves over the bone.
     """
     lower, upper = task.bounds
     at_end = ((q <= lower) | (q >= upper)) & task.free
@@ -63,10 +67,24 @@ def coordinate_sd(task: Task, q: Array, residuals: Array, known: Mask) -> Coordi
     for rows in _blocks(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        sd[rows, task.free] = np.sqrt(np.square(follow) @ np.repeat(task.weights * variance, 3))
+        square = np.square(follow) @ np.repeat(task.weights * variance, 3)
+        for field in fields:
+            square += _alike(follow, field, task.weights)
+        sd[rows, task.free] = np.sqrt(square)
     sd[held & task.free] = np.nan
     shown = seen(residuals).any(axis=0)
     return CoordinateSd(sd, np.where(shown, np.sqrt(variance), np.nan), at_end)
+
+
+def _alike(follow: Array, field: SkinField, weights: Array) -> Array:
+    """Variance of the coordinates from the skin of one segment, (n, n_free).
+
+    ``follow`` (n, n_free, 3 n_markers): coordinates against displacements times root weights.
+    """
+    n, free, _ = follow.shape
+    root = np.sqrt(weights[field.markers])[:, None] * np.linalg.cholesky(field.covariance)
+    moved = follow.reshape(n, free, -1, 3)[:, :, field.markers]
+    return np.asarray(np.square(np.einsum("nfmi,mk->nfki", moved, root, optimize=True)).sum(axis=(2, 3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,11 +13,11 @@ from scipy.interpolate import make_interp_spline
 from scaling_service.capabilities.dynamics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
-    check_weight,
     dynamics_of,
     inverse_dynamics,
     rated_motion,
 )
+from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
@@ -115,24 +115,6 @@ def test_what_cannot_be_is_refused() -> None:
         inverse_dynamics(weightless, motion_of(q), loads)
 
 
-def test_a_mass_that_the_plates_do_not_bear_is_refused_or_told() -> None:
-    found = inverse_dynamics(BODY, motion_of(swaying()[0]), bearing())
-    assert check_weight(found) == ()
-    assert "the model weighs 60.7 kg" in check_weight(replace(found, mass=0.9 * found.mass))[0]
-    for mass in (1000.0, 5.0):
-        with pytest.raises(TrialUnusable, match=rf"the model weighs {mass:.1f} kg"):
-            check_weight(replace(found, mass=mass))
-    airborne = found.external.copy()
-    airborne[:120] = 0.0
-    part = replace(found, external=airborne)
-    assert "the plates bear" in check_weight(replace(part, mass=35.0))[0]
-    assert check_weight(part, frames=np.arange(200) >= 140) == check_weight(
-        found, frames=np.arange(200) >= 140
-    )
-    with pytest.raises(TrialUnusable, match="no frame has both"):
-        check_weight(replace(found, residual=np.full((200, 6), np.nan)))
-
-
 # --- real recordings, beside OpenSim --------------------------------------------------------------
 
 RECORDINGS = {
@@ -211,12 +193,20 @@ def differences(model: BodyModel, ours: InverseDynamics, theirs: OpenSimId) -> d
     return found
 
 
+def test_the_plates_tell_the_weight_that_a_laboratory_declared(shared_data: Path) -> None:
+    _, _, dynamics, _ = recorded(shared_data, "gait2354")
+    weight = weigh_motions({"walk": (dynamics, dynamics.known)})
+    assert weight is not None
+    assert weight.declared_kg == pytest.approx(75.16, abs=0.01)  # the generic model's
+    assert weight.plates_kg == pytest.approx(72.6, abs=1.0)
+    assert abs(weight.plates_kg - 72.6) < 1.96 * weight.sd_kg
+
+
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 def test_joint_forces_equal_opensims_where_joints_are_simple(shared_data: Path, tmp_path: Path) -> None:
     path, model, ours, loads = recorded(shared_data, "gait2354")
     theirs = opensims(path, model, ours, loads, tmp_path)
     assert max(differences(model, ours, theirs).values()) < 1e-6
-    assert check_weight(ours) == ()
 
 
 @pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib import import_module
@@ -33,6 +33,9 @@ class Effect:
     search : callable, optional
         The likely ones, fitted and tried; of an effect whose course is not known beforehand, so that no
         column can stand for it.
+    question : callable, optional
+        Asked before the search, of the fit and of what was scored: the effect where the answer is yes. It
+        stays, whatever is named later.
     seen_in : 'markers' or 'wrench'
         What that search looks at.
     details : callable, optional
@@ -45,6 +48,7 @@ class Effect:
     meaning: str
     candidates: Callable[[Scene], Iterable[Candidate]] | None = None
     search: Callable[[Fit], Iterable[ScoredCandidate]] | None = None
+    question: Callable[[Fit, Sequence[ScoredCandidate]], ScoredCandidate | None] | None = None
     seen_in: Seen = "markers"
     details: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
     spreads: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
@@ -85,6 +89,14 @@ def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
     for effect in known_effects().values():
         if effect.search is not None and effect.seen_in == seen_in:
             yield from effect.search(fit)
+
+
+def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[ScoredCandidate]:
+    """Effects that a question of their own finds, before the search."""
+    for effect in known_effects().values():
+        found = effect.question(fit, scored) if effect.question is not None else None
+        if found is not None:
+            yield found
 
 
 def details(effect: Estimate, after: Fit) -> Mapping[str, float]:

@@ -62,6 +62,10 @@ class DiscoverySettings:
     separating_block_s: float = 1.0  # blocks of that movement, s
     separating_nearest: int = 6  # others looked at (chosen: the rest are further off)
 
+    # share of what the forces disagree by from which an effect is taken to be all of its cause (chosen: where
+    # the model is right but for one thing, that thing leaves no more than this)
+    whole_cause: float = 0.8
+
     # Testing
 
     # share of what an effect promised to explain that it must explain when everything is estimated anew with

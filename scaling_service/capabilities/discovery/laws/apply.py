@@ -15,6 +15,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Exchange,
     FreeMotion,
     Masked,
+    Reweighed,
     loads_of,
 )
 from scaling_service.capabilities.discovery.laws.loads import Inertial, Late, Plate, PlateFault, Tilt
@@ -98,9 +99,14 @@ def corrected_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
 
 def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate]) -> BodyModel:
     """The model with masses, centres and tensors changed."""
-    numbers = inertias_of(model).parameters()
+    declared = inertias_of(model).parameters()
+    numbers = declared.copy()
     changed = False
     for effect in effects:
+        whole = effect.candidate.change
+        if isinstance(whole, Reweighed):
+            numbers += (whole.factor - 1.0) * declared
+            changed = True
         for segment, change in _inertial_changes(effect):
             numbers[model.segment_names.index(segment)] += change
             changed = True

@@ -107,6 +107,14 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
+class Reweighed:
+    """The whole body heavier or lighter, in proportion."""
+
+    factor: float  # true over declared mass
+    sd: float
+
+
+@dataclass(frozen=True, slots=True)
 class Masked:
     """A marker that is left out, for it goes its own way."""
 
@@ -123,7 +131,8 @@ class Candidate:
     driver: tuple[str, ...] = ()  # the coordinates that it follows
     trials: tuple[str, ...] = ()  # those in which it is; all of them unless given
     note: str = ""  # what a person should know of this one: the frequency it was tried at
-    change: FreeMotion | Exchange | Contact | Masked | None = None  # for what is not a sum of columns
+    # for what is not a sum of columns
+    change: FreeMotion | Exchange | Contact | Reweighed | Masked | None = None
     # whether coefficients, each in its range, are plausible together
     together: Callable[[Array], bool] | None = None
 
@@ -139,7 +148,7 @@ class Candidate:
     @property
     def seen_in(self) -> Seen:
         """Whether it shows in the ground wrench or among the markers."""
-        loaded = isinstance(self.change, Contact) or any(c.load is not None for c in self.columns)
+        loaded = isinstance(self.change, Contact | Reweighed) or any(c.load is not None for c in self.columns)
         return "wrench" if loaded else "markers"
 
     @property

@@ -17,6 +17,7 @@ from scaling_service.capabilities.discovery.disturbances.disturbance import (
     find_disturbance,
 )
 from scaling_service.capabilities.discovery.disturbances.free_marker import find_free_marker
+from scaling_service.capabilities.discovery.effects.catalogue import ask_questions
 from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
@@ -31,7 +32,7 @@ from scaling_service.capabilities.discovery.search.elimination import (
 )
 from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
-from scaling_service.capabilities.discovery.search.naming import name_tuned
+from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
 from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
 from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
@@ -109,6 +110,7 @@ class Search:
     early: set[str] = field(default_factory=set)
     scored: ScoredCandidates | None = None  # what the last round saw
     disturbance: Disturbance | None = None  # one that no effect has and that ends the search
+    questioned: bool = False  # whether the questions that come before the search were asked
     share: float = 0.0  # of the work, as it was reported last
 
     def finish(self) -> ScoredCandidates:
@@ -128,6 +130,13 @@ class Search:
         fit, settings = self.fit, self.fit.settings
         self._tell(f"looking for effect {len(self.named) + 1}", _DONE * len(self.named) / settings.most)
         self.scored = scored = score_all(fit, self.scored)
+        if not self.questioned:
+            self.questioned = True
+            answers = [name_effect(found, fit, scored) for found in ask_questions(fit, scored.best)]
+            if answers:
+                self.named += answers
+                self.fit = estimate(fit, [n.effect for n in answers], ROUGHLY)
+                return True
         selection = select(fit, scored, self.named, self.refused)
         self.refused |= selection.refused
         self.disturbance = find_disturbance(fit, scored)

@@ -19,7 +19,7 @@ from scaling_service.capabilities.discovery.evidence.observation import Observat
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, score_gathered
 from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
 from scaling_service.capabilities.discovery.search.estimation import SETTLED, estimate, misfit, remove
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
@@ -176,10 +176,11 @@ def drop_insufficient(
     catalogue does not have: a clock that drifts looks somewhat like a plate's bias. Where the markers say
     that more is missing anyhow, what is left is not held against anything.
     """
-    loads = [n for n in named if WRENCH.shows(n.candidate)]
+    loads = [n for n in named if WRENCH.shows(n.candidate) and not isinstance(n.candidate.change, Reweighed)]
     if not loads or sufficient(before, fit):
         return list(named), fit, ()
-    kept = tuple(e for e in fit.effects if MARKERS.shows(e.candidate))
+    gone = {n.key for n in loads}
+    kept = tuple(e for e in fit.effects if e.candidate.key not in gone)
     fit = estimate(replace(fit, effects=kept), observations=(WRENCH,))
     names = ", ".join(n.candidate.name for n in loads)
     return [n for n in named if n not in loads], fit, (_INSUFFICIENT.format(names=names),)

@@ -15,10 +15,9 @@ from itertools import combinations
 from scaling_service.capabilities.discovery.disturbances.free_marker import FreeMarker
 from scaling_service.capabilities.discovery.effects.catalogue import candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
 from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate, misfit
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.rivals import Name
@@ -59,9 +58,11 @@ def replace_by_plate_pair(
     named: Sequence[NamedEffect], fit: Fit, name: Name, count: int
 ) -> tuple[list[NamedEffect], Fit]:
     """Two faults of one plate in place of the effects of forces, where the two explain more."""
-    several = [n for n in named if WRENCH.shows(n.candidate)]
+    loads = (n for n in named if WRENCH.shows(n.candidate))
+    several = [n for n in loads if not isinstance(n.candidate.change, Reweighed)]
     tries = 1 if len(several) > 1 else count  # one more effect than is named must stand as any other
-    bare = WRENCH.refit(fit, fit.free, [e for e in fit.effects if MARKERS.shows(e.candidate)])
+    gone = {n.key for n in several}
+    bare = WRENCH.refit(fit, fit.free, [e for e in fit.effects if e.candidate.key not in gone])
     faults = [c for c in candidates(bare.scene) if not c.trials and c.where[0] in bare.scene.plates]
     pair = _best(bare, faults, tries)
     if pair is None:

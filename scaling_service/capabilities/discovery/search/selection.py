@@ -101,7 +101,20 @@ def select(
 def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
     level = fit.settings.level
     likely = one.fitted.p * among.count <= level and one.fitted.expected > 0.0
-    return likely and one.does_good(level)
+    return likely and one.does_good(level) and not _passing_fault(one, fit)
+
+
+def _passing_fault(one: ScoredCandidate, fit: Fit) -> bool:
+    """Whether it is a plate's fault in some recordings only that is not all that is wrong with these.
+
+    A model that is wrong looks like a fault of a plate in the recording that it was fitted to, and like
+    another one in the next.
+    """
+    trials = one.candidate.trials
+    if not trials or one.candidate.where[0] not in fit.scene.plates:
+        return False
+    above = sum(item.square - item.freedom for item in fit.wrenches if item.name in trials)
+    return one.fitted.gain < fit.settings.whole_cause * above
 
 
 def _companions(

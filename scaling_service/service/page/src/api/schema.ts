@@ -1,5 +1,22 @@
 /** What travels between service and page, made from the OpenAPI document by schema.py. */
 
+/** Kind of job to its route. */
+export const ROUTES: Record<string, string> = {
+  "batch": "batches",
+  "consistent": "consistent-motions",
+  "discovery": "discoveries",
+  "dynamics": "dynamics",
+  "proof": "proofs",
+  "landmarks": "scalings/mesh-landmarks",
+  "motion": "motions",
+  "linear-scaling": "scalings/linear",
+  "optimised-scaling": "scalings/optimised",
+  "scaling": "comparisons",
+  "kinematic-error": "comparisons/kinematic-error",
+  "segment-lengths": "comparisons/segment-lengths",
+  "joint-angles": "comparisons/joint-angles"
+};
+
 export interface AgreementEntry {
   quantity: string;
   method: string;
@@ -370,6 +387,7 @@ export interface DynamicsDocument {
   start: string;
   inertia: string;
   mass_kg: number;
+  weight: WeightDocument;
   height_m: number;
   trials: Record<string, TrialDynamicsDocument>;
   verdict: string;
@@ -858,6 +876,7 @@ export interface MotionEntry {
 export interface MotionRequest {
   poses?: boolean;
   markers?: Record<string, string>;
+  bone_pins?: boolean;
   up?: string | null;
   forward?: string | null;
   smooth_hz?: number | null;
@@ -1409,6 +1428,13 @@ export interface Vocabulary {
 export interface WallTime {
   calibration: number;
   inverse_kinematics: number;
+}
+
+export interface WeightDocument {
+  declared_kg: number;
+  plates_kg: number;
+  sd_kg: number;
+  by_trial_kg: Record<string, number>;
 }
 
 export interface Wrench {

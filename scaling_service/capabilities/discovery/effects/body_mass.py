@@ -1,0 +1,81 @@
+"""The first question about forces: whether the declared mass is right.
+
+The momentum balance answers it from the vertical forces of all recordings, whatever else is wrong with the
+model. It is asked before the search, which would otherwise share the missing weight out among segments and
+plates, and its answer stays: an effect that is named later must not take it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
+from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
+from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, blocks_of, weigh
+
+
+def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidate | None:
+    """The declared mass as an effect, if the plates clearly contradict it and no other effect is the cause.
+
+    Another one is, where it explains nearly all that the forces disagree by: a load in the hand weighs as
+    much as a heavier body, but its moments tell where it is.
+    """
+    weight = balance_weight(fit)
+    if weight is None or not weight.differs:
+        return None
+    above = fit.settings.whole_cause * WRENCH.above_noise(fit)
+    if any(WRENCH.shows(one.candidate) and one.fitted.gain > above for one in scored):
+        return None
+    change = Reweighed(weight.factor, weight.sd_kg / weight.declared_kg)
+    candidate = Candidate("body_mass", ("body",), (), change=change)
+    after = WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(candidate, np.zeros(0))))
+    gain = {role: _square(fit, role) - _square(after, role) for role in ("fit", "held_out")}
+    chance = 2.0 * float(scipy.stats.norm.sf(abs(weight.factor - 1.0) / change.sd))
+    folds = not _square(fit, "held_out")
+    share = gain["held_out"] / _square(fit, "held_out") if not folds else gain["fit"] / _square(fit, "fit")
+    return ScoredCandidate(
+        candidate, Fitted.of_any_course(gain["fit"], 0.0, chance), None, HeldOut(share, chance, folds)
+    )
+
+
+def balance_weight(fit: Fit) -> Weight | None:
+    """What the plates bear in all recordings with forces; None without any."""
+    blocks = {}
+    for item in fit.wrenches:
+        borne, needed = (item.smoothed(wrench)[:, 1] for wrench in (item.measured, item.needed))
+        spans = blocks_of(item.usable, item.times, BLOCK_S)
+        blocks[item.name] = [(borne[rows], needed[rows]) for rows in spans]
+    return weigh(fit.wrenches[0].mass, blocks) if blocks else None
+
+
+def _square(fit: Fit, role: str) -> float:
+    return sum(item.square for item in fit.wrenches if item.role == role)
+
+
+def _factor(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+    assert isinstance(effect.candidate.change, Reweighed)
+    return {"factor": effect.candidate.change.factor}
+
+
+def _spread(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+    assert isinstance(effect.candidate.change, Reweighed)
+    return {"factor": effect.candidate.change.sd}
+
+
+EFFECTS = (
+    Effect(
+        "body_mass",
+        "the person is heavier or lighter than declared",
+        question=question_mass,
+        seen_in="wrench",
+        details=_factor,
+        spreads=_spread,
+    ),
+)

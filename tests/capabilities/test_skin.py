@@ -1,0 +1,82 @@
+"""Skin over bone in the standard deviations of coordinates, beside bones whose true pose was measured."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.motion.inverse_kinematics import Task
+from scaling_service.capabilities.motion.run import TrackedTrial, ik, track
+from scaling_service.capabilities.motion.skin import published_sd, skin_fields
+from scaling_service.numerics.multibody.laws import Array
+from tests.capabilities.recorded import recorded
+
+JOINTS = {"femur": "hip", "tibia": "knee", "humerus": "shoulder"}
+HELD_OUT = {
+    "cadaver_hip": "hipFunct_second",
+    "knee_fluoroscopy": "stepUp",
+    "knee_pins": "walking",
+    "shoulder_pins": "eating",
+}
+
+
+def test_published_sizes_go_by_the_segments_name() -> None:
+    assert published_sd("femur_r") == published_sd("thigh_left") == pytest.approx(0.012)
+    assert published_sd("calcn_l") < published_sd("tibia_l") < published_sd("femur_l")
+    assert published_sd("segment7") > 0.0
+
+
+def test_deviations_grow_most_where_skin_moves_most_and_not_at_all_on_pins() -> None:
+    made = recorded("lower_limb_14dof", 60, 3)
+    names = made.model.coordinate_names
+    skin, none = (track(made.model, made.trial, skin=yes).uncertainty.sd for yes in (True, False))
+    assert (skin >= none).all()
+    wider = np.sqrt(skin**2 - none**2).mean(axis=0)
+    assert wider[names.index("hip_rotation_r")] > wider[names.index("pelvis_list")] > 0.0
+    task = Task.of(made.model, made.trial)
+    on_skin = {k for field in skin_fields(task) for k in field.markers.tolist()}
+    assert on_skin == set(range(len(task.markers)))
+
+
+@pytest.mark.parametrize("name", HELD_OUT)
+def test_intervals_hold_the_angles_between_bones_whose_pose_was_measured(
+    shared_data: Path, name: str
+) -> None:
+    """Pins in the bone or fluoroscopy (Cereatti et al. 2017) against intervals from skin markers alone."""
+    folder, trial = shared_data / "living_bone" / name, HELD_OUT[name]
+    if not folder.is_dir():
+        pytest.skip("recordings over bones of known pose are not here")
+    tracked = ik(folder / "model.osim", [folder / f"{trial}.trc"]).trials[trial]
+    covered = _covered(tracked, _true_rotations(folder / f"{trial}_bones.csv"))
+    assert 0.90 <= covered <= 1.0
+
+
+def _true_rotations(path: Path) -> dict[str, Array]:
+    """Rotation matrices of the bones, (n, 3, 3), by name in the order of the chain."""
+    with path.open() as file:
+        names, *rows = list(csv.reader(file))
+    values = np.array([[float(v) if v.strip() else np.nan for v in row] for row in rows])
+    starts = {n.removesuffix("_r11"): k for k, n in enumerate(names) if n.endswith("_r11")}
+    return {bone: values[:, k : k + 9].reshape(-1, 3, 3) for bone, k in starts.items()}
+
+
+def _covered(tracked: TrackedTrial, true: dict[str, Array]) -> float:
+    """Share of joint angles within 1.96 standard deviations of the truth."""
+    q, sd, names = tracked.motion.q, tracked.uncertainty.sd, tracked.motion.coordinates
+    inside = []
+    for parent, child in zip(true, list(true)[1:], strict=False):
+        between = np.einsum("nji,njk->nik", true[parent], true[child])[: len(q)]
+        angles = (
+            np.arctan2(-between[:, 0, 1], between[:, 1, 1]),
+            np.arcsin(between[:, 2, 1]),
+            np.arctan2(-between[:, 2, 0], between[:, 2, 2]),
+        )
+        for axis, angle in zip("zxy", angles, strict=True):
+            k = names.index(f"{JOINTS[child]}_{axis}")
+            off = (q[: len(angle), k] - angle + np.pi) % (2 * np.pi) - np.pi
+            known = np.isfinite(off)
+            inside.append(np.abs(off[known]) <= 1.96 * sd[: len(angle), k][known])
+    return float(np.concatenate(inside).mean())

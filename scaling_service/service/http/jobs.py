@@ -248,7 +248,7 @@ def submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
         result = "" if kind.result is None else f"\n\nThe result follows `{kind.result.__name__}`."
         router.post(
             f"/{kind.route}",
-            name=name,
+            operation_id=name,
             summary=summary.strip().rstrip("."),
             description=f"{summary.strip()}\n{more.strip()}{result}",
             status_code=HTTPStatus.ACCEPTED,

@@ -184,7 +184,7 @@ def is_loopback(host: str | None) -> bool:
 
     Examples
     --------
-    >>> is_here("127.0.0.1"), is_here("localhost"), is_here("db.example.org")
+    >>> is_loopback("127.0.0.1"), is_loopback("localhost"), is_loopback("db.example.org")
     (True, True, False)
     """
     if not host or host == "localhost" or host.startswith("/"):

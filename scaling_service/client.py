@@ -92,14 +92,14 @@ class Client:
 
     def put_subject(self, document: Mapping[str, Any]) -> SubjectDetail:
         """Give a subject's document."""
-        return _as(SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
+        return _parse(SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
 
     def upload(self, subject: str, path: str | Path, name: str | None = None) -> FileEntry:
         """Upload a file of a subject, under its own name unless another is given."""
         file = Path(path)
-        place = f"{_subject(subject)}/files/{quote(name or file.name, safe='')}"
+        place = f"{_subject_path(subject)}/files/{quote(name or file.name, safe='')}"
         with file.open("rb") as content:
-            return _as(FileEntry, self._call("PUT", place, data=content))
+            return _parse(FileEntry, self._call("PUT", place, data=content))
 
     def put_subject_file(self, path: str | Path) -> SubjectDetail:
         """Give a subject's document, YAML or JSON, and upload the files beside it that it names."""
@@ -108,37 +108,37 @@ class Client:
         check_document(document, file=file)
         assert isinstance(document, Mapping)  # or it would have been refused
         subject = self.put_subject(document).id
-        for name in sorted(set(_texts(document))):
+        for name in sorted(set(_possible_file_names(document))):
             if (file.parent / name).is_file():
                 self.upload(subject, file.parent / name)
         return self.subject(subject)
 
     def subject(self, subject: str) -> SubjectDetail:
         """One subject."""
-        return _as(SubjectDetail, self._call("GET", _subject(subject)))
+        return _parse(SubjectDetail, self._call("GET", _subject_path(subject)))
 
     def subjects(self) -> Iterator[SubjectSummary]:
         """All subjects, newest first."""
-        for page in self._pages(SubjectPage, "/v1/subjects", {}):
+        for page in self._read_pages(SubjectPage, "/v1/subjects", {}):
             yield from page.items
 
     def delete_subject(self, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
-        self._call("DELETE", _subject(subject))
+        self._call("DELETE", _subject_path(subject))
 
     # The laboratory
 
     def put_examples(self, persons: int = 1) -> list[str]:
         """Put the built-in example among the subjects, and others like it for a cohort; their names."""
-        return _as(ExampleList, self._call("POST", "/v1/examples", params={"persons": persons})).subjects
+        return _parse(ExampleList, self._call("POST", "/v1/examples", params={"persons": persons})).subjects
 
     def vocabulary(self) -> Vocabulary:
         """Built-in models with their markers, methods and bones."""
-        return _as(Vocabulary, self._call("GET", "/v1/vocabulary"))
+        return _parse(Vocabulary, self._call("GET", "/v1/vocabulary"))
 
     def marker_map(self) -> dict[str, str]:
         """Label to model marker, as the laboratory has them."""
-        return _as(MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
+        return _parse(MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
 
     def put_marker_map(self, labels: Mapping[str, str]) -> None:
         """Keep which label is which marker, in place of what was kept before."""
@@ -152,20 +152,20 @@ class Client:
         The route is such as ``scalings/linear`` or ``comparisons/joint-angles``, the request its body as
         documented at ``/docs``.
         """
-        return _as(JobDocument, self._call("POST", f"/v1/{route}", json=request))
+        return _parse(JobDocument, self._call("POST", f"/v1/{route}", json=request))
 
     def job(self, job: JobDocument | str) -> JobDocument:
         """A job as it is now."""
-        return _as(JobDocument, self._call("GET", _path(job)))
+        return _parse(JobDocument, self._call("GET", _job_path(job)))
 
     def jobs(self, **chosen: str) -> Iterator[JobDocument]:
         """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
-        for page in self._pages(JobPage, "/v1/jobs", chosen):
+        for page in self._read_pages(JobPage, "/v1/jobs", chosen):
             yield from page.items
 
     def events(self, job: JobDocument | str) -> Iterator[JobDocument]:
         """A job each time that it changes, until it is over; connections that break are made again."""
-        return (found for found in self._signs(job) if found is not None)
+        return (found for found in self._watch(job) if found is not None)
 
     def wait(self, job: JobDocument | str, timeout_s: float = 3600.0) -> JobDocument:
         """Wait until a job is done; JobEnded is raised where it failed or was cancelled.
@@ -174,22 +174,22 @@ class Client:
         service says something, which it does at least each 15 s.
         """
         end = time.monotonic() + timeout_s
-        for found in self._signs(job):
+        for found in self._watch(job):
             if found is not None and found.state.is_over:
-                return _done(found)
+                return _require_done(found)
             if time.monotonic() > end:
                 raise TimeoutError(f"the job is not over after {timeout_s:g} s")
-        return _done(self.job(job))
+        return _require_done(self.job(job))
 
-    def _signs(self, job: JobDocument | str) -> Iterator[JobDocument | None]:
+    def _watch(self, job: JobDocument | str) -> Iterator[JobDocument | None]:
         """A job each time that it changes, and None where the service only says that it lives."""
         seen = -1
         while True:
             answer = self._answer(
-                "GET", f"{_path(job)}/events", stream=True, headers={"Last-Event-ID": str(seen)}
+                "GET", f"{_job_path(job)}/events", stream=True, headers={"Last-Event-ID": str(seen)}
             )
             with answer:
-                for found in _events(answer):
+                for found in _parse_events(answer):
                     yield found
                     if found is not None:
                         seen = found.revision
@@ -200,12 +200,12 @@ class Client:
 
     def result(self, job: JobDocument | str) -> dict[str, Any]:
         """What a job found."""
-        found: dict[str, Any] = self._call("GET", f"{_path(job)}/result").json()
+        found: dict[str, Any] = self._call("GET", f"{_job_path(job)}/result").json()
         return found
 
     def files(self, job: JobDocument | str) -> list[FileEntry]:
         """What a job made."""
-        return _as(FileList, self._call("GET", f"{_path(job)}/files")).items
+        return _parse(FileList, self._call("GET", f"{_job_path(job)}/files")).items
 
     def download(self, job: JobDocument | str, folder: str | Path) -> list[Path]:
         """Download all that a job made into a folder."""
@@ -214,7 +214,7 @@ class Client:
             target = _inside(Path(folder), file.name)
             target.parent.mkdir(parents=True, exist_ok=True)
             with (
-                self._answer("GET", f"{_path(job)}/files/{quote(file.name)}", stream=True) as answer,
+                self._answer("GET", f"{_job_path(job)}/files/{quote(file.name)}", stream=True) as answer,
                 target.open("wb") as content,
             ):
                 for chunk in answer.iter_content(_CHUNK_BYTES):
@@ -225,7 +225,7 @@ class Client:
     def cancel(self, job: JobDocument | str) -> JobDocument:
         """Wish that a job ends; one that is over is left as it is."""
         found = self.job(job)
-        return found if found.state.is_over else _as(JobDocument, self._call("DELETE", _path(job)))
+        return found if found.state.is_over else _parse(JobDocument, self._call("DELETE", _job_path(job)))
 
     def delete(self, job: JobDocument | str) -> None:
         """Delete a job that is over, with all that it made."""
@@ -233,12 +233,14 @@ class Client:
             raise InputError(
                 "the job is not over", field="job", remedy="Cancel it and wait for its end first"
             )
-        self._call("DELETE", _path(job))
+        self._call("DELETE", _job_path(job))
 
-    def _pages(self, model: type[PageModel], path: str, chosen: Mapping[str, str]) -> Iterator[PageModel]:
+    def _read_pages(
+        self, model: type[PageModel], path: str, chosen: Mapping[str, str]
+    ) -> Iterator[PageModel]:
         cursor: str | None = ""
         while cursor is not None:
-            page = _as(model, self._call("GET", path, params={**chosen, "cursor": cursor}))
+            page = _parse(model, self._call("GET", path, params={**chosen, "cursor": cursor}))
             yield page
             cursor = page.next
 
@@ -271,28 +273,28 @@ class Client:
 
 def _refusal(answer: requests.Response) -> ServiceRefused:
     try:
-        told = Problem.model_validate_json(answer.content)
+        problem = Problem.model_validate_json(answer.content)
     except ValidationError:
         error = ServiceRefused(f"the service answered {answer.status_code}", remedy="Look at its log")
     else:
-        error = ServiceRefused(told.problem, file=told.file, field=told.field, remedy=told.remedy)
+        error = ServiceRefused(problem.problem, file=problem.file, field=problem.field, remedy=problem.remedy)
     error.status = answer.status_code
     return error
 
 
-def _as(model: type[Model], answer: requests.Response) -> Model:
+def _parse(model: type[Model], answer: requests.Response) -> Model:
     return model.model_validate_json(answer.content)
 
 
-def _subject(name: str) -> str:
+def _subject_path(name: str) -> str:
     return f"/v1/subjects/{quote(name, safe='')}"
 
 
-def _path(job: JobDocument | str) -> str:
+def _job_path(job: JobDocument | str) -> str:
     return f"/v1/jobs/{job.id if isinstance(job, JobDocument) else quote(job, safe='')}"
 
 
-def _events(answer: requests.Response) -> Iterator[JobDocument | None]:
+def _parse_events(answer: requests.Response) -> Iterator[JobDocument | None]:
     """The jobs in an event stream, and None for its comments, until it ends or breaks."""
     try:
         for line in answer.iter_lines(chunk_size=1):  # else the last lines wait for more
@@ -304,13 +306,13 @@ def _events(answer: requests.Response) -> Iterator[JobDocument | None]:
         return
 
 
-def _done(job: JobDocument) -> JobDocument:
+def _require_done(job: JobDocument) -> JobDocument:
     if job.state is State.DONE:
         return job
-    told = job.failure
-    if told is None:
+    failure = job.failure
+    if failure is None:
         raise JobEnded(f"the job is {job.state}", field="job", remedy="Ask for it again")
-    raise JobEnded(told.problem, file=told.file, field=told.field, remedy=told.remedy)
+    raise JobEnded(failure.problem, file=failure.file, field=failure.field, remedy=failure.remedy)
 
 
 def _inside(folder: Path, name: str) -> Path:
@@ -320,11 +322,11 @@ def _inside(folder: Path, name: str) -> Path:
     return target
 
 
-def _texts(content: Any) -> Iterator[str]:
+def _possible_file_names(content: Any) -> Iterator[str]:
     """All texts among the values of a document that could be names of files."""
     if isinstance(content, str):
         if content and "/" not in content and "\\" not in content and len(content) <= 255:
             yield content
     elif isinstance(content, Mapping | list):
         for value in content.values() if isinstance(content, Mapping) else content:
-            yield from _texts(value)
+            yield from _possible_file_names(value)

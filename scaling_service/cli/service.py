@@ -148,9 +148,9 @@ def expire(
 @settings.command()
 def show(settings: SettingsFile = None) -> None:
     """Print all settings as they are resolved, without passwords; refuses what is unsafe."""
-    from scaling_service.service.jobs.settings import load_settings, shown
+    from scaling_service.service.jobs.settings import load_settings, without_passwords
 
-    typer.echo(json.dumps(shown(load_settings(settings)), indent=1))
+    typer.echo(json.dumps(without_passwords(load_settings(settings)), indent=1))
 
 
 COMMANDS = (serve,)

@@ -7,12 +7,13 @@ that few of them remain.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
 from scaling_service.numerics.multibody.laws import (
@@ -49,7 +50,7 @@ class _Index:
         key = (term.coordinate, term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            shape = _piecewise(term.shape) if term.shape is not None else None
+            shape = piecewise(term.shape) if term.shape is not None else None
             self.factors.append(Factor(self.coordinates[term.coordinate], shape))
         return self._factors[key]
 
@@ -64,12 +65,30 @@ class _Index:
         return law.constant_part, tuple(varying)
 
 
-def _piecewise(shape: Shape) -> Piecewise:
+def piecewise(shape: Shape) -> Piecewise:
+    """A shape as arrays."""
     degree = max(len(piece) for piece in shape.coefficients)
     rows = np.zeros((degree, len(shape.coefficients)))
     for k, piece in enumerate(shape.coefficients):
         rows[degree - len(piece) :, k] = piece
     return Piecewise(np.array(shape.breaks), rows)
+
+
+def law_value(law: Law, values: Mapping[str, Any]) -> Any:
+    """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
+    total: Any = 0.0
+    for term in law.terms:
+        factor = 1.0 if term.parameter is None else values[term.parameter]
+        if term.coordinate is not None:
+            x = values[term.coordinate]
+            factor = factor * (x if term.shape is None else shape_values(term.shape, x))
+        total = total + term.gain * factor
+    return total
+
+
+def shape_values(shape: Shape, x: ArrayLike) -> Array:
+    """A piecewise polynomial, continued with its end slopes outside its breaks."""
+    return piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]
 
 
 def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tree:

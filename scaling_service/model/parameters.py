@@ -41,25 +41,12 @@ def free_scale(
     The parameter ``scale.<segment>`` starts at one and stays within ``1 +- relative_bound``.
     Marker shifts freed beside it are not multiplied (Puchaud 2019, eq. 2 bounds them apart).
     """
-    name = f"scale.{segment}"
+    share = {f"scale.{segment}": 1.0}
 
-    def sized(law: Law) -> Law:
-        return Law(tuple(_multiplied(term, name) for term in law.terms))
+    def resized(item: Joint) -> tuple[Joint, ...]:
+        return (replace(item, law=_multiplied(item.law, share)),)
 
-    def joint(item: Joint) -> Joint:
-        return replace(item, law=sized(item.law)) if item.scales_with == segment else item
-
-    def marker(item: Marker) -> Marker:
-        if item.segment != segment or not item.follows_size:
-            return item
-        x, y, z = (
-            Law(tuple(_multiplied(t, name) if t.is_constant else t for t in law.terms)) for law in item.laws
-        )
-        return replace(item, laws=(x, y, z))
-
-    bounds = (1.0 - relative_bound, 1.0 + relative_bound)
-    added = Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
-    return _with(_mapped(model, joint, marker), added)
+    return _resized(model, segment, resized, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
 
 
 def free_scale_axes(
@@ -76,50 +63,60 @@ def free_scale_axes(
     mean = {name: 1.0 / len(names) for name in names.values()}
     shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in _LETTERS}
 
-    def joints(item: Joint) -> tuple[Joint, ...]:
-        if item.scales_with != segment:
-            return (item,)
+    def resized(item: Joint) -> tuple[Joint, ...]:
         return tuple(
-            replace(item, axis=unit, law=_shared(item.law.scaled(part), shares[letter], plain_only=False))
+            replace(item, axis=unit, law=_multiplied(item.law.scaled(part), shares[letter]))
             for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
             if part
         )
+
+    return _resized(model, segment, resized, shares, relative_bound, prior_sd)
+
+
+def _resized(
+    model: BodyModel,
+    segment: str,
+    resized: Callable[[Joint], tuple[Joint, ...]],
+    shares: Mapping[str, Mapping[str, float]],
+    relative_bound: float,
+    prior_sd: float | None,
+) -> BodyModel:
+    """A segment's joint centres and markers times sums of new parameters, by their shares along each axis."""
 
     def marker(item: Marker) -> Marker:
         if item.segment != segment or not item.follows_size:
             return item
         x, y, z = (
-            _shared(law, shares[letter], plain_only=True)
+            _multiplied(law, shares[letter], constant_only=True)
             for letter, law in zip(_LETTERS, item.laws, strict=True)
         )
         return replace(item, laws=(x, y, z))
 
-    bounds = (1.0 - relative_bound, 1.0 + relative_bound)
-    added = tuple(
-        Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
-        for name in names.values()
+    segments = tuple(
+        replace(
+            s, joints=tuple(j for k in s.joints for j in (resized(k) if k.scales_with == segment else (k,)))
+        )
+        for s in model.segments
     )
-    segments = tuple(replace(s, joints=tuple(j for k in s.joints for j in joints(k))) for s in model.segments)
+    bounds = (1.0 - relative_bound, 1.0 + relative_bound)
+    added = (
+        Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
+        for name in dict.fromkeys(name for share in shares.values() for name in share)
+    )
     return _with(replace(model, segments=segments, markers=tuple(map(marker, model.markers))), *added)
 
 
-def _shared(law: Law, shares: Mapping[str, float], *, plain_only: bool) -> Law:
+def _multiplied(law: Law, shares: Mapping[str, float], *, constant_only: bool = False) -> Law:
     """The law times a weighted sum of parameters: each term once for each of them."""
     terms: list[Term] = []
     for term in law.terms:
-        if plain_only and not term.is_constant:
+        if constant_only and not term.is_constant:
             terms.append(term)
+        elif term.parameter is not None:
+            raise ValueError(f"a term holds one parameter, and '{term.parameter}' is there already")
         else:
-            terms += [
-                replace(_multiplied(term, name), gain=share * term.gain) for name, share in shares.items()
-            ]
+            terms += [replace(term, parameter=name, gain=share * term.gain) for name, share in shares.items()]
     return Law(tuple(terms))
-
-
-def _multiplied(term: Term, parameter: str) -> Term:
-    if term.parameter is not None:
-        raise ValueError(f"a term holds one parameter, and '{term.parameter}' is there already")
-    return replace(term, parameter=parameter)
 
 
 def free_axis(

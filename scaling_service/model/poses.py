@@ -1,7 +1,7 @@
 """Where a body's segments and markers are: one pose written out plainly, and all frames of a recording.
 
-The single pose (the neutral one, a drawing, a segment's length) is also an independent oracle for the kernels
-that do the same for thousands of frames at once.
+The single pose (the neutral one, a drawing, a segment's length) is built from the laws themselves, beside the
+kernels that do the same for thousands of frames at once.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Shape, Term, Vector
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.body import GROUND, BodyModel, Joint, Marker, Vector
+from scaling_service.model.compile import compile_model, law_value, parameter_values
 from scaling_service.model.trial import Array
+from scaling_service.numerics.multibody.rigid import rotation_about
 from scaling_service.numerics.multibody.tree import marker_positions
 
 Frame = tuple[Array, Array]
@@ -64,7 +65,7 @@ def follow(joints: Sequence[Joint], values: Mapping[str, float], start: Frame | 
         if joint.kind == "translation":
             origin = origin + rotation @ (value * np.asarray(joint.axis))
         else:
-            rotation = rotation @ _turn(np.asarray(joint.axis), value)
+            rotation = rotation @ rotation_about(joint.axis, value)
     return rotation, origin
 
 
@@ -81,38 +82,6 @@ def neutral_markers(model: BodyModel, values: Mapping[str, float] | None = None)
 def marker_position(marker: Marker, values: Mapping[str, float]) -> Array:
     """A marker's position in its segment's frame, (3,), m."""
     return np.array([law_value(law, values) for law in marker.laws])
-
-
-def law_value(law: Law, values: Mapping[str, float]) -> float:
-    """A law's value; ``values`` holds the coordinates and parameters by name."""
-    return sum((_term_value(term, values) for term in law.terms), 0.0)
-
-
-def _term_value(term: Term, values: Mapping[str, float]) -> float:
-    factor = 1.0 if term.parameter is None else values[term.parameter]
-    if term.coordinate is not None:
-        x = values[term.coordinate]
-        factor *= x if term.shape is None else shape_value(term.shape, x)
-    return term.gain * factor
-
-
-def shape_value(shape: Shape, x: float) -> float:
-    """A piecewise polynomial at ``x``, continued with its end slopes outside its breaks."""
-    inside = min(max(x, shape.breaks[0]), shape.breaks[-1])
-    piece = int(np.searchsorted(shape.breaks[1:-1], inside, side="right"))
-    local, polynomial = inside - shape.breaks[piece], np.asarray(shape.coefficients[piece], dtype=float)
-    value = np.polyval(polynomial, local)
-    if x != inside:
-        value += np.polyval(np.polyder(polynomial), local) * (x - inside)
-    return float(value)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Rotation matrix about a unit axis, by Rodrigues' formula written with outer products."""
-    along = np.outer(axis, axis)
-    across = np.cross(np.eye(3), axis)  # rows e_i x axis, so that across @ v = axis x v
-    rotation: Array = along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across
-    return rotation
 
 
 _CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -55,6 +55,18 @@ class Claim(Generic[Study]):
     ask: Callable[[Study], Answer]
 
 
+def claim(
+    claims: list[Claim[Study]], where: str, text: str, paper: str
+) -> Callable[[Callable[[Study], Answer]], Callable[[Study], Answer]]:
+    """A decorator that adds a claim to those of a paper, decided by the question that follows."""
+
+    def add(ask: Callable[[Study], Answer]) -> Callable[[Study], Answer]:
+        claims.append(Claim(where, text, paper, ask))
+        return ask
+
+    return add
+
+
 class ClaimEntry(Part):
     """One claim of the paper, and whether it holds here."""
 

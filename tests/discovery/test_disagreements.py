@@ -14,15 +14,15 @@ LEVEL = 0.05 / (2 * PLACES)
 
 
 def heights(noise: Array) -> Array:
-    """Log mean squares of stretches, for noise of unit variance (..., n_stretches, n_frames, 3)."""
+    """Log mean squares of blocks, for noise of unit variance (..., n_stretches, n_frames, 3)."""
     return np.asarray(np.log(np.square(noise).mean(axis=(-2, -1))))
 
 
-@pytest.mark.parametrize("stretches", [12, 30])
+@pytest.mark.parametrize("blocks", [12, 30])
 @pytest.mark.parametrize("degrees", [3, 5, 1000])
-def test_noise_is_not_told_as_a_burst(degrees: int, stretches: int) -> None:
+def test_noise_is_not_told_as_a_burst(degrees: int, blocks: int) -> None:
     """Over all places, also where its tails are so heavy that its squares have no variance."""
-    noise = np.random.default_rng(3).standard_t(degrees, size=(TIMES, stretches, FRAMES, 3))
+    noise = np.random.default_rng(3).standard_t(degrees, size=(TIMES, blocks, FRAMES, 3))
     told = np.array([in_one_block(height) for height in heights(noise)]) < LEVEL
     assert PLACES * told.mean() < 0.05 + PLACES * 2.0 * np.sqrt(LEVEL / TIMES)
 

@@ -12,19 +12,19 @@ from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
 from scaling_service.numerics.multibody.laws import Array
 
-ROWS, STRETCHES, NUISANCES = 40, 20, 2
+ROWS, BLOCKS, NUISANCES = 40, 20, 2
 CHOICE = [Candidate("anything", ("here",), (Column("a", 1.0), Column("b", 1.0)))]
 
 
 def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
-    """Stretches of columns (n, k), of which the first are nuisances, and residuals (n,)."""
+    """Blocks of columns (n, k), of which the first are nuisances, and residuals (n,)."""
     group = slice(NUISANCES, x.shape[1])
     edges = np.arange(0, len(y) + 1, ROWS).tolist()
-    stretches = []
+    blocks = []
     for k, (a, b) in enumerate(pairwise(edges)):
         columns, left = x[a:b], y[a:b]
         own = columns.T @ columns
-        stretches.append(
+        blocks.append(
             Block(
                 "held" if k % 3 == 2 else "known",
                 "held_out" if k % 3 == 2 else "fit",
@@ -35,15 +35,15 @@ def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
                 float(ROWS),
             )
         )
-    return Evidence(tuple(stretches), np.square(x).sum(axis=0), NUISANCES, (group,))
+    return Evidence(tuple(blocks), np.square(x).sum(axis=0), NUISANCES, (group,))
 
 
 def drawn() -> tuple[Array, Array, Array]:
     """Columns that are alike, what the candidate and noise leave, and what the nuisances would explain."""
     rng = np.random.default_rng(3)
-    x = rng.normal(size=(ROWS * STRETCHES, NUISANCES + 2))
+    x = rng.normal(size=(ROWS * BLOCKS, NUISANCES + 2))
     x[:, NUISANCES:] += 0.8 * x[:, :NUISANCES]
-    x *= 1.0 + rng.random(STRETCHES).repeat(ROWS)[:, None]  # stretches differ
+    x *= 1.0 + rng.random(BLOCKS).repeat(ROWS)[:, None]  # blocks differ
     y = x[:, NUISANCES:] @ [0.2, -0.1] + rng.normal(size=len(x))
     return x, y, x[:, :NUISANCES] @ [5.0, -7.0]
 

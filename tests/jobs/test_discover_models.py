@@ -69,7 +69,7 @@ HEAVIER = Estimate(
 ONE = np.array([0.05])
 
 
-def account(*effects: Estimate, model: BodyModel = MODEL) -> Fit:
+def fit_of(*effects: Estimate, model: BodyModel = MODEL) -> Fit:
     return Fit(SearchContext(model), (), effects, ())
 
 
@@ -91,7 +91,7 @@ def placed(model: BodyModel, coordinates: tuple[str, ...], q: Array) -> Array:
 @NEEDS_OPENSIM
 def test_opensim_has_what_was_found(tmp_path: Path) -> None:
     """Lengths, centres, axes, glides, a freed turn, marker places and masses all at once."""
-    what = account(TILT, LENGTH, OFFSET, CENTRE, GLIDE, FREE, HEAVIER)
+    what = fit_of(TILT, LENGTH, OFFSET, CENTRE, GLIDE, FREE, HEAVIER)
     notes = write_corrected_osim(tmp_path / "model.osim", what, prepared())
     assert notes == ()
     read = read_osim(tmp_path / "model.osim")
@@ -111,14 +111,14 @@ def test_opensim_has_what_was_found(tmp_path: Path) -> None:
 
 
 def test_what_opensim_cannot_hold_is_left_out_and_said() -> None:
-    plan = osim_plan(account(SKIN, OFFSET, SWINGING), prepared())
+    plan = osim_plan(fit_of(SKIN, OFFSET, SWINGING), prepared())
     assert [said.split(":")[0].split(" at ")[0] for said in plan.left_out] == [
         "soft_tissue_artefact",
         "skin_wobble",
     ]
     assert all(law.is_constant for m in plan.model.markers for law in m.laws)
-    assert plan.model.marker("RFH").nominal == corrected_model(account(OFFSET)).marker("RFH").nominal
-    assert not all(law.is_constant for law in corrected_model(account(SKIN)).marker("RLFE").laws)
+    assert plan.model.marker("RFH").nominal == corrected_model(fit_of(OFFSET)).marker("RFH").nominal
+    assert not all(law.is_constant for law in corrected_model(fit_of(SKIN)).marker("RLFE").laws)
 
 
 @NEEDS_OPENSIM
@@ -127,9 +127,9 @@ def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
     source = tmp_path / "source.osim"
     write_osim(source, MODEL)
     generic = read_osim(source)
-    what = account(TILT, LENGTH, OFFSET, HEAVIER, model=generic)
+    what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=generic)
     assert osim_plan(what, prepared(generic, source)).amended
-    assert not osim_plan(account(GLIDE, model=generic), prepared(generic, source)).amended
+    assert not osim_plan(fit_of(GLIDE, model=generic), prepared(generic, source)).amended
     assert write_corrected_osim(tmp_path / "model.osim", what, prepared(generic, source)) == ()
     read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
@@ -145,15 +145,15 @@ def test_what_is_not_the_models_leaves_its_file_alone() -> None:
         Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, load=PlateGain("plate_1")),)), ONE
     )
     leaning = Estimate(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
-    plan = osim_plan(account(plate, leaning), source)
+    plan = osim_plan(fit_of(plate, leaning), source)
     assert plan.amended
-    assert plan.model == corrected_model(account())
+    assert plan.model == corrected_model(fit_of())
     assert len(plan.left_out) == 1
     assert "gravity" in plan.left_out[0]
 
 
 def test_what_holds_in_one_recording_only_has_a_model_of_its_own() -> None:
-    what = account(OFFSET, ONCE)
+    what = fit_of(OFFSET, ONCE)
     assert corrected_model(what).marker("LFH") == MODEL.marker("LFH")
     own = own_models(what)
     assert own.keys() == {"b"}

@@ -41,10 +41,10 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def test_frames_of_the_foot_without_a_plate_count(squat: tuple[Prepared, np.ndarray]) -> None:
-    footing = squat[0].recordings[0].contacts
-    assert footing is not None
-    assert footing.usable.mean() > 0.95
-    assert "plate_2" in footing.ground.plates  # of a third, which nobody stands on
+    contacts = squat[0].recordings[0].contacts
+    assert contacts is not None
+    assert contacts.usable.mean() > 0.95
+    assert "plate_2" in contacts.ground.plates  # of a third, which nobody stands on
 
 
 def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, np.ndarray]) -> None:

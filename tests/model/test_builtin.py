@@ -12,8 +12,8 @@ import yaml
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Shape
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin, expand, generic_person
-from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.poses import neutral_frames, neutral_markers, shape_value
+from scaling_service.model.compile import compile_model, parameter_values, shape_values
+from scaling_service.model.poses import neutral_frames, neutral_markers
 from scaling_service.model.reference import reference_folder
 from scaling_service.numerics.multibody.tree import marker_positions
 
@@ -275,9 +275,9 @@ def test_kernels_agree_with_the_plain_evaluation(name: str) -> None:
 
 def test_shape_continues_with_its_end_slopes() -> None:
     parabola = Shape((0.0, 1.0, 2.0), ((1.0, 0.0, 0.0), (1.0, 2.0, 1.0)))  # x squared, in two pieces
-    assert [shape_value(parabola, x) for x in (0.0, 0.5, 1.0, 1.5, 2.0)] == [0.0, 0.25, 1.0, 2.25, 4.0]
-    assert shape_value(parabola, 3.0) == 8.0
-    assert shape_value(parabola, -1.0) == 0.0
+    assert [shape_values(parabola, x) for x in (0.0, 0.5, 1.0, 1.5, 2.0)] == [0.0, 0.25, 1.0, 2.25, 4.0]
+    assert shape_values(parabola, 3.0) == 8.0
+    assert shape_values(parabola, -1.0) == 0.0
 
 
 def test_compact_form_is_strict(tmp_path: Path) -> None:

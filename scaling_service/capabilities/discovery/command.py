@@ -20,6 +20,8 @@ from scaling_service.capabilities.shared.settings import Settings
 if TYPE_CHECKING:
     from scaling_service.capabilities.discovery.document import DiscoveryDocument
 
+_MOST_LEFT = 5  # places with something left over on the screen (chosen)
+
 
 @with_flags
 def discover(
@@ -88,7 +90,8 @@ def show(document: DiscoveryDocument, out: Path) -> None:
     print_table(console, text.tabulate_gaps(document))
     say(console, "Verdict", "bold", [f"{document.headline}."])
     say(console, "Class", "cyan", text.describe_classes(document.effects))
-    say(console, "Left", "yellow", text.describe_unexplained(document))
+    if document.unexplained:
+        print_table(console, text.tabulate_unexplained(document, _MOST_LEFT))
     say(console, "Note", "yellow", document.notes)
     list_files(console, out, [", ".join([*document.files, FILE_NAME])])
     say(console, "Had been hidden", "bold", text.describe_hidden(document))

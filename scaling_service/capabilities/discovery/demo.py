@@ -28,7 +28,7 @@ def run_hidden_demo(
         AS_MEASURED.model_copy(update={"seed": seed}),
         progress=report,
     )
-    told = [
+    truth = [
         HiddenDocument(
             kind=h.kind,
             where=list(h.where),
@@ -38,4 +38,4 @@ def run_hidden_demo(
         )
         for h in hidden
     ]
-    return replace(results, hidden=told)
+    return replace(results, hidden=truth)

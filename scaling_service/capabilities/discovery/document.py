@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import math
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from scaling_service.documents.base import Part
 from scaling_service.documents.results import Provenance
 
 FILE_NAME = "discovery.json"
 
+_FIGURES = 6  # far beyond what any of these numbers is known to
+
+
+def _rounded(value: object) -> object:
+    if not isinstance(value, int | float):
+        return value
+    return float(f"{value:.{_FIGURES}g}") if math.isfinite(value) else None
+
+
 Unit = Literal["1", "mm", "N", "N m"]
+Number = Annotated[float, BeforeValidator(_rounded)]
+Known = Annotated[float | None, BeforeValidator(_rounded)]
+"""A number, null where there is none."""
 
 
 class PlacedEffect(Part):
@@ -32,13 +45,11 @@ class DisagreementDocument(Part):
     where: str
     observable: Literal["marker", "force", "moment"]
     unit: Unit
-    rms: float
-    floor: float | None = Field(description="Noise floor: what noise alone would leave.")
-    share: float | None = Field(description="Of all that stands above the noise floors.")
-    p: float | None = Field(
-        description="Of standing so far above its noise floor by chance, over all places."
-    )
-    trials: dict[str, float] = Field(description="Recording to its RMS.")
+    rms: Number
+    floor: Known = Field(description="Noise floor: what noise alone would leave.")
+    share: Known = Field(description="Of all that stands above the noise floors.")
+    p: Known = Field(description="Of standing so far above its noise floor by chance, over all places.")
+    trials: dict[str, Number] = Field(description="Recording to its RMS.")
     when: str
     along: str
 
@@ -46,19 +57,19 @@ class DisagreementDocument(Part):
 class QuantityDocument(Part):
     """A number of an effect, in the unit of its name; a direction is three numbers."""
 
-    value: float | tuple[float, float, float]
-    sd: float | None = Field(description="Standard deviation; null where it cannot be known.")
+    value: Number | tuple[Number, Number, Number]
+    sd: Known = Field(description="Standard deviation; null where it cannot be known.")
 
 
 class EvidenceDocument(Part):
     """What speaks for an effect."""
 
-    gain_held_out: float | None = Field(
+    gain_held_out: Known = Field(
         description="Share of the whitened sum of squares that it takes off recordings (or blocks of time) "
         "that did not fit it."
     )
-    p_held_out: float | None
-    p_family_wise: float | None = Field(description="Over the whole catalogue at all its places.")
+    p_held_out: Known
+    p_family_wise: Known = Field(description="Over the whole catalogue at all its places.")
     by_blocks: bool = Field(description="Whether blocks of time stood in for a recording held out.")
     summary: str = Field(default="", description="The same in sentences.")
 
@@ -68,7 +79,7 @@ class EffectDocument(PlacedEffect):
 
     name: str = Field(description="What it is, in plain English.")
     parameters: dict[str, QuantityDocument]
-    smallest_nameable: dict[str, float] = Field(
+    smallest_nameable: dict[str, Number] = Field(
         description="Parameter to the size from which it would be named nine times in ten."
     )
     confusable_with: list[PlacedEffect] = Field(
@@ -81,12 +92,12 @@ class EffectDocument(PlacedEffect):
 class LevelDocument(Part):
     """RMS before and after, between what noise leaves and what a black box reaches."""
 
-    before: float | None
-    after: float | None
-    floor: float | None
-    ceiling: float | None = Field(description="Black-box bound: a correction with as many numbers.")
-    low: float | None = Field(description="95 % interval of `after`, over blocks of time.")
-    high: float | None
+    before: Known
+    after: Known
+    floor: Known
+    ceiling: Known = Field(description="Black-box bound: a correction with as many numbers.")
+    low: Known = Field(description="95 % interval of `after`, over blocks of time.")
+    high: Known
 
 
 class PlaceLevelDocument(LevelDocument):
@@ -102,7 +113,7 @@ class GapDocument(Part):
     markers_mm: LevelDocument | None
     force_N: LevelDocument | None
     moment_Nm: LevelDocument | None
-    absorbed: float | None = Field(
+    absorbed: Known = Field(
         description="Whitened RMS where the calibration's own parameters take up what they can instead."
     )
     places: dict[str, PlaceLevelDocument]
@@ -118,7 +129,7 @@ class BothGaps(Part):
 class TriedDocument(PlacedEffect):
     """The best of what was not named."""
 
-    gain: float | None = Field(description="As `gain_held_out`.")
+    gain: Known = Field(description="As `gain_held_out`.")
 
 
 class UnexplainedDocument(Part):
@@ -128,8 +139,8 @@ class UnexplainedDocument(Part):
     observable: Literal["marker", "force", "moment"]
     unit: Unit
     law: str = Field(description="The simplest sum of simple functions that describes it.")
-    rms: float
-    floor: float | None
+    rms: Number
+    floor: Known
 
 
 class HiddenDocument(PlacedEffect):

@@ -12,7 +12,6 @@ from scaling_service.capabilities.discovery.document import (
     GapDocument,
     LevelDocument,
     PlacedEffect,
-    UnexplainedDocument,
 )
 from scaling_service.capabilities.discovery.figures import (
     HeatMap,
@@ -31,7 +30,6 @@ from scaling_service.report.blocks import (
     Bullets,
     Callout,
     Cell,
-    Details,
     Grid,
     Heading,
     Row,
@@ -45,8 +43,8 @@ from scaling_service.report.scene import Scene
 
 _TONES: dict[str, Tone] = {"found": "good", "nothing": "plain", "unexplained": "fair"}
 _OBSERVABLES = (("marker", "Markers", "mm"), ("force", "Ground force", "N"), ("moment", "Moment", "N m"))
-_MOST_PLACES, _MOST_ALIKE, _MOST_LEFT = 12, 6, 10
-"""Places in a table, effects that are not told apart, places left over (chosen); discovery.json has all."""
+_MOST_PLACES, _MOST_ALIKE = 12, 6
+"""Places in a table, effects that are not told apart (chosen); discovery.json has all."""
 
 
 def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Page:
@@ -211,24 +209,10 @@ def _after(document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | 
         )
         yield scene
     yield Heading("What is left")
-    left = document.unexplained
-    if not left:
+    if document.unexplained:
+        yield text.tabulate_unexplained(document, len(document.unexplained))
+    else:
         yield Text("Nothing that is left stands clearly above the noise floor.")
-        return
-    yield _tabulate_left("Above the noise floor, and like no effect of the catalogue", left[:_MOST_LEFT])
-    if len(left) > _MOST_LEFT:
-        rest = _tabulate_left("Further places", left[_MOST_LEFT:])
-        yield Details(f"{len(left) - _MOST_LEFT} more places", [rest])
-
-
-def _tabulate_left(caption: str, items: Sequence[UnexplainedDocument]) -> Table:
-    rows = [
-        Row(", ".join(u.where), [f"{figures(u.rms)} {u.unit}", f"{figures(u.floor)} {u.unit}", u.law])
-        for u in items
-    ]
-    return Table(
-        caption, ["place", "left over", "noise floor", "the simplest law that describes it"], rows, words=True
-    )
 
 
 # 4. On unseen data

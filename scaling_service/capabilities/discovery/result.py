@@ -44,11 +44,11 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import provenance, repair_notes
 from scaling_service.numerics.multibody.laws import Array
 
-_FIGURES = 6  # far beyond what any of these is known to
 _MM = 1e3
 _UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
 """Observable to the unit in the results and its factor."""
 
+_FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
 _MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
 
 
@@ -83,14 +83,11 @@ def discovery_document(
             found.verdict, len(found.named), gap.held_out.whitened, held_out=bool(held_out)
         ),
         reason=found.reason,
-        disagreements=[_disagreement(item) for item in found.disagreements],
+        disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
         effects=[_effect(named) for named in found.named],
         gap=gap,
-        tried=[
-            TriedDocument(**placed(o.candidate).model_dump(), gain=finite(o.held_out.gain))
-            for o in found.tried
-        ],
-        unexplained=[_unexplained(item) for item in found.unexplained],
+        tried=[TriedDocument(**_place(o.candidate), gain=o.held_out.gain) for o in found.tried],
+        unexplained=[UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained],
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
@@ -111,63 +108,43 @@ def _provenance(results: DiscoverResults) -> dict[str, Any]:
     return found
 
 
-def placed(candidate: Candidate) -> PlacedEffect:
+def _in_unit(item: Disagreement | Unexplained) -> dict[str, Any]:
+    unit, factor = _UNITS[item.observable]
+    found = asdict(item) | {"unit": unit, "rms": factor * item.rms, "floor": factor * item.floor}
+    if isinstance(item, Disagreement):
+        found["trials"] = {name: factor * rms for name, rms in item.trials.items()}
+    return found
+
+
+def _place(candidate: Candidate) -> dict[str, Any]:
     """A candidate as a kind at a place."""
-    return PlacedEffect(
-        kind=candidate.kind,
-        where=list(candidate.where),
-        driver=list(candidate.driver),
-        trials=list(candidate.trials) or None,
-        note=candidate.note,
-    )
+    return {
+        "kind": candidate.kind,
+        "where": list(candidate.where),
+        "driver": list(candidate.driver),
+        "trials": list(candidate.trials) or None,
+        "note": candidate.note,
+    }
 
 
 def _effect(named: NamedEffect) -> EffectDocument:
     candidate, numbers = named.effect.candidate, quantities(named)
     return EffectDocument(
-        **placed(candidate).model_dump(),
+        **_place(candidate),
         name=text.describe_effect(
             candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
         ),
         parameters=numbers,
-        smallest_nameable={name: rounded(v) for name, v in named.smallest.items() if finite(v) is not None},
-        confusable_with=[placed(other) for other in named.equivalents],
+        smallest_nameable={name: size for name, size in named.smallest.items() if math.isfinite(size)},
+        confusable_with=[PlacedEffect(**_place(other)) for other in named.equivalents],
         would_separate=named.would_separate or None,
         evidence=EvidenceDocument(
-            gain_held_out=finite(named.held_out.gain),
-            p_held_out=finite(named.held_out.p),
-            p_family_wise=finite(named.p_family),
+            gain_held_out=named.held_out.gain,
+            p_held_out=named.held_out.p,
+            p_family_wise=named.p_family,
             by_blocks=named.held_out.folds,
             summary=text.describe_evidence(named),
         ),
-    )
-
-
-def _disagreement(item: Disagreement) -> DisagreementDocument:
-    unit, factor = _UNITS[item.observable]
-    return DisagreementDocument(
-        where=item.where,
-        observable=item.observable,
-        unit=unit,
-        rms=rounded(factor * item.rms),
-        floor=finite(factor * item.floor),
-        share=finite(item.share),
-        p=finite(item.p),
-        trials={name: rounded(factor * rms) for name, rms in item.trials.items()},
-        when=item.when,
-        along=item.along,
-    )
-
-
-def _unexplained(item: Unexplained) -> UnexplainedDocument:
-    unit, factor = _UNITS[item.observable]
-    return UnexplainedDocument(
-        where=list(item.where),
-        observable=item.observable,
-        unit=unit,
-        law=item.law,
-        rms=rounded(factor * item.rms),
-        floor=finite(factor * item.floor),
     )
 
 
@@ -182,15 +159,16 @@ def quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
     if set(_MOMENTS) < set(names):
         names, values, covariance = _place_load(names, values, covariance)
     sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    found = {n: _quantity(v, sd) for n, v, sd in zip(names, values.tolist(), sds.tolist(), strict=True)}
+    found = {
+        name: QuantityDocument(value=value, sd=sd if sd > 0.0 else None)
+        for name, value, sd in zip(names, values.tolist(), sds.tolist(), strict=True)
+    }
     change = named.effect.candidate.change
     if isinstance(change, FreeMotion):
-        x, y, z = (rounded(value) for value in change.axis)
-        found["axis"] = QuantityDocument(value=(x, y, z), sd=None)
+        found["axis"] = QuantityDocument(value=change.axis, sd=None)
     for name, value in named.details.items():
         if math.isfinite(value) and name not in found and not name.startswith("axis_"):
-            spread = named.spreads.get(name)
-            found[name] = QuantityDocument(value=rounded(value), sd=spread and rounded(spread))
+            found[name] = QuantityDocument(value=value, sd=named.spreads.get(name))
     return found
 
 
@@ -207,39 +185,21 @@ def _place_load(names: list[str], values: Array, covariance: Array) -> tuple[lis
     return ["kg", "x_mm", "y_mm", "z_mm"], np.array([kg, *place]), slope @ covariance @ slope.T
 
 
-def _quantity(value: float, sd: float) -> QuantityDocument:
-    return QuantityDocument(value=rounded(value), sd=rounded(sd) if math.isfinite(sd) and sd > 0.0 else None)
-
-
 def _gap(gap: Gap) -> GapDocument:
+    levels = {name: LevelDocument(**_scaled(level, _FACTORS[name])) for name, level in gap.levels.items()}
+    places = {}
+    for name, level in gap.places.items():
+        unit, factor = _UNITS[observable_of(name)]
+        places[name] = PlaceLevelDocument(**_scaled(level, factor), unit=unit)
     return GapDocument(
-        whitened=_level(gap.levels.get("whitened"), 1.0),
-        markers_mm=_level(gap.levels.get("markers"), _MM),
-        force_N=_level(gap.levels.get("force"), 1.0),
-        moment_Nm=_level(gap.levels.get("moment"), 1.0),
-        absorbed=finite(gap.absorbed),
-        places={name: _place(name, level) for name, level in gap.places.items()},
+        whitened=levels.get("whitened"),
+        markers_mm=levels.get("markers"),
+        force_N=levels.get("force"),
+        moment_Nm=levels.get("moment"),
+        absorbed=gap.absorbed,
+        places=places,
     )
 
 
-def _place(name: str, level: Level) -> PlaceLevelDocument:
-    unit, factor = _UNITS[observable_of(name)]
-    return PlaceLevelDocument(**_in_unit(level, factor), unit=unit)
-
-
-def _level(level: Level | None, factor: float) -> LevelDocument | None:
-    return None if level is None else LevelDocument(**_in_unit(level, factor))
-
-
-def _in_unit(level: Level, factor: float) -> dict[str, float | None]:
-    return {name: finite(factor * value) for name, value in asdict(level).items()}
-
-
-def rounded(value: float) -> float:
-    """A number to the figures that results have."""
-    return float(f"{value:.{_FIGURES}g}")
-
-
-def finite(value: float) -> float | None:
-    """A number as JSON has it: null where there is none."""
-    return rounded(value) if math.isfinite(value) else None
+def _scaled(level: Level, factor: float) -> dict[str, float]:
+    return {name: factor * value for name, value in asdict(level).items()}

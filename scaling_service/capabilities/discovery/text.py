@@ -28,7 +28,7 @@ LEVELS = (
 """Fields of a gap, what each is of, and its unit."""
 
 _NORMAL_95 = 1.96
-_MOST_NUMBERS, _MOST_ALIKE, _MOST_PLACES = 4, 3, 5  # chosen: as many as fit a screen; discovery.json has all
+_MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
 _SUFFIXES = (
     ("_mm_per_deg", " mm/deg"),
     ("_deg_per_deg", " deg/deg"),
@@ -94,7 +94,7 @@ def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_ou
     """The verdict in one sentence; ``level``: of all together, on what was held out if anything was."""
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
-        left = f": {unseen} are followed to {figures(level.after)} times the noise floor" if level else ""
+        left = f": {unseen} are tracked to {figures(level.after)} times the noise floor" if level else ""
         return f"Nothing stands above the noise{left}"
     if verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
@@ -124,16 +124,6 @@ def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
             more = f" and {len(others) - _MOST_ALIKE} more" if len(others) > _MOST_ALIKE else ""
             apart = f". To separate: {effect.would_separate}" if effect.would_separate else ""
             yield f"{placed(effect)} cannot be told here from {'; '.join(others[:_MOST_ALIKE])}{more}{apart}"
-
-
-def describe_unexplained(document: DiscoveryDocument) -> list[str]:
-    """What is left above the floor, the first places with the law that describes each."""
-    found = [
-        f"{', '.join(u.where)}: {figures(u.rms)} {u.unit} above a noise floor of {figures(u.floor)}: {u.law}"
-        for u in document.unexplained
-    ]
-    more = [f"and {len(found) - _MOST_PLACES} more places"] if len(found) > _MOST_PLACES else []
-    return [*found[:_MOST_PLACES], *more]
 
 
 def describe_hidden(document: DiscoveryDocument) -> list[str]:
@@ -185,6 +175,22 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
         if (level := getattr(gap, field)) is not None
     ]
     return Table("The gap, RMS", ["", "before", "after", "noise floor", "black-box bound"], rows)
+
+
+def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
+    """What is left above the noise floor, the first places with the law that describes each."""
+    rows = [
+        Row(", ".join(u.where), [f"{figures(u.rms)} {u.unit}", f"{figures(u.floor)} {u.unit}", u.law])
+        for u in document.unexplained[:most]
+    ]
+    more = len(document.unexplained) - most
+    return Table(
+        "Above the noise floor, and like no effect of the catalogue",
+        ["place", "left over", "noise floor", "the simplest law that describes it"],
+        rows,
+        f"And {more} more places, which are in discovery.json." if more > 0 else "",
+        words=True,
+    )
 
 
 # Numbers

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.files.osim.shapes import values
 from scaling_service.files.sto import Table, motion_table, write_sto
 from scaling_service.model.body import BodyModel, Coupler, Law
+from scaling_service.model.compile import law_value
 from scaling_service.model.poses import segment_poses
 from scaling_service.model.results import Array, Motion
 
@@ -60,15 +60,10 @@ def law_values(law: Law, x: Array) -> Array:
 
     ValueError where it holds a parameter.
     """
-    total = np.zeros_like(x)
-    for term in law.terms:
-        if term.parameter is not None:
-            raise ValueError("a coordinate follows another one only")
-        if term.coordinate is None:
-            total += term.gain
-        else:
-            total += term.gain * (x if term.shape is None else values(term.shape, x))
-    return total
+    if any(term.parameter is not None for term in law.terms):
+        raise ValueError("a coordinate follows another one only")
+    names = {term.coordinate for term in law.terms if term.coordinate is not None}
+    return np.asarray(np.zeros_like(x) + law_value(law, dict.fromkeys(names, x)))
 
 
 def poses_table(motion: Motion, model: BodyModel) -> Table:

@@ -102,10 +102,5 @@ def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Ar
 def _fill_from_nearest(q: Array, known: NDArray[np.bool_]) -> Array:
     """Frames that could not be placed take the nearest one that could."""
     rows = np.flatnonzero(known)
-    nearest = (
-        rows[np.abs(np.arange(len(q))[:, None] - rows[None]).argmin(axis=1)]
-        if len(rows) < 2000
-        else (rows[np.clip(np.searchsorted(rows, np.arange(len(q))), 0, len(rows) - 1)])
-    )
-    spread: Array = np.where(known[:, None], q, q[nearest])
-    return spread
+    nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
+    return np.asarray(np.where(known[:, None], q, q[nearest]))

@@ -163,22 +163,29 @@ class ClinicalGait:
 
     ``recordings``: trial to its angles, of every trial that the model follows.
     ``cycles``: side to its gait cycles; sides without one are absent.
-    ``profile``: over these cycles.
-    ``reference``: what the profile is compared with.
     ``held_out``: whether the cycles are from trials that were not fitted.
-    ``left_out``: which angles are not there and why.
-    ``doubtful``: which are there but rest on little.
     ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
     recordings: Mapping[str, ClinicalAngles]
     cycles: Mapping[Side, ClinicalCycles]
-    profile: GaitProfile
-    reference: Reference
     held_out: bool
-    left_out: tuple[str, ...]
-    doubtful: tuple[str, ...]
     reason: str = ""
+
+    @property
+    def profile(self) -> GaitProfile:
+        """Scores over these cycles, against Schwartz 2008."""
+        return gait_profile({side: found.values for side, found in self.cycles.items()}, schwartz2008())
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Which angles are not there and why."""
+        return tuple(dict.fromkeys(said for angles in self.recordings.values() for said in angles.left_out))
+
+    @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Which angles are there but rest on little."""
+        return tuple(dict.fromkeys(said for angles in self.recordings.values() for said in angles.doubtful))
 
 
 def clinical_of(scaling: Scaling, results: Results) -> ClinicalGait:
@@ -203,20 +210,7 @@ def clinical_gait(
     of_held_out = bool(cycles)
     if not cycles:
         cycles = _cycles(recordings, [trial for trial in followed if trial.name in fitted])
-    reference = schwartz2008()
-    profile = gait_profile({side: found.values for side, found in cycles.items()}, reference)
-    left_out = dict.fromkeys(said for angles in recordings.values() for said in angles.left_out)
-    doubtful = dict.fromkeys(said for angles in recordings.values() for said in angles.doubtful)
-    return ClinicalGait(
-        recordings,
-        cycles,
-        profile,
-        reference,
-        of_held_out,
-        tuple(left_out),
-        tuple(doubtful),
-        "" if cycles else _reason(followed),
-    )
+    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _reason(followed))
 
 
 def _cycles(recordings: Mapping[str, ClinicalAngles], trials: Sequence[Trial]) -> dict[Side, ClinicalCycles]:
@@ -261,7 +255,7 @@ def write_clinical(folder: Path, gait: ClinicalGait) -> None:
 
 def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
     """The same, summed up over cycles, as it stands in ``scaling.json``."""
-    profile, reference = gait.profile, gait.reference
+    profile, reference = gait.profile, schwartz2008()
     return ClinicalDocument(
         reference=reference.source,
         population=reference.population,

@@ -10,7 +10,7 @@ from pathlib import Path
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry, list_doubts
-from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_method
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -138,12 +138,6 @@ def run(
         time.perf_counter() - clock,
         loaded.file,
     )
-
-
-def check_methods(methods: Sequence[str]) -> None:
-    """Refuse a method that there is not (SubjectInvalid)."""
-    for method in methods:
-        check_method(method)
 
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:

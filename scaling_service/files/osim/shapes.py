@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.model.body import Law, Shape, Term
-from scaling_service.numerics.multibody.laws import Piecewise
+from scaling_service.model.compile import law_value, shape_values
 
 Function = Callable[[float], float]
 
@@ -67,27 +66,12 @@ def _fit(function: Function, breaks: Sequence[float], degree: int) -> Shape:
 def _agrees(shape: Shape, function: Function, points: Sequence[float]) -> bool:
     wanted = np.array([function(float(x)) for x in points])
     size = max(1e-3, float(np.abs(wanted).max()))
-    return bool(np.abs(values(shape, np.array(points)) - wanted).max() <= EXACT * size)
+    return bool(np.abs(shape_values(shape, points) - wanted).max() <= EXACT * size)
 
 
-def values(shape: Shape, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of a shape at coordinates of any array shape."""
-    degree = max(len(piece) for piece in shape.coefficients)
-    rows = np.array([(0.0,) * (degree - len(piece)) + piece for piece in shape.coefficients]).T
-    return Piecewise(np.array(shape.breaks), rows).evaluate(x)[0]
-
-
-def law_value(law: Law, x: float) -> float:
+def at_coordinate(law: Law, x: float) -> float:
     """Value of a law of one coordinate and no parameter at one coordinate value."""
-    total = 0.0
-    for term in law.terms:
-        if term.coordinate is None:
-            total += term.gain
-        elif term.shape is None:
-            total += term.gain * x
-        else:
-            total += term.gain * float(values(term.shape, np.array(x)))
-    return total
+    return float(law_value(law, {term.coordinate: x for term in law.terms if term.coordinate is not None}))
 
 
 def law_breaks(law: Law) -> list[float]:
@@ -112,7 +96,7 @@ def one_shape(law: Law) -> Shape:
     Raises NotPolynomial: cannot happen for laws of shapes, lines and constants; kept as the check of the
     fit.
     """
-    return fit_piecewise(lambda x: law_value(law, x), law_breaks(law), law_degree(law), follow_ends=False)
+    return fit_piecewise(lambda x: at_coordinate(law, x), law_breaks(law), law_degree(law), follow_ends=False)
 
 
 def substitute(law: Law, coordinate: str, follows: Law) -> Law:
@@ -136,7 +120,7 @@ def _composed(outer: Shape, inner: Law) -> Law:
     names = {t.coordinate for t in inner.terms if t.coordinate is not None}
     if not names:
         at = np.array(inner.constant_part)
-        return Law.constant(float(values(outer, at)))
+        return Law.constant(float(shape_values(outer, at)))
     (name,) = names
     if inner == Law.of(name):
         return Law((Term(1.0, coordinate=name, shape=outer),))
@@ -145,7 +129,7 @@ def _composed(outer: Shape, inner: Law) -> Law:
     if degree > MAX_DEGREE:
         raise NotPolynomial(f"the composition has degree {degree}, above {MAX_DEGREE}")
     shape = fit_piecewise(
-        lambda x: float(values(outer, np.array(law_value(inner, x)))),
+        lambda x: float(shape_values(outer, at_coordinate(inner, x))),
         _crossings(outer, inner),
         degree,
         follow_ends=False,
@@ -160,11 +144,11 @@ def _crossings(outer: Shape, inner: Law) -> list[float]:
     """
     known = law_breaks(inner)
     if not known:
-        slope = law_value(inner, 1.0) - law_value(inner, 0.0)
-        offset = law_value(inner, 0.0)
+        slope = at_coordinate(inner, 1.0) - at_coordinate(inner, 0.0)
+        offset = at_coordinate(inner, 0.0)
         return sorted((b - offset) / slope for b in outer.breaks)
     known = [known[0] - REACH, *known, known[-1] + REACH]
-    pieces = _fit(lambda x: law_value(inner, x), known, law_degree(inner))
+    pieces = _fit(lambda x: at_coordinate(inner, x), known, law_degree(inner))
     found = set(known)
     for start, end, piece in zip(known, known[1:], pieces.coefficients, strict=False):
         for level in outer.breaks:

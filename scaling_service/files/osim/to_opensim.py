@@ -16,8 +16,9 @@ from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writa
 from scaling_service.files.osim.from_opensim import body_model, is_pure
 from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import items, load, numbers, opensim, short
-from scaling_service.files.osim.shapes import EXACT, one_shape, values
+from scaling_service.files.osim.shapes import EXACT, one_shape
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
+from scaling_service.model.compile import shape_values
 from scaling_service.model.parameters import tilt_rotation
 
 Array = NDArray[np.float64]
@@ -345,7 +346,7 @@ def _function(law: Law) -> Any:
         return library.PolynomialFunction(coefficients)
     straight = all(not any(piece[:-2]) for piece in shape.coefficients)
     spline = library.PiecewiseLinearFunction() if straight else library.SimmSpline()
-    for x, y in zip(shape.breaks, values(shape, np.array(shape.breaks)).tolist(), strict=True):
+    for x, y in zip(shape.breaks, shape_values(shape, np.array(shape.breaks)).tolist(), strict=True):
         spline.addPoint(x, y)
     return spline
 
@@ -356,7 +357,7 @@ def _single_polynomial(shape: Shape) -> list[float] | None:
     local = np.poly1d(shape.coefficients[middle])
     breaks = np.array(shape.breaks)
     between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
-    there = values(shape, between)
+    there = shape_values(shape, between)
     size = max(1e-3, float(np.abs(there).max()))
     if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
         return None

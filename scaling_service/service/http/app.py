@@ -56,7 +56,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     for router in (
         subjects.router,
         laboratory.router,
-        jobs.asking_routes(service.kinds),
+        jobs.submission_routes(service.kinds),
         jobs.router,
         contents.router,
         monitoring.router,
@@ -71,7 +71,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
         answers=(Problem, SceneDocument, ResidualScene),
     )
-    app.add_middleware(monitoring.Watching, registry=app.state.registry)
+    app.add_middleware(monitoring.RequestMonitor, registry=app.state.registry)
     return app
 
 

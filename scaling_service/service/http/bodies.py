@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, ParamSpec, TypeVar
 
-from anyio import CapacityLimiter
-from anyio.lowlevel import RunVar
-from anyio.to_thread import run_sync
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
 
@@ -28,25 +27,17 @@ SILENCE_S = 60.0
 CHUNK_BYTES = 1 << 20
 """Handed on at once. Chosen: few hand-overs to threads, and little memory for each upload."""
 
-WRITERS = 8  # chosen: SQLite writes one at a time anyway, and a few uploads keep a disk busy
-
-_LIMITER: RunVar[CapacityLimiter] = RunVar("writers")
-
-
-async def writing(call: Callable[P, T], *args: P.args, **_none: P.kwargs) -> T:
-    """Make a call that writes to the store, in one of the threads for that.
-
-    They are apart from those that only look, so that a queue of writers holds up no reader.
-    """
-    try:
-        limiter = _LIMITER.get()
-    except LookupError:
-        limiter = CapacityLimiter(WRITERS)
-        _LIMITER.set(limiter)
-    return await run_sync(call, *args, limiter=limiter)
+_WRITERS = ThreadPoolExecutor(8, thread_name_prefix="writer")
+"""Apart from the threads that only look, so that a queue of writers holds up no reader. Eight: chosen, for
+SQLite writes one at a time anyway, and a few uploads keep a disk busy."""
 
 
-async def read_as(model: type[Model], request: Request, remedy: str) -> Model:
+async def in_writer_thread(call: Callable[P, T], *args: P.args, **options: P.kwargs) -> T:
+    """Make a call that writes to the store, in one of the threads for that."""
+    return await asyncio.get_running_loop().run_in_executor(_WRITERS, partial(call, *args, **options))
+
+
+async def read_model(model: type[Model], request: Request, remedy: str) -> Model:
     """The body as a document of a model, or RequestInvalid with this remedy."""
     content = await read_json(request)
     try:
@@ -65,7 +56,7 @@ async def read_json(request: Request) -> dict[str, Any]:
             remedy="Send JSON with `Content-Type: application/json`",
         )
     content = bytearray()
-    async for chunk in chunks(request):
+    async for chunk in read_chunks(request):
         content += chunk
         if len(content) > MAX_BYTES:
             raise TooLarge(
@@ -87,7 +78,7 @@ def _no_number(text: str) -> float:
     raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
 
 
-async def chunks(request: Request) -> AsyncIterator[bytes]:
+async def read_chunks(request: Request) -> AsyncIterator[bytes]:
     """The body in pieces of about a megabyte; TooSlow where nothing comes any more."""
     stream = request.stream().__aiter__()
     waiting = bytearray()

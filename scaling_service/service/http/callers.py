@@ -17,7 +17,7 @@ from fastapi import Depends, Request
 
 from scaling_service.service.http.problems import ForeignOrigin, KeyNeeded, TooManyRequests, WrongHost
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.jobs.settings import is_here
+from scaling_service.service.jobs.settings import is_loopback
 from scaling_service.service.store import keys
 
 LOCAL = "local"
@@ -122,7 +122,7 @@ def _names_this_machine(host: str) -> bool:
         name = urlsplit(f"//{host}").hostname
     except ValueError:
         return False
-    return bool(name) and is_here(name)
+    return bool(name) and is_loopback(name)
 
 
 def _is_foreign(request: Request) -> bool:
@@ -139,11 +139,6 @@ def _owner(request: Request) -> str:
     return callers.owner(request)
 
 
-async def _callers(request: Request) -> Callers:
-    callers: Callers = request.app.state.callers
-    return callers
-
-
 async def _service(request: Request) -> Service:
     service: Service = request.app.state.service
     return service
@@ -151,9 +146,7 @@ async def _service(request: Request) -> Service:
 
 Owner = Annotated[str, Depends(_owner)]  # of a route: the owner whose things it may see
 
-Asked = Annotated[Callers, Depends(_callers)]  # of a route that makes links
-
-Desk = Annotated[Service, Depends(_service)]  # of a route: what it asks
+ServiceDep = Annotated[Service, Depends(_service)]  # of a route: what it asks
 
 
 class Tickets:

@@ -1,7 +1,7 @@
 """Stored files and archives, streamed: whatever their size, little of them is in memory. Links to them.
 
 What a client has already is known by its ETag (RFC 9110, sections 8.8.3 and 13.1.2); of a long file it may
-ask for one stretch (section 14). A browser follows a link without a key: for a minute a ticket replaces it.
+ask for one range (section 14). A browser follows a link without a key: for a minute a ticket replaces it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import StreamingResponse
 
 from scaling_service.documents.service import Link, LinkRequest
-from scaling_service.service.http.bodies import read_as
-from scaling_service.service.http.callers import PARAMETER, Asked, Owner
+from scaling_service.service.http.bodies import read_model
+from scaling_service.service.http.callers import PARAMETER, Owner, Tickets
 from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, described
+from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, refusals
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
-from scaling_service.service.store.rows import FileRow
+from scaling_service.service.store.tables import FileRow
 
 router = APIRouter(prefix="/v1/links", tags=["jobs"])
 
@@ -57,66 +57,68 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""
 
 
-def is_known(request: Request, tag: str) -> bool:
+def is_cached(request: Request, tag: str) -> bool:
     """Whether the client has the version of this entity tag already."""
     given = request.headers.get("if-none-match", "")
     known = {one.strip().removeprefix("W/") for one in given.split(",")}
     return "*" in known or tag in known
 
 
-def versioned(version: object) -> dict[str, str]:
+def cache_headers(version: object) -> dict[str, str]:
     """What goes with a version: keep it, but ask whether it is still the one."""
     return {"ETag": f'"{version}"', "Cache-Control": "private, no-cache"}
 
 
-def unless_known(request: Request, version: object, answer: Callable[[dict[str, str]], Response]) -> Response:
+def unless_cached(
+    request: Request, version: object, answer: Callable[[dict[str, str]], Response]
+) -> Response:
     """The answer, made with its headers, or 304 for a client that has this version."""
-    headers = versioned(version)
-    if is_known(request, headers["ETag"]):
+    headers = cache_headers(version)
+    if is_cached(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return answer(headers)
 
 
 def file_responses(schema: dict[str, str]) -> Responses:
     """What a route that sends a stored file answers, for the OpenAPI document."""
-    return described(404, 416) | {
+    return refusals(404, 416) | {
         200: {"description": "The file", "content": {"*/*": {"schema": schema}}},
-        206: {"description": "The stretch", "content": {"*/*": {"schema": schema}}},
+        206: {"description": "The range", "content": {"*/*": {"schema": schema}}},
         304: {"description": "Unchanged"},
     }
 
 
 def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
-    """A stored file as an answer, or the stretch of it that is asked for."""
-    headers = versioned(file.sha256)
-    if is_known(request, headers["ETag"]):
+    """A stored file as an answer, or the range of it that is asked for."""
+    headers = cache_headers(file.sha256)
+    if is_cached(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
-    stretch = stretch_of(request.headers.get("range") if same else None, file.size)
+    part = parse_range(request.headers.get("range") if same else None, file.size)
     opened = blobs.open(file.sha256)
     name = PurePosixPath(file.name).name
-    sent = range(file.size) if stretch is None else stretch
+    sent = range(file.size) if part is None else part
     headers |= {
         "Accept-Ranges": "bytes",
         "Content-Length": str(len(sent)),
         "Content-Disposition": f"inline; filename*=UTF-8''{quote(name, safe='')}",
         "Content-Security-Policy": _APART,
     }
-    if stretch is not None:
-        headers["Content-Range"] = f"bytes {stretch[0]}-{stretch[-1]}/{file.size}"
+    if part is not None:
+        headers["Content-Range"] = f"bytes {part[0]}-{part[-1]}/{file.size}"
     media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
-    status = HTTPStatus.OK if stretch is None else HTTPStatus.PARTIAL_CONTENT
+    status = HTTPStatus.OK if part is None else HTTPStatus.PARTIAL_CONTENT
     return StreamingResponse(_pieces(opened, sent), status, headers, media_type)
 
 
-def stretch_of(header: str | None, size: int) -> range | None:
+def parse_range(header: str | None, size: int) -> range | None:
     """The bytes that a ``Range`` header asks for, of so many; None for all of them.
 
-    A header that cannot be understood, or asks for several stretches, is left out of account.
+    A header that cannot be understood, or asks for several ranges, is ignored.
 
     Examples
     --------
-    >>> stretch_of("bytes=0-99", 1000), stretch_of("bytes=-10", 1000), stretch_of(None, 1000)
+    >>> parse_range("bytes=0-99", 1000), parse_range("bytes=-10", 1000), parse_range(None, 1000)
     (range(0, 100), range(990, 1000), None)
     """
     found = _RANGE.fullmatch((header or "").strip())
@@ -126,12 +128,12 @@ def stretch_of(header: str | None, size: int) -> range | None:
     if begin and end and int(end) < int(begin):
         return None
     if begin == "":
-        stretch = range(max(size - int(end), 0), size)
+        wanted = range(max(size - int(end), 0), size)
     else:
-        stretch = range(int(begin), min(int(end) + 1, size) if end else size)
-    if not stretch:
+        wanted = range(int(begin), min(int(end) + 1, size) if end else size)
+    if not wanted:
         raise RangeUnsatisfiable(size)
-    return stretch
+    return wanted
 
 
 def _pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
@@ -154,7 +156,7 @@ class _Pieces(list[bytes]):
         """Nothing is held back."""
 
 
-def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
+def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
     """A zip of files, whose contents are opened by digest, in pieces; the same files give the same bytes."""
     pieces = _Pieces()
     with zipfile.ZipFile(cast("IO[bytes]", pieces), "w") as packed:
@@ -172,21 +174,22 @@ def archive(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iter
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=described(400, 408, 413, 415),
+    responses=refusals(400, 408, 413, 415),
     openapi_extra=json_body(EXAMPLE, LinkRequest),
 )
-async def make_link(request: Request, owner: Owner, callers: Asked) -> Link:
+async def make_link(request: Request, owner: Owner) -> Link:
     """Make a link to a file that works for a minute without a key.
 
     Browsers send no key when they open a link or stream a download to the disk. Whoever has the link can
     fetch that file, and nothing else, until then.
     """
-    wanted = unquote((await read_as(LinkRequest, request, "Give `path` alone")).path)
+    wanted = unquote((await read_model(LinkRequest, request, "Give `path` alone")).path)
     if not _FILE.fullmatch(wanted):
         raise RequestInvalid(
             "this is no path of a file",
             field="path",
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
-    ticket, until_s = callers.tickets.issue(owner, wanted)
+    tickets: Tickets = request.app.state.callers.tickets
+    ticket, until_s = tickets.issue(owner, wanted)
     return Link(path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_s, UTC))

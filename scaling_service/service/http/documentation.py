@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache, partial
 from html import escape
 from typing import Any
 
@@ -84,16 +85,11 @@ def install(
     What is asked of the kinds of jobs and what they find is described, and the models of bodies and answers
     that no route's signature tells of.
     """
-
-    def document() -> dict[str, Any]:
-        if app.openapi_schema is None:
-            app.openapi_schema = _described(app, kinds, bodies, answers)
-        return app.openapi_schema
-
-    app.openapi = document  # type: ignore[method-assign]
+    made = partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
+    app.openapi = cache(made)  # type: ignore[method-assign]
 
 
-def _described(
+def _make_document(
     app: FastAPI,
     kinds: Mapping[str, Kind],
     bodies: Iterable[type[BaseModel]],
@@ -113,7 +109,7 @@ def _described(
         tags=app.openapi_tags,
     )
     components = found.setdefault("components", {})
-    components["schemas"] = _merged(components.get("schemas", {}), more["$defs"])
+    components["schemas"] = _merge(components.get("schemas", {}), more["$defs"])
     names = sorted(model.__name__ for model in results)
     components["schemas"]["JobResult"] = {"anyOf": [_reference(name) for name in names]} if names else {}
     components["securitySchemes"] = _SECURITY
@@ -126,7 +122,7 @@ def _described(
     return found
 
 
-def _merged(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+def _merge(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
     """Schemas by name; what has one name must be one thing."""
     for name in known.keys() & more.keys():
         if known[name].get("properties", {}).keys() != more[name].get("properties", {}).keys():
@@ -137,13 +133,13 @@ def _merged(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
 @router.get("/docs", response_class=HTMLResponse)
 async def docs(request: Request) -> HTMLResponse:
     """Show all routes."""
-    content = rendered(request.app.openapi(), str(request.base_url).rstrip("/"))
+    content = render(request.app.openapi(), str(request.base_url).rstrip("/"))
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})
 
 
-def rendered(document: Mapping[str, Any], server: str) -> str:
+def render(document: Mapping[str, Any], server: str) -> str:
     """The page of an OpenAPI document; its examples go to the server."""
-    body = "".join(_sections(document, server))
+    body = "".join(_render_sections(document, server))
     title = escape(document["info"]["title"])
     about = "".join(f"<p>{escape(part)}</p>" for part in document["info"]["description"].split("\n\n"))
     return (
@@ -155,30 +151,32 @@ def rendered(document: Mapping[str, Any], server: str) -> str:
     )
 
 
-def _sections(document: Mapping[str, Any], server: str) -> Iterator[str]:
+def _render_sections(document: Mapping[str, Any], server: str) -> Iterator[str]:
     for tag, title in _TITLES.items():
         yield f"<h2>{title}</h2>"
         for path, operations in document["paths"].items():
             for method, operation in operations.items():
                 if tag in operation.get("tags", ()):
-                    fields = _rows(_fields(operation, document["components"]["schemas"]))
-                    yield _operation(path, method.upper(), operation, server, fields)
+                    fields = _render_table(_describe_fields(operation, document["components"]["schemas"]))
+                    yield _render_operation(path, method.upper(), operation, server, fields)
 
 
-def _operation(path: str, method: str, operation: Mapping[str, Any], server: str, fields: str) -> str:
+def _render_operation(path: str, method: str, operation: Mapping[str, Any], server: str, fields: str) -> str:
     description = operation.get("description", "")
-    told = "".join(f"<p>{_marked(part)}</p>" for part in description.split("\n\n"))
-    parameters = _rows((p["name"], p.get("description", "")) for p in operation.get("parameters", ()))
-    answers = _rows((code, answer["description"]) for code, answer in sorted(operation["responses"].items()))
+    paragraphs = "".join(f"<p>{_render_text(part)}</p>" for part in description.split("\n\n"))
+    parameters = _render_table((p["name"], p.get("description", "")) for p in operation.get("parameters", ()))
+    answers = _render_table(
+        (code, answer["description"]) for code, answer in sorted(operation["responses"].items())
+    )
     return (
         f'<details><summary><span class="method">{method}</span><code>{escape(path)}</code> '
-        f'<span class="quiet">{_marked(description.partition(".")[0])}</span></summary>{told}'
-        f"{parameters}{fields}<pre>{escape(_command(path, method, operation, server))}</pre>"
+        f'<span class="quiet">{_render_text(description.partition(".")[0])}</span></summary>{paragraphs}'
+        f"{parameters}{fields}<pre>{escape(_curl_command(path, method, operation, server))}</pre>"
         f"{answers}</details>"
     )
 
 
-def _fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _describe_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """The fields of a body, and what they mean."""
     body = operation.get("requestBody", {}).get("content", {}).get("application/json")
     if body is not None:
@@ -187,16 +185,16 @@ def _fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> Iterato
             yield name, field.get("description", "")
 
 
-def _rows(rows: Iterable[tuple[str, str]]) -> str:
-    found = "".join(f"<tr><td><code>{escape(a)}</code><td>{_marked(b)}" for a, b in rows)
+def _render_table(rows: Iterable[tuple[str, str]]) -> str:
+    found = "".join(f"<tr><td><code>{escape(a)}</code><td>{_render_text(b)}" for a, b in rows)
     return f"<table>{found}</table>" if found else ""
 
 
-def _marked(text: str) -> str:
+def _render_text(text: str) -> str:
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text, quote=False))
 
 
-def _command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
+def _curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
     """The request as a curl command."""
     address = server + path.replace("{subject}", "S01").replace("{job}", "JOB").replace("{name}", "walk.trc")
     content = operation.get("requestBody", {}).get("content", {})

@@ -20,15 +20,15 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
-from scaling_service.service.http.bodies import read_json, writing
-from scaling_service.service.http.callers import Desk, Owner
-from scaling_service.service.http.contents import archive, file_responses, stored_file, unless_known
+from scaling_service.service.http.bodies import in_writer_thread, read_json
+from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http.contents import file_responses, stored_file, unless_cached, zip_files
 from scaling_service.service.http.documentation import RESULT, json_body
-from scaling_service.service.http.problems import described
-from scaling_service.service.http.subjects import Cursor, Size, entries, moment
+from scaling_service.service.http.problems import refusals
+from scaling_service.service.http.subjects import Cursor, Size, as_datetime, file_entries
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store.errors import NotFound, StoreUnavailable
-from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.tables import JobRow
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -74,10 +74,10 @@ def as_document(row: JobRow) -> JobDocument:
         progress=Progress(what=row.progress_what, share=row.progress_share),
         attempt=row.attempt,
         revision=row.revision,
-        created_at=moment(row.created_us),
-        started_at=None if row.started_us is None else moment(row.started_us),
-        finished_at=None if row.finished_us is None else moment(row.finished_us),
-        updated_at=moment(row.updated_us),
+        created_at=as_datetime(row.created_us),
+        started_at=None if row.started_us is None else as_datetime(row.started_us),
+        finished_at=None if row.finished_us is None else as_datetime(row.finished_us),
+        updated_at=as_datetime(row.updated_us),
         code_version=row.code_version,
         failure=row.failure,
         links={"self": here}
@@ -91,10 +91,10 @@ def _answer(
     return JSONResponse(as_document(row).model_dump(mode="json"), status, headers)
 
 
-@router.get("", responses=described())
+@router.get("", responses=refusals())
 def list_jobs(
     owner: Owner,
-    service: Desk,
+    service: ServiceDep,
     state: State | None = None,
     kind: _Kind = None,
     subject: _Subject = None,
@@ -109,12 +109,14 @@ def list_jobs(
 
 
 @router.get(
-    "/{job}", response_model=JobDocument, responses=described(404) | {304: {"description": "Unchanged"}}
+    "/{job}",
+    response_model=JobDocument,
+    responses=refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_job(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
+def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a job."""
     row = service.job(owner, job)
-    return unless_known(request, row.revision, lambda headers: _answer(row, headers=headers))
+    return unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
 
 
 @router.delete(
@@ -122,9 +124,9 @@ def get_job(job: JobId, request: Request, owner: Owner, service: Desk) -> Respon
     status_code=HTTPStatus.ACCEPTED,
     response_model=JobDocument,
     response_description="It was not over and is being cancelled",
-    responses=described(404, 409) | {204: {"description": "It was over and is deleted for good"}},
+    responses=refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
-def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
+def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
     if service.job(owner, job).state.is_over:
         service.delete_job(owner, job)
@@ -135,7 +137,7 @@ def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
 @router.get(
     "/{job}/events",
     response_class=Response,
-    responses=described(404)
+    responses=refusals(404)
     | {
         200: {
             "description": "Events `job`, each with the job as it then is; the last one when it is over",
@@ -145,7 +147,7 @@ def delete_job(job: JobId, owner: Owner, service: Desk) -> Response:
     },
 )
 async def get_events(
-    job: JobId, request: Request, owner: Owner, service: Desk, last_event_id: _Seen = None
+    job: JobId, request: Request, owner: Owner, service: ServiceDep, last_event_id: _Seen = None
 ) -> Response:
     """Follow a job's progress as server-sent events; ids are revisions of the job."""
     row = await run_in_threadpool(service.job, owner, job)
@@ -156,30 +158,30 @@ async def get_events(
     async def look() -> JobDocument:
         return as_document(await run_in_threadpool(service.job, owner, job))
 
-    stream = follow(as_document(row), look, seen, request.app.state.stopping)
+    stream = stream_events(as_document(row), look, seen, request.app.state.stopping)
     return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
 @router.get(
     "/{job}/result",
     response_class=Response,
-    responses=described(404)
+    responses=refusals(404)
     | {
         200: {"description": "The result", "content": {"application/json": {"schema": RESULT}}},
         304: {"description": "Unchanged"},
     },
 )
-def get_result(job: JobId, request: Request, owner: Owner, service: Desk) -> Response:
+def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
     row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
         raise _no_result(row)
     version = f"{job[:16]}-{row.attempt}"
-    return unless_known(request, version, lambda h: Response(text, headers=h, media_type="application/json"))
+    return unless_cached(request, version, lambda h: Response(text, headers=h, media_type="application/json"))
 
 
-@router.get("/{job}/origin", responses=described(404))
-def get_origin(job: JobId, owner: Owner, service: Desk) -> Origin:
+@router.get("/{job}/origin", responses=refusals(404))
+def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
     return Origin(
@@ -188,19 +190,19 @@ def get_origin(job: JobId, owner: Owner, service: Desk) -> Origin:
     )
 
 
-@router.get("/{job}/files", responses=described(404))
-def list_files(job: JobId, owner: Owner, service: Desk) -> FileList:
+@router.get("/{job}/files", responses=refusals(404))
+def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
     """List what a job made."""
-    return FileList(items=entries(service.files(owner, job)))
+    return FileList(items=file_entries(service.files(owner, job)))
 
 
 @router.get(
     "/{job}/files.zip",
     response_class=Response,
-    responses=described(404)
+    responses=refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
 )
-def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
+def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     """Download all that a job made as one zip."""
     row, files = service.job(owner, job), service.files(owner, job)
     if not files:
@@ -209,15 +211,19 @@ def get_archive(job: JobId, owner: Owner, service: Desk) -> Response:
         "Content-Disposition": f'attachment; filename="{row.kind}-{job[:8]}.zip"',
         "Cache-Control": "no-store",
     }
-    stream = archive(files, service.store.blobs.open)
+    stream = zip_files(files, service.store.blobs.open)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
 @router.get("/{job}/files/{path:path}", response_class=Response, responses=file_responses({"type": "string"}))
 def get_file(
-    job: JobId, path: Annotated[str, Path(max_length=512)], request: Request, owner: Owner, service: Desk
+    job: JobId,
+    path: Annotated[str, Path(max_length=512)],
+    request: Request,
+    owner: Owner,
+    service: ServiceDep,
 ) -> Response:
-    """Download one file that a job made, or with `Range: bytes=a-b` a stretch of it."""
+    """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
     return stored_file(request, service.store.blobs, row)
 
@@ -232,26 +238,26 @@ def _no_result(row: JobRow) -> NotFound:
     return NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
-def asking_routes(kinds: Mapping[str, Kind]) -> APIRouter:
+def submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
     """The routes that ask for jobs, one for each kind that can be asked for by itself."""
     router = APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
         if kind.route is None:
             continue
-        told, _, more = (kind.request.__doc__ or name).partition("\n")
+        summary, _, more = (kind.request.__doc__ or name).partition("\n")
         result = "" if kind.result is None else f"\n\nThe result follows `{kind.result.__name__}`."
         router.post(
             f"/{kind.route}",
-            name=name,
-            summary=told.strip().rstrip("."),
-            description=f"{told.strip()}\n{more.strip()}{result}",
+            operation_id=name,
+            summary=summary.strip().rstrip("."),
+            description=f"{summary.strip()}\n{more.strip()}{result}",
             status_code=HTTPStatus.ACCEPTED,
             response_model=JobDocument,
             response_description="It waits or runs",
-            responses=described(400, 404, 408, 413, 415, 507)
+            responses=refusals(400, 404, 408, 413, 415, 507)
             | {200: {"model": JobDocument, "description": "It was done before"}},
             openapi_extra=json_body(example_of(kind.request), kind.request),
-        )(_asking(name))
+        )(_submission(name))
     return router
 
 
@@ -262,17 +268,17 @@ def example_of(model: type[BaseModel]) -> dict[str, Any]:
     }
 
 
-def _asking(kind: str) -> Callable[[Request, Owner, Desk], Awaitable[Response]]:
-    async def ask(request: Request, owner: Owner, service: Desk) -> Response:
+def _submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaitable[Response]]:
+    async def ask(request: Request, owner: Owner, service: ServiceDep) -> Response:
         asked = await read_json(request)
-        row, _ = await writing(service.ask, owner, kind, asked)
+        row, _ = await in_writer_thread(service.ask, owner, kind, asked)
         status = HTTPStatus.OK if row.state is State.DONE else HTTPStatus.ACCEPTED
         return _answer(row, status, {"Location": f"/v1/jobs/{row.id}"})
 
     return ask
 
 
-async def follow(
+async def stream_events(
     first: JobDocument, look: Callable[[], Awaitable[JobDocument]], seen: int, stopping: asyncio.Event
 ) -> AsyncIterator[str]:
     """The events of a job from the revision ``seen`` on, until it is over or the server stops.
@@ -283,22 +289,22 @@ async def follow(
     while True:
         if document.revision > seen:
             seen, told_at = document.revision, time.monotonic()
-            yield _event("job", document.model_dump_json(), document.revision)
+            yield _format_event("job", document.model_dump_json(), document.revision)
         elif time.monotonic() - told_at > QUIET_S:
             told_at = time.monotonic()
             yield ": still here\n\n"
-        if document.state.is_over or await _stopped(stopping):
+        if document.state.is_over or await _wait_for_stop(stopping):
             return
         try:
             document = await look()
         except NotFound:
-            yield _event("gone", "{}")
+            yield _format_event("gone", "{}")
             return
         except StoreUnavailable:
             continue  # the client keeps what it knows; the store comes back by itself
 
 
-async def _stopped(stopping: asyncio.Event) -> bool:
+async def _wait_for_stop(stopping: asyncio.Event) -> bool:
     """Wait for the next look; whether the server stops meanwhile."""
     try:
         await asyncio.wait_for(stopping.wait(), LOOK_S)
@@ -307,6 +313,6 @@ async def _stopped(stopping: asyncio.Event) -> bool:
     return True
 
 
-def _event(name: str, data: str, number: int | None = None) -> str:
+def _format_event(name: str, data: str, number: int | None = None) -> str:
     identity = "" if number is None else f"id: {number}\n"
     return f"{identity}event: {name}\ndata: {data}\n\n"

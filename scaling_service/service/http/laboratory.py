@@ -23,13 +23,13 @@ from scaling_service.documents.service import (
 )
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
-from scaling_service.service.http.bodies import read_as, writing
-from scaling_service.service.http.callers import Desk, Owner
+from scaling_service.service.http.bodies import in_writer_thread, read_model
+from scaling_service.service.http.callers import Owner, ServiceDep
 from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import described
-from scaling_service.service.http.subjects import moment
+from scaling_service.service.http.problems import refusals
+from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
-from scaling_service.service.store.rows import MarkerMapRow
+from scaling_service.service.store.tables import MarkerMapRow
 
 router = APIRouter(prefix="/v1", tags=["subjects"])
 
@@ -45,7 +45,7 @@ Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than o
 @router.post(
     "/examples",
     status_code=HTTPStatus.CREATED,
-    responses=described(409, 413, 507) | {200: {"model": ExampleList, "description": "They were there"}},
+    responses=refusals(409, 413, 507) | {200: {"model": ExampleList, "description": "They were there"}},
 )
 async def put_examples(
     request: Request, response: Response, owner: Owner, persons: Persons = 1
@@ -56,40 +56,42 @@ async def put_examples(
     image markers. In the recordings two things are hidden for a discovery to find. It takes seconds.
     """
     examples: Examples = request.app.state.examples
-    names, new = await writing(examples.put, owner, persons)
+    names, new = await in_writer_thread(examples.put, owner, persons)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
     return ExampleList(subjects=names)
 
 
-@router.get("/vocabulary", responses=described())
+@router.get("/vocabulary", responses=refusals())
 def get_vocabulary(owner: Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
     """List the built-in models with their markers, the methods, and the bones that can be given."""
     return vocabulary()
 
 
-@router.get("/marker-map", responses=described())
-def get_marker_map(owner: Owner, service: Desk) -> MarkerMapDocument:
+@router.get("/marker-map", responses=refusals())
+def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
     """Look at the laboratory's marker map: which label is which marker. It is empty until one is given."""
     return _document(service.marker_map(owner))
 
 
 @router.put(
-    "/marker-map", responses=described(400, 408, 413, 415, 507), openapi_extra=json_body(EXAMPLE, MarkerMap)
+    "/marker-map",
+    responses=refusals(400, 408, 413, 415, 507),
+    openapi_extra=json_body(EXAMPLE, MarkerMap),
 )
-async def put_marker_map(request: Request, owner: Owner, service: Desk) -> MarkerMapDocument:
+async def put_marker_map(request: Request, owner: Owner, service: ServiceDep) -> MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
 
     It is one for each owner of keys. Give its `labels` with a request for a proof, and they are proposed.
     """
     remedy = "Give texts of 1 to 200 letters, label first, under `labels`"
-    given = await read_as(MarkerMap, request, remedy)
-    return _document(await writing(service.put_marker_map, owner, given.labels))
+    given = await read_model(MarkerMap, request, remedy)
+    return _document(await in_writer_thread(service.put_marker_map, owner, given.labels))
 
 
 def _document(row: MarkerMapRow | None) -> MarkerMapDocument:
     if row is None:
         return MarkerMapDocument(labels={}, updated_at=None)
-    return MarkerMapDocument(labels=json.loads(row.document), updated_at=moment(row.updated_us))
+    return MarkerMapDocument(labels=json.loads(row.document), updated_at=as_datetime(row.updated_us))
 
 
 @cache

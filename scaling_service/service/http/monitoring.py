@@ -24,11 +24,11 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.http.callers import Desk, Owner
-from scaling_service.service.http.problems import described, problem_response
+from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http.problems import problem_response, refusals
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
-from scaling_service.service.sandbox.child import places
+from scaling_service.service.sandbox.child import code_places
 
 log = logging.getLogger(__name__)
 router = APIRouter(tags=["monitoring"])
@@ -60,7 +60,7 @@ async def health() -> dict[str, str]:
     return {"status": "alive", "code_version": code_version()}
 
 
-@router.get("/ready", responses=_ANSWER | described())
+@router.get("/ready", responses=_ANSWER | refusals())
 def ready(request: Request) -> dict[str, str]:
     """Say whether database and disk answer, so that requests can be taken."""
     request.app.state.recent.check()
@@ -70,10 +70,10 @@ def ready(request: Request) -> dict[str, str]:
 @router.get(
     "/metrics",
     response_class=Response,
-    responses=described()
+    responses=refusals()
     | {200: {"description": "Figures", "content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
-def metrics(request: Request, _owner: Owner, _service: Desk) -> Response:
+def metrics(request: Request, _owner: Owner, _service: ServiceDep) -> Response:
     """Give figures in Prometheus' text format."""
     registry: CollectorRegistry = request.app.state.registry
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
@@ -85,15 +85,13 @@ class Recent:
     def __init__(self, service: Service) -> None:
         self._service, self._lock = service, threading.Lock()
         self._checked_at = float("-inf")
-        self._found: dict[str, float] = {}
 
-    def check(self) -> dict[str, float]:
+    def check(self) -> None:
         """See :meth:`Service.check`."""
         with self._lock:
             if time.monotonic() - self._checked_at > FRESH_S:
-                self._found = self._service.check()
+                self._service.check()
                 self._checked_at = time.monotonic()
-            return self._found
 
 
 class JobCounts(Collector):
@@ -110,7 +108,7 @@ class JobCounts(Collector):
         yield family
 
 
-class Watching:
+class RequestMonitor:
     """Middleware around the whole application: headers, figures, the log, and what becomes of defects."""
 
     def __init__(self, app: ASGIApp, registry: CollectorRegistry) -> None:
@@ -154,7 +152,7 @@ class Watching:
         except ClientDisconnect:
             pass
         except Exception as error:  # noqa: BLE001 (whatever it is, the client gets an answer)
-            log.error("a request failed", extra={"error": type(error).__name__, "at": places(error)})
+            log.error("a request failed", extra={"error": type(error).__name__, "at": code_places(error)})
             if status:
                 raise _CutShort from None
             await problem_response(_DEFECT, 500)(scope, receive, sending)
@@ -169,8 +167,8 @@ class Watching:
         method = scope["method"] if route != "none" else "none"  # a client's own words are endless
         self._requests.labels(method, route, str(status)).inc()
         self._seconds.labels(route).observe(first_s)
-        told = {"method": method, "route": route, "status": status, "wall_s": round(whole_s, 4)}
-        log.info("request", extra=told | {"key": scope.get("caller")})
+        entry = {"method": method, "route": route, "status": status, "wall_s": round(whole_s, 4)}
+        log.info("request", extra=entry | {"key": scope.get("caller")})
 
 
 class _CutShort(Exception):

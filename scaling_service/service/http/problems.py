@@ -63,11 +63,11 @@ class ForeignOrigin(InputError):
 
 
 class RangeUnsatisfiable(InputError):
-    """The stretch begins beyond the end of the file."""
+    """The range begins beyond the end of the file."""
 
     def __init__(self, size: int) -> None:
         super().__init__(
-            f"the file has {size} bytes, and the stretch begins after them",
+            f"the file has {size} bytes, and the range begins after them",
             field="Range",
             remedy="Ask for bytes that it has",
         )
@@ -129,7 +129,7 @@ def _headers(error: InputError, status: int) -> dict[str, str]:
 Responses = dict[int | str, dict[str, Any]]  # of a route, by status
 
 
-def described(*statuses: int) -> Responses:
+def refusals(*statuses: int) -> Responses:
     """The problems that a route can answer with, for the OpenAPI document."""
     always = (401, 403, 421, 422, 429, 500, 503)
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}

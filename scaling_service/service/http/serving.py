@@ -22,7 +22,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.service.http.app import create_app
 from scaling_service.service.jobs.process import RunnerProcess, log_as_json
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.jobs.settings import ServiceSettings, SettingsRefused, is_here
+from scaling_service.service.jobs.settings import ServiceSettings, SettingsRefused, is_loopback
 from scaling_service.service.store import keys
 
 log = logging.getLogger(__name__)
@@ -45,24 +45,24 @@ def serve(settings: ServiceSettings) -> None:
     """
     _allow_many_files()
     with closing(Service.open(settings)) as service:
-        refuse_open(service)
-        with _listening(settings) as listener:
+        refuse_exposed(service)
+        with _listen(settings) as listener:
             log_as_json()
-            if not is_here(settings.host) and settings.tls_key is None:
+            if not is_loopback(settings.host) and settings.tls_key is None:
                 log.warning("keys and data go unencrypted unless a proxy speaks HTTPS")
             runner = RunnerProcess(settings)
             runner.start()
             try:
-                _run(service, listener)
+                _run_server(service, listener)
             finally:
                 runner.stop()
 
 
-def refuse_open(service: Service) -> None:
+def refuse_exposed(service: Service) -> None:
     """Stop before everyone in the network can see everything, or where HTTPS cannot be spoken."""
     settings = service.settings
     _check_tls(settings)
-    if not is_here(settings.host) and not keys.any_valid(service.store.database):
+    if not is_loopback(settings.host) and not keys.any_valid(service.store.database):
         raise SettingsRefused(
             f"whoever reaches {settings.host} could see and change everything, for there is no API key",
             field="host",
@@ -89,7 +89,7 @@ def _check_tls(settings: ServiceSettings) -> None:
 
 
 @contextmanager
-def _listening(settings: ServiceSettings) -> Iterator[socket.socket]:
+def _listen(settings: ServiceSettings) -> Iterator[socket.socket]:
     try:
         family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.create_server(
@@ -179,6 +179,12 @@ def _allow_many_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
 
 
+def most_connections() -> int:
+    """As many as this process may have open files, but for those of its own."""
+    most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(most - _OWN_FILES, most // 2)
+
+
 def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
@@ -188,7 +194,7 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,
         http=PromptProtocol,
-        limit_concurrency=resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _OWN_FILES,
+        limit_concurrency=most_connections(),
         timeout_graceful_shutdown=ENDING_S,
         ssl_certfile=settings.tls_certificate,
         ssl_keyfile=settings.tls_key,
@@ -196,9 +202,9 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
     )
 
 
-def _run(service: Service, listener: socket.socket) -> None:
+def _run_server(service: Service, listener: socket.socket) -> None:
     settings = service.settings
-    app = create_app(service, loopback=is_here(settings.host))
+    app = create_app(service, loopback=is_loopback(settings.host))
     config = server_config(app, settings)
     log_as_json("uvicorn", logging.WARNING)
     host, port = listener.getsockname()[:2]

@@ -11,7 +11,7 @@ from pathlib import Path
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
-from scaling_service.service.http.contents import is_known
+from scaling_service.service.http.contents import is_cached
 from scaling_service.service.store.errors import NotFound
 
 router = APIRouter(include_in_schema=False)
@@ -49,29 +49,33 @@ _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scalin
 @router.api_route("/", methods=["GET", "HEAD"], response_class=HTMLResponse)
 def index(request: Request) -> Response:
     """Show the page, or say that there is none and where the routes are."""
-    found = _sent(request, "index.html", {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY})
+    found = _send_file(
+        request, "index.html", {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY}
+    )
     return found or HTMLResponse(_WITHOUT, headers={"Cache-Control": "no-cache"})
 
 
 @router.api_route("/assets/{name}", methods=["GET", "HEAD"])
 def asset(name: str, request: Request) -> Response:
     """Send a script, style, font or picture of the page."""
-    found = _sent(request, f"assets/{name}", {"Cache-Control": FOREVER}) if _NAME.fullmatch(name) else None
+    found = (
+        _send_file(request, f"assets/{name}", {"Cache-Control": FOREVER}) if _NAME.fullmatch(name) else None
+    )
     if found is None:
         raise NotFound(f"the page has no file '{name[:100]}'", field="name", remedy="Load / again")
     return found
 
 
-def _sent(request: Request, path: str, headers: dict[str, str]) -> Response | None:
+def _send_file(request: Request, path: str, headers: dict[str, str]) -> Response | None:
     """A file of the bundle as an answer, compressed for who takes that; None where there is none."""
     file = _BUNDLE / path
     if not file.is_file():
         return None
     media_type, packs = _MEDIA_TYPES.get(file.suffix, ("application/octet-stream", False))
     packed = packs and _takes_gzip(request)
-    content, tag = _read(file, file.stat().st_mtime_ns, packed)
+    content, tag = _read_file(file, file.stat().st_mtime_ns, packed)
     headers |= {"ETag": tag, "Vary": "Accept-Encoding"} | ({"Content-Encoding": "gzip"} if packed else {})
-    if is_known(request, tag):
+    if is_cached(request, tag):
         return Response(status_code=304, headers=headers)
     return Response(content, media_type=media_type, headers=headers)
 
@@ -86,7 +90,7 @@ def _takes_gzip(request: Request) -> bool:
 
 
 @lru_cache(maxsize=_MOST_PARTS)
-def _read(file: Path, _changed_ns: int, packed: bool) -> tuple[bytes, str]:
+def _read_file(file: Path, _changed_ns: int, packed: bool) -> tuple[bytes, str]:
     """A file as it is since it was changed last, compressed or not, and its entity tag."""
     content = file.read_bytes()
     tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'

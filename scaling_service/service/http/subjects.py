@@ -14,15 +14,15 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
 from scaling_service.documents.subject import SubjectDocument
-from scaling_service.service.http.bodies import chunks, read_json, writing
-from scaling_service.service.http.callers import Desk, Owner
-from scaling_service.service.http.contents import file_responses, stored_file, unless_known
+from scaling_service.service.http.bodies import in_writer_thread, read_chunks, read_json
+from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http.contents import file_responses, stored_file, unless_cached
 from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import described
+from scaling_service.service.http.problems import refusals
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store.errors import TooLarge
-from scaling_service.service.store.rows import LARGEST, FileRow, SubjectRow
+from scaling_service.service.store.tables import LARGEST, FileRow, SubjectRow
 
 router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
@@ -55,108 +55,112 @@ _BYTES = {"type": "string", "format": "binary"}
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=described(400, 408, 413, 415, 507) | {200: {"model": SubjectDetail, "description": "Replaced"}},
+    responses=refusals(400, 408, 413, 415, 507) | {200: {"model": SubjectDetail, "description": "Replaced"}},
     openapi_extra=json_body(EXAMPLE, *DOCUMENTS),
 )
-async def put_subject(request: Request, response: Response, owner: Owner, service: Desk) -> SubjectDetail:
+async def put_subject(
+    request: Request, response: Response, owner: Owner, service: ServiceDep
+) -> SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
     It is the subject file of the command line as JSON; files stand in it by the names under which they are
     uploaded. For landmarks alone it may hold `subject` and `bones` only.
     """
     document = await read_json(request)
-    row, new = await writing(service.put_subject, owner, document)
+    row, new = await in_writer_thread(service.put_subject, owner, document)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
     response.headers["Location"] = f"/v1/subjects/{quote(row.id)}"
     return await run_in_threadpool(_detail, service, owner, row.id)
 
 
-@router.get("", responses=described())
-def list_subjects(owner: Owner, service: Desk, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
+@router.get("", responses=refusals())
+def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
     return SubjectPage(items=[SubjectSummary(**_entry(row)) for row in page.items], next=page.following)
 
 
 @router.get(
-    "/{subject}", response_model=SubjectDetail, responses=described(404) | {304: {"description": "Unchanged"}}
+    "/{subject}",
+    response_model=SubjectDetail,
+    responses=refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_subject(subject: Named, request: Request, owner: Owner, service: Desk) -> Response:
+def get_subject(subject: Named, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a subject: its document and its files."""
     detail = _detail(service, owner, subject)
-    return unless_known(
+    return unless_cached(
         request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
     )
 
 
-@router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=described(404))
-def delete_subject(subject: Named, owner: Owner, service: Desk) -> None:
+@router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=refusals(404))
+def delete_subject(subject: Named, owner: Owner, service: ServiceDep) -> None:
     """Delete a subject, its files, and all jobs on them, for good."""
     service.delete_subject(owner, subject)
 
 
-@router.get("/{subject}/files", responses=described(404))
-def list_files(subject: Named, owner: Owner, service: Desk) -> FileList:
+@router.get("/{subject}/files", responses=refusals(404))
+def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
     """List a subject's files."""
-    return FileList(items=entries(service.subject_files(owner, subject)))
+    return FileList(items=file_entries(service.subject_files(owner, subject)))
 
 
 @router.put(
     "/{subject}/files/{name}",
-    responses=described(404, 408, 413, 507),
+    responses=refusals(404, 408, 413, 507),
     # No body is a file without content, which is the fault of the job that reads it.
     openapi_extra={
         "requestBody": {"required": False, "content": {"application/octet-stream": {"schema": _BYTES}}}
     },
 )
 async def put_file(
-    subject: Named, name: FileName, request: Request, owner: Owner, service: Desk
+    subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep
 ) -> FileEntry:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
     _refuse_too_large(request, service.settings.limit_upload_mb)
     with ExitStack() as entered:
         upload = await run_in_threadpool(entered.enter_context, service.upload(owner, subject, name))
-        async for chunk in chunks(request):
-            await writing(upload.write, chunk)
-        (entry,) = entries([await writing(upload.keep)])
+        async for chunk in read_chunks(request):
+            await in_writer_thread(upload.write, chunk)
+        (entry,) = file_entries([await in_writer_thread(upload.keep)])
         return entry
 
 
 @router.get("/{subject}/files/{name}", response_class=Response, responses=file_responses(_BYTES))
-def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: Desk) -> Response:
-    """Download a file of a subject, or with `Range: bytes=a-b` a stretch of it."""
+def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
+    """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
     return stored_file(request, service.store.blobs, row)
 
 
-@router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=described(404))
-def delete_file(subject: Named, name: FileName, owner: Owner, service: Desk) -> None:
+@router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=refusals(404))
+def delete_file(subject: Named, name: FileName, owner: Owner, service: ServiceDep) -> None:
     """Remove a file of a subject; jobs that were asked for before keep theirs."""
     service.remove_subject_file(owner, subject, name)
 
 
 def _refuse_too_large(request: Request, limit_mb: int) -> None:
     """Say no before anything comes, where the length is told."""
-    told = request.headers.get("content-length", "")
-    if told.isdigit() and int(told[:20]) > limit_mb * 1_000_000:
+    length = request.headers.get("content-length", "")
+    if length.isdigit() and int(length[:20]) > limit_mb * 1_000_000:
         raise TooLarge(
             f"the upload is larger than {limit_mb} MB",
             remedy="Cut or compress the recording, or raise the limit in the service's settings",
         )
 
 
-def moment(microseconds: int) -> datetime:
+def as_datetime(microseconds: int) -> datetime:
     """A time of the store as it travels."""
     return datetime.fromtimestamp(microseconds / 1e6, UTC)
 
 
-def entries(rows: list[FileRow]) -> list[FileEntry]:
+def file_entries(rows: list[FileRow]) -> list[FileEntry]:
     """Files as they travel."""
     return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
 def _entry(row: SubjectRow) -> dict[str, Any]:
-    times = {"created_at": moment(row.created_us), "updated_at": moment(row.updated_us)}
+    times = {"created_at": as_datetime(row.created_us), "updated_at": as_datetime(row.updated_us)}
     return {"id": row.id, "revision": row.revision} | times
 
 
@@ -164,5 +168,5 @@ def _detail(service: Service, owner: str, subject: str) -> SubjectDetail:
     return SubjectDetail(
         **_entry(service.subject(owner, subject)),
         document=service.subject_document(owner, subject),
-        files=entries(service.subject_files(owner, subject)),
+        files=file_entries(service.subject_files(owner, subject)),
     )

@@ -1,23 +1,8 @@
 """From a request to a result that is kept, whatever happens on the way.
 
-The parts, each one idea:
-
-============== =====================================================================================
-``kinds``      the table of what can be asked for; each row's work stands in its capability's folder
-``submission`` checks a request, finds the files that it names, and makes or finds the job: one SHA-256
-               of the request with its inputs, code and owner is its name
-``service``    what the HTTP layer calls: ask, look, cancel, delete
-``machine``    the states of a job as one pure function
-``ledger``     every change of a job, each in one transaction: lease, renew, finish, take back
-``attempts``   the folder of one attempt: inputs, outputs, progress, heartbeat, the wish to cancel;
-               the executors that do it: threads here, or a Dask cluster
-``runner``     takes queued jobs, looks after them, keeps what they made; shows by a lock that it lives
-``process``    a runner in a process of its own, started again when it dies
-``settings``   all that can be chosen for a service
-``example``    the built-in example put among an owner's subjects
-============== =====================================================================================
-
-The child that computes, its limits and its supervisor are in ``service.sandbox``.
+``service`` is what the HTTP layer calls. ``submission`` makes or finds the job that a request is, ``machine``
+is the states of a job as one pure function, ``ledger`` changes jobs by it, each time in one transaction. A
+``runner``, in a ``process`` of its own, takes queued jobs and has them done as ``attempts``.
 
 How an attempt goes. A runner leases a job: the attempt's number grows and is the fencing token. It copies
 the inputs into the attempt's folder and submits ``attempts.Order`` to its executor. There a supervisor

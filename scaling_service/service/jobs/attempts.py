@@ -1,6 +1,6 @@
 """One attempt of a job: its folder, what is done in it, and the executors that do it.
 
-An executor may be any of ``concurrent.futures``: an attempt is a call of :func:`carry_out`, which watches
+An executor may be any of ``concurrent.futures``: an attempt is a call of :func:`run_attempt`, which watches
 over a limited process of its own. So the executor's workers only wait; threads are enough on one machine.
 
 The folder is all that runner and supervisor share, so they may be on two machines::
@@ -24,6 +24,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -36,13 +37,13 @@ from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import Child, Progress
 from scaling_service.service.sandbox.launcher import warm_up
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Outcome
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome
 from scaling_service.service.sandbox.supervisor import supervise
 from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.errors import StoreUnavailable, disk_errors
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 
 Result = TypeVar("Result")
 MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
@@ -55,8 +56,7 @@ class Order:
     """An attempt, as it is sent to an executor."""
 
     kind: Kind
-    request: str  # JSON
-    documents: dict[str, Any]  # subject to its document
+    specification: str  # of the job: request and documents as JSON
     inputs: tuple[tuple[str, str], ...]  # path below the folder of inputs, and SHA-256
     data: Path  # the data directory
     folder: Path  # of this attempt, in the data directory
@@ -66,34 +66,18 @@ class Order:
     parts: str | None = None  # JSON: how the jobs ended that this one is made of
 
 
-@dataclass(frozen=True, slots=True)
-class _Work:
-    """The kind's function on its request, as the child calls it."""
-
-    kind: Kind
-    request: str
-
-    def __call__(self, folder: Path, progress: Progress) -> Any:
-        request = self.kind.request.model_validate_json(self.request)
-        return self.kind.work(request, folder / "inputs", folder / "outputs", progress)
-
-
-def make_order(
-    store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path
-) -> tuple[Order, str]:
-    """The order for an attempt at a leased job, and the job's specification."""
+def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path) -> Order:
+    """The order for an attempt at a leased job."""
     specification, _, _ = jobs.documents(store.database, row.owner, row.id)
-    told = json.loads(specification)
     if kind.parts is None:
         inputs, ends = jobs.inputs(store.database, row.id), None
     else:
         inputs = parts.files(store.database, row.id, kind.parts.file)
-        ended = [_told(end) for end in parts.ends(store.database, row.id)]
+        ended = [_end_of_part(end) for end in parts.ends(store.database, row.id)]
         ends = json.dumps(ended, ensure_ascii=False)
-    order = Order(
+    return Order(
         kind=kind,
-        request=json.dumps(told["request"]),
-        documents=told["documents"],
+        specification=specification,
         inputs=tuple((file.name, file.sha256) for file in inputs),
         data=store.blobs.folder,
         folder=folder,
@@ -102,10 +86,9 @@ def make_order(
         patience_s=settings.lease_s,
         parts=ends,
     )
-    return order, specification
 
 
-def _told(end: parts.PartRow) -> dict[str, Any]:
+def _end_of_part(end: parts.PartRow) -> dict[str, Any]:
     return {
         "request": json.loads(end.specification)["request"],
         "state": end.state.value,
@@ -114,7 +97,7 @@ def _told(end: parts.PartRow) -> dict[str, Any]:
     }
 
 
-def carry_out(order: Order) -> Outcome:
+def run_attempt(order: Order) -> Outcome:
     """Do one attempt, whatever its end; this is what executors run."""
     if order.code_version != code_version():
         return Failed(
@@ -124,23 +107,28 @@ def carry_out(order: Order) -> Outcome:
                 remedy="Install the same version everywhere, then ask for the job again",
             )
         )
+    asked = json.loads(order.specification)
     try:
-        _prepare(order)
+        _prepare(order, asked["documents"])
         watch = Watch(order.folder, order.patience_s)
-        child = Child(_Work(order.kind, order.request), order.folder, order.limits)
-        outcome = supervise(child, stop=watch.wants_stop, progress=watch.tell)
+        child = Child(partial(_work, order.kind, asked["request"]), order.folder, order.limits)
+        outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
     except StoreUnavailable as error:
-        return Hindered(error.problem)
+        return Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
 
 
-def _prepare(order: Order) -> None:
-    """Make the folders and copy the inputs."""
+def _work(kind: Kind, request: dict[str, Any], folder: Path, progress: Progress) -> Any:
+    asked = kind.request.model_validate_json(json.dumps(request))
+    return kind.work(asked, folder / "inputs", folder / "outputs", progress)
+
+
+def _prepare(order: Order, documents: dict[str, Any]) -> None:
     blobs, inputs = Blobs(order.data), order.folder / "inputs"
     with disk_errors(order.data):
         for name in ("inputs", "outputs", "tmp"):
             (order.folder / name).mkdir(mode=0o700, parents=True)
-        for subject, document in order.documents.items():
+        for subject, document in documents.items():
             (inputs / subject).mkdir()
             text = json.dumps(document, ensure_ascii=False)
             (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
@@ -160,7 +148,7 @@ class Watch:
         self._beat, self._changed = 0, time.monotonic()
         self._told = 0.0
 
-    def wants_stop(self) -> bool:
+    def should_stop(self) -> bool:
         """Whether the runner wants this to stop, has removed the folder, or is dead."""
         if (self._folder / "cancel").exists() or not self._folder.exists():
             return True
@@ -173,7 +161,7 @@ class Watch:
             self._beat, self._changed = beat, now
         return now - self._changed > self._patience_s
 
-    def tell(self, what: str, share: float) -> None:
+    def write_progress(self, what: str, share: float) -> None:
         """Note the progress, now and then."""
         now = time.monotonic()
         if now - self._told < _PROGRESS_S and share < 1.0:
@@ -197,9 +185,9 @@ class AttemptFolder:
         self.remove()
         with disk_errors(self.folder.parent):
             self.folder.mkdir(mode=0o700)
-        self.beat()
+        self.touch_heartbeat()
 
-    def beat(self) -> None:
+    def touch_heartbeat(self) -> None:
         """Show that the runner lives."""
         with suppress(OSError):  # the folder is gone: the work stops by itself
             (self.folder / "heartbeat").touch()
@@ -211,7 +199,7 @@ class AttemptFolder:
         except OSError:
             self.remove()
 
-    def news(self) -> tuple[str, float] | None:
+    def read_progress(self) -> tuple[str, float] | None:
         """What is being done and the share that is done, where that is new."""
         try:
             text = (self.folder / "progress.json").read_text(encoding="utf-8")

@@ -17,8 +17,8 @@ from scaling_service.service.store import jobs, parts, queueing
 from scaling_service.service.store.blobs import Content, keep
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import needed
-from scaling_service.service.store.rows import FileRow, JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import FileRow, JobRow
 
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
@@ -35,7 +35,7 @@ class QueueFull(InputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class AttemptOutput:
     """What an attempt made, ready to be kept: the result as JSON, path and content of each file."""
 
     result: str
@@ -84,8 +84,8 @@ class Ledger:
                 return row, False
             if new.parts:
                 parts.link(connection, new.id, [part.id for part in new.parts])
-                self._await_parts(connection, _known(connection, new.id))
-            return _known(connection, new.id), True
+                self._await_parts(connection, _existing(connection, new.id))
+            return _existing(connection, new.id), True
 
     def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
         row = jobs.locked(connection, part.id)
@@ -98,7 +98,7 @@ class Ledger:
         """Let a job that is queued wait for its parts, unless they are over."""
         over, count = parts.ended(connection, row.id)
         if over < count:
-            self._move(connection, row, Event.WAIT, _counted(over, count))
+            self._move(connection, row, Event.WAIT, _progress_of_parts(over, count))
 
     def lease(self, worker: str, host: str) -> JobRow | None:
         """Take the next job; None where nothing waits."""
@@ -116,10 +116,10 @@ class Ledger:
             self._move(connection, row, Event.LEASE, begun)
             return jobs.locked(connection, row.id)
 
-    def finish(self, held: JobRow, made: Made, provenance: str) -> State | None:
+    def finish(self, held: JobRow, made: AttemptOutput, provenance: str) -> State | None:
         """Keep a result, all of it or nothing; None where the job is no longer ours."""
         with self.store.write() as connection:
-            row = self._ours(connection, held)
+            row = self._lock_if_held(connection, held)
             if row is None:
                 return None
             if row.state is State.CANCELLING:
@@ -138,12 +138,12 @@ class Ledger:
         The failure is kept where the job ends as failed by this.
         """
         with self.store.write() as connection:
-            row = self._ours(connection, held)
+            row = self._lock_if_held(connection, held)
             if row is None:
                 return None
             if event is Event.RELEASE and row.state is State.CANCELLING:
                 event = Event.STOP
-            return self._move(connection, row, event, _why(failure, provenance))
+            return self._move(connection, row, event, _failure_columns(failure, provenance))
 
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is.
@@ -155,25 +155,25 @@ class Ledger:
             row = jobs.locked(connection, job, owner)
             if row is None:
                 raise jobs.no_job(job)
-            if _goes_on(row):
+            if _is_active(row):
                 if parts.is_needed(connection, job):
                     raise needed(job)
                 self._move(connection, row, Event.CANCEL)
                 for part in made_of:
-                    if part is not None and _goes_on(part) and not parts.is_needed(connection, part.id):
+                    if part is not None and _is_active(part) and not parts.is_needed(connection, part.id):
                         self._move(connection, part, Event.CANCEL)
-            return _known(connection, job)
+            return _existing(connection, job)
 
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         with self.store.write() as connection:
             taken = queueing.lost(connection, dead)
             for row in taken:
-                why = _why(lost_too_often(row, "its worker ended"), None)
+                why = _failure_columns(worker_lost(row, "its worker ended"), None)
                 self._move(connection, row, Event.LOSE, why)
         return [row.id for row in taken]
 
-    def _ours(self, connection: Connection, held: JobRow) -> JobRow | None:
+    def _lock_if_held(self, connection: Connection, held: JobRow) -> JobRow | None:
         """The job, locked, if this very attempt still holds it."""
         row = jobs.locked(connection, held.id)
         if row is None or (row.attempt, row.worker) != (held.attempt, held.worker):
@@ -199,14 +199,14 @@ class Ledger:
             written["failure"] = None
         jobs.change(connection, row.id, written)
         if new.state.is_over:
-            self._tell_wholes(connection, row.id, new.state)
+            self._update_wholes(connection, row.id, new.state)
         return new.state
 
-    def _tell_wholes(self, connection: Connection, part: str, state: State) -> None:
+    def _update_wholes(self, connection: Connection, part: str, state: State) -> None:
         """A part is over: count again, and let go on what waited for the last one."""
         waiting = parts.waiting_for(connection, part)
         if waiting and state is State.CANCELLED:  # with another whole, just before this one was asked for
-            self._move(connection, _known(connection, part), Event.ASK, _FRESH)
+            self._move(connection, _existing(connection, part), Event.ASK, _FRESH)
             return
         for whole in waiting:
             row = jobs.locked(connection, whole)
@@ -216,10 +216,10 @@ class Ledger:
             if over == count:
                 self._move(connection, row, Event.READY)
             else:
-                jobs.change(connection, whole, _counted(over, count))
+                jobs.change(connection, whole, _progress_of_parts(over, count))
 
 
-def lost_too_often(row: JobRow, reason: str) -> Failure:
+def worker_lost(row: JobRow, reason: str) -> Failure:
     """Why a job fails that lost its last worker."""
     return Failure(
         kind="WorkerLost",
@@ -228,20 +228,20 @@ def lost_too_often(row: JobRow, reason: str) -> Failure:
     )
 
 
-def _known(connection: Connection, job: str) -> JobRow:
+def _existing(connection: Connection, job: str) -> JobRow:
     """A job that is there, for it was made or locked in this transaction."""
     row = jobs.seen(connection, job)
     assert row is not None
     return row
 
 
-def _goes_on(row: JobRow) -> bool:
+def _is_active(row: JobRow) -> bool:
     return not (row.state.is_over or row.state is State.CANCELLING)
 
 
-def _counted(over: int, count: int) -> dict[str, Any]:
+def _progress_of_parts(over: int, count: int) -> dict[str, Any]:
     return {"progress_share": PARTS_SHARE * over / count, "progress_what": f"{over} of {count} ended"}
 
 
-def _why(failure: Failure, provenance: str | None) -> dict[str, Any]:
+def _failure_columns(failure: Failure, provenance: str | None) -> dict[str, Any]:
     return {"failure": failure.model_dump_json(), "provenance": provenance}

@@ -42,10 +42,10 @@ def main(arguments: Sequence[str]) -> int:
     try:
         if list(arguments) == [FROM_PARENT]:
             settings = ServiceSettings.model_validate_json(sys.stdin.readline())
-            threading.Thread(target=_await_end_of_input, args=(stopped,), daemon=True).start()
+            threading.Thread(target=_wait_for_parent, args=(stopped,), daemon=True).start()
         else:
             settings = load_settings(Path(arguments[0]) if arguments else None)
-        store = _store_when_there(settings, stopped)
+        store = _open_store_when_available(settings, stopped)
         if store is not None:
             runner = Runner(store, settings)
             threading.Thread(target=_stop_when, args=(stopped, runner), daemon=True).start()
@@ -61,12 +61,12 @@ def _stop_when(stopped: threading.Event, runner: Runner) -> None:
     runner.stop()
 
 
-def _await_end_of_input(stopped: threading.Event) -> None:
+def _wait_for_parent(stopped: threading.Event) -> None:
     sys.stdin.read()
     stopped.set()
 
 
-def _store_when_there(settings: ServiceSettings, stopped: threading.Event) -> Store | None:
+def _open_store_when_available(settings: ServiceSettings, stopped: threading.Event) -> Store | None:
     """The store as soon as it answers: at the start of a machine the database may be later than we."""
     while not stopped.is_set():
         try:
@@ -98,7 +98,7 @@ class RunnerProcess:
 
     def start(self) -> None:
         """Start it; it takes jobs as soon as it is warm."""
-        self._process = self._started()
+        self._process = self._start_process()
         self._watcher.start()
 
     def stop(self) -> None:
@@ -126,9 +126,9 @@ class RunnerProcess:
             log.warning("the runner ended and is started again", extra={"exit_code": code})
             with self._lock:
                 if not self._stopped.is_set():
-                    self._process = self._started()
+                    self._process = self._start_process()
 
-    def _started(self) -> subprocess.Popen[str]:
+    def _start_process(self) -> subprocess.Popen[str]:
         command, environment = python(self.module, FROM_PARENT)
         process = subprocess.Popen(
             command,
@@ -148,16 +148,16 @@ class JsonLines(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Time, level, logger and message of a record, and what was given as ``extra``."""
-        told: dict[str, object] = {
+        entry: dict[str, object] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),
         }
-        told |= {k: v for k, v in record.__dict__.items() if k not in _OF_EVERY_RECORD}
+        entry |= {k: v for k, v in record.__dict__.items() if k not in _OF_EVERY_RECORD}
         if record.exc_info and record.exc_info[0] is not None:
-            told["error"] = record.exc_info[0].__name__
-        return json.dumps(told, default=str)
+            entry["error"] = record.exc_info[0].__name__
+        return json.dumps(entry, default=str)
 
 
 def log_as_json(name: str = "scaling_service", level: int = logging.INFO) -> None:

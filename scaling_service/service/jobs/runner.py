@@ -21,21 +21,22 @@ from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs.attempts import (
     AttemptFolder,
     MakeExecutor,
-    carry_out,
+    Order,
     executor_maker,
     make_order,
+    run_attempt,
 )
 from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.ledger import Ledger, Made, lost_too_often
+from scaling_service.service.jobs.ledger import AttemptOutput, Ledger, worker_lost
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version, provenance
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Content
 from scaling_service.service.store.errors import ContentMissing, StoreUnavailable, disk_errors
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 
 log = logging.getLogger(__name__)
 
@@ -61,11 +62,11 @@ _UNKNOWN = Failure(
 
 
 @dataclass(slots=True)
-class Held:
+class RunningAttempt:
     """An attempt that a runner looks after, of a job as it was leased."""
 
     row: JobRow
-    specification: str
+    order: Order
     folder: AttemptFolder
     future: Future[Outcome]
     begun: float = field(default_factory=time.monotonic)
@@ -88,9 +89,9 @@ class Runner:
         self._store, self._settings, self._kinds = store, settings, kinds
         self._make_executor = make_executor or executor_maker(settings)
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
-        self._presence = Presence(store.blobs.folder)
+        self._lock = RunnerLock(store.blobs.folder)
         self._executor: Executor | None = None
-        self._held: dict[str, Held] = {}
+        self._held: dict[str, RunningAttempt] = {}
         self._stop, self._wake = threading.Event(), threading.Event()
         self._renewed = self._looked_for_lost = self._take_back_from = float("-inf")
         self._pause_s = 0.0
@@ -98,7 +99,7 @@ class Runner:
     @property
     def name(self) -> str:
         """How it is called in the store."""
-        return self._presence.name
+        return self._lock.name
 
     def stop(self) -> None:
         """Have :meth:`run` end soon; from any thread or signal handler."""
@@ -120,7 +121,7 @@ class Runner:
                 self._wake.clear()
             self._give_back()
         finally:
-            self._presence.close()
+            self._lock.close()
             if self._executor is not None:
                 self._executor.shutdown(wait=False)  # nothing is left in it
             tidying.join(timeout=_ENDING_S)
@@ -128,7 +129,7 @@ class Runner:
 
     def _try_step(self) -> None:
         for held in self._held.values():
-            held.folder.beat()
+            held.folder.touch_heartbeat()
         try:
             self._step()
             self._pause_s = 0.0
@@ -145,15 +146,15 @@ class Runner:
         if self._held and now - self._renewed > often:
             queueing.renew(self._store.database, self.name, self._settings.lease_s)
             self._renewed = now
-        self._follow()
-        self._collect()
+        self._stop_and_report()
+        self._end_finished()
         if now - self._looked_for_lost > min(often, 1.0) and now >= self._take_back_from:
             self._take_back()
             self._looked_for_lost = now
         self._executor = self._executor or self._make_executor()
-        self._fill(self._executor)
+        self._start_queued(self._executor)
 
-    def _follow(self) -> None:
+    def _stop_and_report(self) -> None:
         """Stop what is no longer wanted, and pass progress on."""
         rows = queueing.held(self._store.database, self.name)
         for job, held in self._held.items():
@@ -164,63 +165,93 @@ class Runner:
                 held.folder.stop()
         for job in rows.keys() - self._held.keys():  # the store went away right after the lease
             self._ledger.settle(rows[job], Event.RELEASE, _UNKNOWN, None)
-        told = [
+        progress = [
             (job, held.row.attempt, news[1], news[0])
             for job, held in self._held.items()
-            if (news := held.folder.news()) is not None
+            if (news := held.folder.read_progress()) is not None
         ]
-        if told:
-            queueing.report(self._store.database, self.name, told)
+        if progress:
+            queueing.report(self._store.database, self.name, progress)
 
-    def _collect(self) -> None:
+    def _end_finished(self) -> None:
         """Record what has ended; what cannot be recorded now does not hold up the rest."""
         trouble: StoreUnavailable | None = None
         for job, held in list(self._held.items()):
             if held.future.done():
                 try:
-                    settle(self._ledger, held)
+                    self._settle(held)
                 except StoreUnavailable as error:
                     trouble = error
                     continue
                 except Exception as error:
                     log.exception("the outcome of a job cannot be recorded", extra={"job": job})
-                    lost = lost_too_often(held.row, f"its result cannot be kept ({type(error).__name__})")
+                    lost = worker_lost(held.row, f"its result cannot be kept ({type(error).__name__})")
                     self._ledger.settle(held.row, Event.LOSE, lost, None)
                     held.folder.remove()
                 del self._held[job]
         if trouble is not None:
             raise trouble
 
+    def _settle(self, held: RunningAttempt) -> None:
+        """Record how an attempt ended, and remove its folder; StoreUnavailable says that nothing was kept."""
+        outcome, wall_s = read_outcome(held.future), time.monotonic() - held.begun
+        try:
+            state = self._record(held, outcome, wall_s)
+        except ContentMissing as error:  # somebody else removed what was made
+            outcome = Lost(error.problem)
+            state = self._record(held, outcome, wall_s)
+        _log_end(held.row, outcome, state, wall_s)
+        held.folder.remove()
+
+    def _record(self, held: RunningAttempt, outcome: Outcome, wall_s: float) -> State | None:
+        """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
+        row, outputs = held.row, held.folder.folder / "outputs"
+        host = outcome.host if isinstance(outcome, Finished) else row.host
+        origin = provenance(row, held.order.specification, host, wall_s)
+        match outcome:
+            case Finished():
+                files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
+                made = AttemptOutput(json.dumps(outcome.result, allow_nan=False), files)
+                return self._ledger.finish(row, made, origin)
+            case Failed():
+                return self._ledger.settle(row, Event.FAIL, outcome.failure, origin)
+            case Stopped():
+                stopped = worker_lost(row, "it was stopped")
+                return self._ledger.settle(row, Event.RELEASE, stopped, origin)
+            case Lost():
+                lost = worker_lost(row, outcome.reason)
+                return self._ledger.settle(row, Event.LOSE, lost, origin)
+
     def _take_back(self) -> None:
         """Queue again what dead runners held."""
-        dead = self._presence.dead(queueing.holders(self._store.database))
+        dead = self._lock.dead(queueing.holders(self._store.database))
         for job in self._ledger.take_back(dead):
             log.warning("job taken back", extra={"job": job})
 
-    def _fill(self, executor: Executor) -> None:
+    def _start_queued(self, executor: Executor) -> None:
         free = self._settings.workers - len(self._held)
         while free > 0 and queueing.anything_queued(self._store.database):
             self._store.require_room(self._settings.reserve_mb * 1_000_000)
             row = self._ledger.lease(self.name, socket.gethostname())
             if row is None:
                 return
-            self._begin(row, executor)
+            self._start(row, executor)
             free -= 1
 
-    def _begin(self, row: JobRow, executor: Executor) -> None:
+    def _start(self, row: JobRow, executor: Executor) -> None:
         kind = self._kinds.get(row.kind)
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
         folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
-        order, specification = make_order(self._store, self._settings, kind, row, folder.folder)
+        order = make_order(self._store, self._settings, kind, row, folder.folder)
         folder.open()
         try:
-            future = executor.submit(carry_out, order)
+            future = executor.submit(run_attempt, order)
         except RuntimeError as error:  # broken, or shut down behind our back
             self._executor = None
             raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
-        self._held[row.id] = Held(row, specification, folder, future)
+        self._held[row.id] = RunningAttempt(row, order, folder, future)
         future.add_done_callback(lambda _future: self._wake.set())
 
     def _give_back(self) -> None:
@@ -230,13 +261,13 @@ class Runner:
             held.folder.stop()
         wait([held.future for held in self._held.values()], timeout=_ENDING_S)
         with suppress(StoreUnavailable):  # then the leases run out
-            self._collect()
+            self._end_finished()
 
     def _tidy(self) -> None:
         """Remove rubbish and what is older than it may get, now and then, apart from the work."""
         while not self._stop.is_set():
             try:
-                self._presence.forget_dead()
+                self._lock.forget_dead()
                 if self._settings.retention_days is not None:
                     deletion.expire(self._store.database, self._store.blobs, self._settings.retention_days)
                 self._store.tidy()
@@ -245,27 +276,7 @@ class Runner:
             self._stop.wait(TIDY_S)
 
 
-def settle(ledger: Ledger, held: Held) -> State | None:
-    """Record how an attempt ended, and remove its folder.
-
-    Where the job stands now is returned, or None where this attempt no longer holds it, and nothing was kept.
-    After StoreUnavailable nothing was recorded; call it again later.
-    """
-    outcome = outcome_of(held.future)
-    wall_s = time.monotonic() - held.begun
-    host = outcome.host if isinstance(outcome, Finished) else held.row.host
-    origin = provenance(held.row, held.specification, host, wall_s)
-    try:
-        state = _record(ledger, held, outcome, origin)
-    except ContentMissing as error:  # somebody else removed what was made
-        outcome = Lost(error.problem)
-        state = _record(ledger, held, outcome, origin)
-    _note(held.row, outcome, state, wall_s)
-    held.folder.remove()
-    return state
-
-
-def outcome_of(future: Future[Outcome]) -> Outcome:
+def read_outcome(future: Future[Outcome]) -> Outcome:
     """How an attempt ended, also where the executor itself broke."""
     try:
         return future.result()
@@ -275,23 +286,9 @@ def outcome_of(future: Future[Outcome]) -> Outcome:
         return Lost(f"the executor failed ({type(error).__name__})")
 
 
-def _record(ledger: Ledger, held: Held, outcome: Outcome, origin: str) -> State | None:
-    row, outputs = held.row, held.folder.folder / "outputs"
-    match outcome:
-        case Finished():
-            files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
-            return ledger.finish(row, Made(json.dumps(outcome.result, allow_nan=False), files), origin)
-        case Failed():
-            return ledger.settle(row, Event.FAIL, outcome.failure, origin)
-        case Stopped():
-            return ledger.settle(row, Event.RELEASE, lost_too_often(row, "it was stopped"), origin)
-        case _:
-            return ledger.settle(row, Event.LOSE, lost_too_often(row, outcome.reason), origin)
-
-
-def _note(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> None:
+def _log_end(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> None:
     """One line for the log, without anything of the patient's."""
-    told = {
+    entry = {
         "job": row.id,
         "kind": row.kind,
         "attempt": row.attempt,
@@ -300,14 +297,14 @@ def _note(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> 
         "wall_s": round(wall_s, 3),
     }
     if isinstance(outcome, Failed):
-        told |= {"failure": outcome.failure.kind, "trace": outcome.trace}
-    if isinstance(outcome, Lost | Hindered):
-        told["reason"] = outcome.reason
+        entry |= {"failure": outcome.failure.kind, "trace": outcome.trace}
+    if isinstance(outcome, Lost):
+        entry["reason"] = outcome.reason
     usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
-    log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=told)
+    log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=entry)
 
 
-def machine() -> str:
+def machine_id() -> str:
     """A name of this machine since it was started, the same in all its containers.
 
     Where the kernel gives none, a name of this process: nothing is then concluded of others.
@@ -318,7 +315,7 @@ def machine() -> str:
         return f"p{os.getpid()}x{secrets.token_hex(4)}"
 
 
-class Presence:
+class RunnerLock:
     """The lock of one runner in a data directory, which the kernel lets go however the runner ends.
 
     Runners of the same machine see at once when one of them was killed, and take its jobs back without
@@ -327,7 +324,7 @@ class Presence:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "runners"
-        self._machine = machine()
+        self._machine = machine_id()
         self.name = f"{self._machine}-{os.getpid()}-{secrets.token_hex(4)}"
         with disk_errors(folder):
             self._folder.mkdir(mode=0o700, exist_ok=True)

@@ -29,8 +29,8 @@ from scaling_service.service.jobs.submission import (
 from scaling_service.service.store import deletion, jobs, subjects
 from scaling_service.service.store.blobs import Incoming
 from scaling_service.service.store.errors import NotFound
-from scaling_service.service.store.rows import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,9 +198,9 @@ class Service:
         """Jobs of all owners by state, for monitoring."""
         return jobs.counts(self._database)
 
-    def check(self) -> dict[str, float]:
+    def check(self) -> None:
         """Whether database and disk answer; StoreUnavailable says which does not."""
-        return self.store.check()
+        self.store.check()
 
     def close(self) -> None:
         """Give all connections back."""

@@ -131,7 +131,7 @@ def load_settings(file: Path | None = None, **chosen: Any) -> ServiceSettings:
     return settings
 
 
-def shown(settings: ServiceSettings) -> dict[str, Any]:
+def without_passwords(settings: ServiceSettings) -> dict[str, Any]:
     """Settings as plain values, passwords left out."""
     values = settings.model_dump(mode="json")
     if settings.database_url is not None:
@@ -152,7 +152,7 @@ def refuse_unsafe(settings: ServiceSettings) -> None:
         _refuse_open_database(settings.database_url.get_secret_value())
     if settings.dask_address is not None:
         address = urlsplit(settings.dask_address)
-        if address.scheme != "tls" and not is_here(address.hostname):
+        if address.scheme != "tls" and not is_loopback(address.hostname):
             raise SettingsRefused(
                 f"whoever reaches {address.hostname} could run programs there",
                 field="dask_address",
@@ -171,7 +171,7 @@ def _refuse_open_database(written: str) -> None:
         ) from None
     query = url.normalized_query
     hosts = (url.host, *query.get("host", ()), *query.get("hostaddr", ()))
-    if not all(map(is_here, hosts)) and url.query.get("sslmode") not in _ENCRYPTED:
+    if not all(map(is_loopback, hosts)) and url.query.get("sslmode") not in _ENCRYPTED:
         raise SettingsRefused(
             "the connection over the network is not encrypted",
             field="database_url",
@@ -179,12 +179,12 @@ def _refuse_open_database(written: str) -> None:
         )
 
 
-def is_here(host: str | None) -> bool:
+def is_loopback(host: str | None) -> bool:
     """Whether a host is this machine: a loopback address, its name, or none (a Unix socket).
 
     Examples
     --------
-    >>> is_here("127.0.0.1"), is_here("localhost"), is_here("db.example.org")
+    >>> is_loopback("127.0.0.1"), is_loopback("localhost"), is_loopback("db.example.org")
     (True, True, False)
     """
     if not host or host == "localhost" or host.startswith("/"):

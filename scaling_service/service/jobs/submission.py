@@ -26,7 +26,7 @@ from scaling_service.documents.writing import code_version as released_version
 from scaling_service.service.jobs.kinds import Kind, Parts
 from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
-from scaling_service.service.store.rows import FileRow, JobRow
+from scaling_service.service.store.tables import FileRow, JobRow
 
 _SUFFIXES = (".py", ".yaml", ".json", ".csv")  # files of the package that results can depend on
 _PAGE = "service/page/"  # the web page's sources and bundle: no result depends on them
@@ -103,7 +103,7 @@ def new_job(
     inputs: list[FileRow] = []
     for subject, named in request.needed(documents).items():
         there = subjects.files_in(connection, owner, subject)
-        chosen = there if request.reads_every_file else _found(there, subject, named)
+        chosen = there if request.reads_every_file else _match_uploads(there, subject, named)
         inputs += (FileRow(f"{subject}/{file.name}", file.sha256, file.size) for file in chosen)
     hashes = {file.name: file.sha256 for file in inputs}
     try:
@@ -123,7 +123,7 @@ def new_job(
     )
 
 
-def _found(uploaded: list[FileRow], subject: str, named: Mapping[str, str]) -> list[FileRow]:
+def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, str]) -> list[FileRow]:
     """The uploaded files of these names, each once."""
     there = {file.name: file for file in uploaded}
     for field, name in named.items():
@@ -160,8 +160,8 @@ def specification(
     owner: str,
 ) -> str:
     """The canonical JSON of a job: its request with every default, documents and SHA-256 of each input."""
-    told = {"kind": kind, "request": request, "documents": documents, "inputs": inputs}
-    return canonical(told | {"code_version": code, "owner": owner})
+    content = {"kind": kind, "request": request, "documents": documents, "inputs": inputs}
+    return canonical(content | {"code_version": code, "owner": owner})
 
 
 def job_id(text: str) -> str:
@@ -171,16 +171,16 @@ def job_id(text: str) -> str:
 
 def provenance(row: JobRow, specification: str, host: str | None, wall_s: float) -> str:
     """What is needed to get a result again, as JSON; the time on the clock is that of the last attempt."""
-    told = json.loads(specification)
-    settings = told["request"].get("settings", {})
+    asked = json.loads(specification)
+    settings = asked["request"].get("settings", {})
     return canonical(
         {
             "code_version": code_version(),
-            "asked_code_version": told["code_version"],
+            "asked_code_version": asked["code_version"],
             "kind": row.kind,
-            "request": told["request"],
+            "request": asked["request"],
             "seed": settings.get("seed") if isinstance(settings, dict) else None,
-            "input_hashes": told["inputs"],
+            "input_hashes": asked["inputs"],
             "host": host,
             "worker": row.worker,
             "attempts": row.attempt,

@@ -18,9 +18,17 @@ _PLAIN = {"integer": "number", "number": "number", "string": "string", "boolean"
 
 
 def typescript(document: Mapping[str, Any]) -> str:
-    """An exported type for each schema of an OpenAPI document."""
+    """An exported type for each schema of an OpenAPI document, and where each kind of job is asked for."""
     schemas = document["components"]["schemas"]
-    return _HEAD + "".join(_declaration(name, schemas[name]) for name in sorted(schemas))
+    routes = {
+        operation["operationId"]: path.removeprefix("/v1/")
+        for path, operations in document["paths"].items()
+        for operation in operations.values()
+        if "asking" in operation.get("tags", ())
+    }
+    kinds = f"export const ROUTES: Record<string, string> = {json.dumps(routes, indent=2)};"
+    types = (_declaration(name, schemas[name]) for name in sorted(schemas))
+    return "\n".join((_HEAD, "/** Kind of job to its route. */", kinds, "")) + "".join(types)
 
 
 def _declaration(name: str, schema: Mapping[str, Any]) -> str:

@@ -51,10 +51,10 @@ class Child:
         os.nice(_NICENESS)
         pipe, parent = messages.fileno(), parent_process()
         assert parent is not None
-        _end_with(parent.sentinel)
-        _alone_in(self.folder, {pipe, parent.sentinel})
+        _die_with_parent(parent.sentinel)
+        _isolate(self.folder, {pipe, parent.sentinel})
         self.limits.apply()
-        _tell(pipe, self._answer(lambda what, share: _tell(pipe, {"progress": [what[:200], share]})))
+        _send(pipe, self._answer(lambda what, share: _send(pipe, {"progress": [what[:200], share]})))
         os.killpg(os.getpgrp(), signal.SIGKILL)
 
     def _answer(self, progress: Progress) -> dict[str, Any]:
@@ -63,45 +63,45 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            return self._explained(error)
+            return self._explain(error)
         return {"finished": True}
 
-    def _explained(self, error: BaseException) -> dict[str, Any]:
-        for cause in _chain(error):
+    def _explain(self, error: BaseException) -> dict[str, Any]:
+        for cause in _causes(error):
             number = cause.errno if isinstance(cause, OSError) else None
             if number in _HINDRANCES:
                 return {"hindered": os.strerror(number or 0)}
             if number == errno.EFBIG:
-                return self._failed(self.limits.exceeded("limit_file_mb"))
+                return self._failure_message(self.limits.exceeded("limit_file_mb"))
             out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
             if number == errno.ENOMEM or out_of_memory:
-                return self._failed(self.limits.exceeded("limit_memory_mb"))
+                return self._failure_message(self.limits.exceeded("limit_memory_mb"))
         if isinstance(error, InputError):
-            return self._failed(error)
+            return self._failure_message(error)
         unexpected = Failure(
             kind="ProgramError",
             problem=f"the program failed on this job ({type(error).__name__})",
             remedy="Report it with the number of the job; the service's log says where it happened",
         )
-        return {"failure": unexpected.model_dump(), "trace": places(error)}
+        return {"failure": unexpected.model_dump(), "trace": code_places(error)}
 
-    def _failed(self, error: InputError) -> dict[str, Any]:
+    def _failure_message(self, error: InputError) -> dict[str, Any]:
         """The failure without the places on this machine, which mean nothing to a client."""
-        told = failure_of(error).model_dump()
-        for name, text in told.items():
+        fields = failure_of(error).model_dump()
+        for name, text in fields.items():
             for place in (self.folder / "inputs", self.folder / "outputs", self.folder):
                 text = text and text.replace(f"{place}/", "").replace(str(place), "")
-            told[name] = text and text[:_LONGEST]
-        return {"failure": told}
+            fields[name] = text and text[:_LONGEST]
+        return {"failure": fields}
 
 
-def places(error: BaseException) -> str:
+def code_places(error: BaseException) -> str:
     """Where it broke: lines of code only, for a message may hold what stands in a patient's file."""
     lines = [f"{f.filename}:{f.lineno} {f.name}" for f in traceback.extract_tb(error.__traceback__)]
     return " < ".join(reversed(lines))[:_LONGEST]
 
 
-def _chain(error: BaseException) -> Iterator[BaseException]:
+def _causes(error: BaseException) -> Iterator[BaseException]:
     """An error and what it came from."""
     seen: BaseException | None = error
     while seen is not None:
@@ -109,7 +109,7 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
         seen = seen.__cause__ or seen.__context__
 
 
-def _end_with(lifeline: int) -> None:
+def _die_with_parent(lifeline: int) -> None:
     """Have the kernel kill this process group when the writing end of a pipe closes.
 
     No thread of ours has to run for that, so it also ends a process that is stuck in a library: SIGKILL is
@@ -124,7 +124,7 @@ def _end_with(lifeline: int) -> None:
         os.killpg(os.getpgrp(), signal.SIGKILL)
 
 
-def _alone_in(folder: Path, pipes: set[int]) -> None:
+def _isolate(folder: Path, pipes: set[int]) -> None:
     """Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in range(3):
@@ -140,7 +140,7 @@ def _alone_in(folder: Path, pipes: set[int]) -> None:
     os.chdir(folder / "tmp")
 
 
-def _tell(pipe: int, message: dict[str, Any]) -> None:
+def _send(pipe: int, message: dict[str, Any]) -> None:
     content = (json.dumps(message) + "\n").encode()
     while content:
         content = content[os.write(pipe, content) :]

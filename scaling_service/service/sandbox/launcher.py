@@ -31,7 +31,7 @@ def warm_up() -> None:
     forkserver.ensure_running()
 
 
-class Launched:
+class SandboxProcess:
     """A child that makes a call with a pipe for its messages, as soon as the fork server is warm.
 
     It sees this process end by ``multiprocessing.parent_process().sentinel``. OSError or EOFError is raised

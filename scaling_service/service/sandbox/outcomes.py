@@ -33,14 +33,7 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The process is gone without a word: killed from outside."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Hindered:
-    """The machine could not do it now: its disk is full or does not answer. The job is as good as new."""
+    """It ended by no fault of its own: killed from outside, or the machine's disk is full. Another may do."""
 
     reason: str
 
@@ -50,10 +43,10 @@ class Stopped:
     """It was stopped because that was asked for."""
 
 
-Outcome: TypeAlias = Finished | Failed | Lost | Hindered | Stopped
+Outcome: TypeAlias = Finished | Failed | Lost | Stopped
 
 
 def failure_of(error: InputError) -> Failure:
     """An error that a user can act on, as it travels."""
-    told = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
-    return Failure(kind=type(error).__name__, **told)
+    fields = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
+    return Failure(kind=type(error).__name__, **fields)

@@ -19,9 +19,9 @@ from pydantic import ValidationError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
-from scaling_service.service.sandbox.launcher import Launched
+from scaling_service.service.sandbox.launcher import SandboxProcess
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
 
@@ -44,18 +44,18 @@ def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> 
     share that is done.
     """
     try:
-        launched = Launched(child)
+        launched = SandboxProcess(child)
     except (OSError, EOFError) as error:
-        return Hindered(f"no process could be started ({error})")
+        return Lost(f"no process could be started ({error})")
     try:
-        answer = _follow(launched, child, stop, progress)
+        answer = _await_answer(launched, child, stop, progress)
     finally:
         launched.end()
-    return _understood(answer, child) if isinstance(answer, dict) else answer
+    return _parse_answer(answer, child) if isinstance(answer, dict) else answer
 
 
-def _follow(
-    launched: Launched, child: Child, stop: Callable[[], bool], progress: Progress
+def _await_answer(
+    launched: SandboxProcess, child: Child, stop: Callable[[], bool], progress: Progress
 ) -> dict[str, Any] | Outcome:
     """The child's answer, or how it ended without one."""
     begun = looked = time.monotonic()
@@ -67,9 +67,9 @@ def _follow(
             for message in lines.read():
                 if "progress" not in message:
                     return message
-                _pass_on(message["progress"], progress)
+                _report(message["progress"], progress)
         elif launched.sentinel in ready:  # all messages were read before
-            return _ending(launched.exit_code, child.limits)
+            return _classify_exit(launched.exit_code, child.limits)
         if lines.broken:
             return Lost("it sent what cannot be read")
         now = time.monotonic()
@@ -79,7 +79,7 @@ def _follow(
             return Failed.of(child.limits.exceeded("limit_wall_s"))
         if now - looked > _LOOK_AT_DISK_S:
             looked = now
-            if _written(child.folder) > child.limits.output_bytes:
+            if _count_bytes(child.folder) > child.limits.output_bytes:
                 return Failed.of(child.limits.exceeded("limit_output_mb"))
 
 
@@ -107,32 +107,34 @@ class _Lines:
         return messages
 
 
-def _pass_on(told: object, progress: Progress) -> None:
-    match told:
+def _report(message: object, progress: Progress) -> None:
+    match message:
         case [str() as what, int() | float() as share]:
-            progress(_clean(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0)
+            progress(
+                _printable(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0
+            )
 
 
-def _understood(answer: dict[str, Any], child: Child) -> Outcome:
+def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
     """A child's last message as an outcome, with its files counted and synced by us."""
     try:
         if "failure" in answer:
-            told = {k: v if v is None else _clean(v) for k, v in dict(answer["failure"]).items()}
-            return Failed(Failure.model_validate(told), _clean(answer.get("trace", ""))[:4000])
+            fields = {k: v if v is None else _printable(v) for k, v in dict(answer["failure"]).items()}
+            return Failed(Failure.model_validate(fields), _printable(answer.get("trace", ""))[:4000])
         if "hindered" in answer:
-            return Hindered(_clean(answer["hindered"])[:200])
-        if _written(child.folder) > child.limits.output_bytes:
+            return Lost(_printable(answer["hindered"])[:200])
+        if _count_bytes(child.folder) > child.limits.output_bytes:
             return Failed.of(child.limits.exceeded("limit_output_mb"))
-        return Finished(_result(child.folder / RESULT), _files(child.folder / "outputs"))
+        return Finished(_read_result(child.folder / RESULT), _list_files(child.folder / "outputs"))
     except StoreUnavailable as error:
-        return Hindered(error.problem)
+        return Lost(error.problem)
     except InputError as error:
         return Failed.of(error)
     except (ValidationError, ValueError, TypeError, RecursionError, OSError) as error:
         return Lost(f"its answer cannot be read ({type(error).__name__})")
 
 
-def _files(outputs: Path) -> tuple[tuple[str, str, int], ...]:
+def _list_files(outputs: Path) -> tuple[tuple[str, str, int], ...]:
     """All files that were made, safely on disk; links are none."""
     found: list[tuple[str, str, int]] = []
     for path in sorted(outputs.rglob("*")):
@@ -145,23 +147,23 @@ def _files(outputs: Path) -> tuple[tuple[str, str, int], ...]:
     return tuple(found)
 
 
-def _result(file: Path) -> Any:
+def _read_result(file: Path) -> Any:
     """The result document, which must be JSON in the narrow sense."""
     if file.lstat().st_size > _LARGEST_RESULT:
         raise ValueError("no result is so large")
-    return json.loads(file.read_bytes(), parse_constant=_refuse)
+    return json.loads(file.read_bytes(), parse_constant=_reject_constant)
 
 
-def _refuse(name: str) -> None:
+def _reject_constant(name: str) -> None:
     raise ValueError(f"{name} is no number of JSON")
 
 
-def _clean(text: object) -> str:
+def _printable(text: object) -> str:
     """A text that any database takes: no control characters, no halves of characters."""
     return "".join(c if c.isprintable() else " " for c in str(text))
 
 
-def _written(folder: Path) -> int:
+def _count_bytes(folder: Path) -> int:
     """Bytes that the child wrote so far, whatever else happens to the files meanwhile."""
     total = 0
     for path in (folder / RESULT, *(folder / "outputs").rglob("*"), *(folder / "tmp").rglob("*")):
@@ -170,7 +172,7 @@ def _written(folder: Path) -> int:
     return total
 
 
-def _ending(code: int | None, limits: Limits) -> Outcome:
+def _classify_exit(code: int | None, limits: Limits) -> Outcome:
     """What the exit of a child that gave no answer means."""
     if code == -signal.SIGXCPU:
         return Failed.of(limits.exceeded("limit_cpu_s"))

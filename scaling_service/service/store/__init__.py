@@ -8,12 +8,6 @@ rows. The data directory holds the content of files, each once, named by its SHA
     DATA/scratch/jobs/       one folder for each attempt of a job that is running
     DATA/store.sqlite        the rows, unless a database URL is given
 
-The parts, each one idea: ``tables`` (what is kept), ``rows`` (as frozen values, and pages of them),
-``database`` (a connection that reads or writes, what its errors mean, one clock for all machines),
-``migrate`` (bringing tables up to date), ``blobs`` (content on disk, the rows that refer to it, and the rest
-removed), ``keys``, ``subjects``, ``jobs``, ``parts``, ``queueing`` (the rows of each), ``deletion`` (leaving
-no trace), ``store`` (all of it together).
-
 Rules that keep it whole, whoever is killed when:
 
 - A file is written to scratch, synced and renamed; its row and every reference to it appear in one

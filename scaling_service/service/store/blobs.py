@@ -116,7 +116,7 @@ class Blobs:
                 content.scratch.replace(target)
                 sync_folder(target.parent)
             elif not target.exists():
-                raise _gone(content.sha256)
+                raise _content_missing(content.sha256)
 
     def remove(self, sha256: str) -> None:
         """Remove content, within the transaction that holds the lock of its row."""
@@ -129,7 +129,7 @@ class Blobs:
             try:
                 return self.path(sha256).open("rb")
             except FileNotFoundError:
-                raise _gone(sha256) from None
+                raise _content_missing(sha256) from None
 
     def copy(self, sha256: str, target: Path) -> None:
         """Copy content to a file and check on the way that it is what its name says."""
@@ -179,7 +179,7 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _gone(sha256: str) -> ContentMissing:
+def _content_missing(sha256: str) -> ContentMissing:
     return ContentMissing(
         f"the stored content {sha256[:12]}… is not there",
         remedy="Upload the file again, or restore the data directory from a backup",
@@ -196,7 +196,7 @@ def keep(connection: Connection, files: Blobs, contents: Iterable[Content]) -> N
         files.place(content)
 
 
-def release(database: Database, files: Blobs, digests: Iterable[str]) -> int:
+def remove_unreferenced(database: Database, files: Blobs, digests: Iterable[str]) -> int:
     """Remove those contents that nothing refers to any more; the number removed."""
     removed = 0
     with database.write() as connection:
@@ -212,7 +212,7 @@ def release(database: Database, files: Blobs, digests: Iterable[str]) -> int:
     return removed
 
 
-def collect(database: Database, files: Blobs) -> int:
+def collect_garbage(database: Database, files: Blobs) -> int:
     """Remove all content that nothing refers to; the number of files removed.
 
     Files without a row were put in place by a transaction that then failed, or by one that is about to
@@ -226,7 +226,10 @@ def collect(database: Database, files: Blobs) -> int:
         with database.write() as connection:
             _lock(connection, sha256, {})
     unused += unlisted
-    return sum(release(database, files, unused[k : k + _AT_ONCE]) for k in range(0, len(unused), _AT_ONCE))
+    return sum(
+        remove_unreferenced(database, files, unused[k : k + _AT_ONCE])
+        for k in range(0, len(unused), _AT_ONCE)
+    )
 
 
 def _lock(connection: Connection, sha256: str, size: dict[str, int]) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 
 from scaling_service.service.store import parts
-from scaling_service.service.store.blobs import Blobs, release
+from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.errors import needed
 from scaling_service.service.store.jobs import no_job
@@ -91,7 +91,7 @@ def erase(database: Database, blobs: Blobs, gone: Iterable[str], digests: Iterab
     for job in gone:
         for folder in blobs.work.glob(f"{job}.*"):
             shutil.rmtree(folder, ignore_errors=True)
-    release(database, blobs, digests)
+    remove_unreferenced(database, blobs, digests)
     remove_traces(database)
 
 

@@ -12,8 +12,17 @@ from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import Database, NowUs
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.rows import FileRow, JobRow, Page, job_row, read_page
-from scaling_service.service.store.tables import job_files, job_inputs, job_subjects, jobs
+from scaling_service.service.store.tables import (
+    FileRow,
+    JobRow,
+    Page,
+    job_files,
+    job_inputs,
+    job_row,
+    job_subjects,
+    jobs,
+    read_page,
+)
 
 SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns of a job that are small
 

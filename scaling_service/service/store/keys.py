@@ -11,8 +11,7 @@ from sqlalchemy import Connection, insert, select, update
 from scaling_service.core.errors import InputError
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
-from scaling_service.service.store.rows import KeyRow
-from scaling_service.service.store.tables import api_keys, owners
+from scaling_service.service.store.tables import KeyRow, api_keys, owners
 
 PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 

@@ -9,8 +9,7 @@ from sqlalchemy import Connection, exists, func, insert, literal, select
 
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import Database, insert_for
-from scaling_service.service.store.rows import FileRow
-from scaling_service.service.store.tables import job_files, job_parts, jobs
+from scaling_service.service.store.tables import FileRow, job_files, job_parts, jobs
 
 OVER = tuple(state.value for state in State if state.is_over)
 _SETTLED = [state for state in State if not state.is_over and state is not State.WAITING]

@@ -10,8 +10,7 @@ from sqlalchemy import Connection, Select, func, or_, select, update
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.jobs import SHOWN, first
-from scaling_service.service.store.rows import JobRow, job_row
-from scaling_service.service.store.tables import jobs, owners
+from scaling_service.service.store.tables import JobRow, job_row, jobs, owners
 
 _LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
 _QUEUED = jobs.c.state == State.QUEUED.value
@@ -101,11 +100,11 @@ def renew(database: Database, worker: str, seconds: float) -> None:
         connection.execute(held.values(lease_until_us=lease_end(seconds)))
 
 
-def report(database: Database, worker: str, told: Iterable[tuple[str, int, float, str]]) -> None:
+def report(database: Database, worker: str, progress: Iterable[tuple[str, int, float, str]]) -> None:
     """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
     running = update(jobs).where(jobs.c.worker == worker, jobs.c.state == State.RUNNING.value)
     with database.write() as connection:
-        for job, attempt, share, what in told:
+        for job, attempt, share, what in progress:
             connection.execute(
                 running.where(jobs.c.id == job, jobs.c.attempt == attempt).values(
                     progress_share=share,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-import time
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from sqlalchemy import URL, Connection, text
 
 from scaling_service.service.store import deletion, queueing
-from scaling_service.service.store.blobs import Blobs, Incoming, collect, sync_folder
+from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
 from scaling_service.service.store.errors import disk_errors, full
 from scaling_service.service.store.migrate import upgrade
@@ -63,28 +64,17 @@ class Store:
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
-        collect(self.database, self.blobs)
+        collect_garbage(self.database, self.blobs)
         deletion.remove_traces(self.database)
 
-    def check(self) -> dict[str, float]:
-        """Look whether rows can be read and files written now; StoreUnavailable says which does not answer.
-
-        ``database_s`` and ``disk_s`` are the time that each took; ``free_bytes`` are left on the disk.
-        """
-        begun = time.perf_counter()
+    def check(self) -> None:
+        """Raise StoreUnavailable where rows cannot be read now, or files not be written."""
         with self.read() as connection:
             connection.execute(text("SELECT 1"))
-        between = time.perf_counter()
-        probe = self.blobs.uploads / f"probe-{time.monotonic_ns()}"
-        with disk_errors(self.blobs.folder):
-            try:
-                probe.write_bytes(b"probe")
-                sync_folder(self.blobs.uploads)
-                free = shutil.disk_usage(self.blobs.folder).free
-            finally:
-                probe.unlink(missing_ok=True)
-        disk_s = time.perf_counter() - between
-        return {"database_s": between - begun, "disk_s": disk_s, "free_bytes": float(free)}
+        with disk_errors(self.blobs.folder), TemporaryFile(dir=self.blobs.uploads) as probe:
+            probe.write(b"probe")
+            probe.flush()
+            os.fsync(probe.fileno())
 
     def require_room(self, least: int) -> None:
         """Raise StoreFull where fewer bytes are free on the disk."""

@@ -7,12 +7,20 @@ from collections.abc import Iterable
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, select, update
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.store.blobs import Blobs, Content, keep, release
+from scaling_service.service.store.blobs import Blobs, Content, keep, remove_unreferenced
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.rows import FileRow, MarkerMapRow, Page, SubjectRow, read_page
-from scaling_service.service.store.tables import marker_maps, subject_files, subjects
+from scaling_service.service.store.tables import (
+    FileRow,
+    MarkerMapRow,
+    Page,
+    SubjectRow,
+    marker_maps,
+    read_page,
+    subject_files,
+    subjects,
+)
 
 _SHOWN = tuple(subjects.c[name] for name in SubjectRow.__dataclass_fields__)
 
@@ -98,7 +106,7 @@ def attach(
                 owner=owner, subject=identity, name=name, sha256=row.sha256, size=row.size, updated_us=NowUs()
             )
         )
-    release(database, blobs, set(replaced) - {row.sha256})
+    remove_unreferenced(database, blobs, set(replaced) - {row.sha256})
     return row
 
 
@@ -116,7 +124,7 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
                 raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
             gone.append(found)
         _touch(connection, owner, identity)
-    release(database, blobs, gone)
+    remove_unreferenced(database, blobs, gone)
 
 
 def files(database: Database, owner: str, identity: str) -> list[FileRow]:

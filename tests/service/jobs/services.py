@@ -17,7 +17,7 @@ from scaling_service.service.jobs.attempts import MakeExecutor
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import Service, open_store
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.tables import JobRow
 from tests.service.jobs.tiny import TINY
 
 ROOT = Path(__file__).resolve().parents[3]

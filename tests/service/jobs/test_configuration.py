@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.service.jobs.settings import SettingsRefused, load_settings, shown
+from scaling_service.service.jobs.settings import SettingsRefused, load_settings, without_passwords
 
 
 def test_chosen_wins_over_environment_over_file_over_default(
@@ -29,8 +29,10 @@ def test_limits_are_in_bytes_and_seconds() -> None:
 
 def test_passwords_are_not_shown() -> None:
     settings = load_settings(database_url="postgresql://user:geheim@localhost/x")
-    assert "geheim" not in f"{settings} {settings!r} {shown(settings)} {settings.model_dump_json()}"
-    assert shown(settings)["database_url"] == "postgresql://user:***@localhost/x"
+    assert (
+        "geheim" not in f"{settings} {settings!r} {without_passwords(settings)} {settings.model_dump_json()}"
+    )
+    assert without_passwords(settings)["database_url"] == "postgresql://user:***@localhost/x"
     assert "geheim" in settings.with_secrets()
 
 

@@ -11,13 +11,13 @@ import pytest
 from sqlalchemy import update
 
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.ledger import Ledger, Made, QueueFull
+from scaling_service.service.jobs.ledger import AttemptOutput, Ledger, QueueFull
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.store import jobs, queueing
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.jobs import NewJob
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 from scaling_service.service.store.tables import jobs as table
 
 WHY = Failure(kind="Test", problem="it was so")
@@ -40,10 +40,10 @@ def ask(ledger: Ledger, number: int, owner: str = "lab", most: int = 1000) -> tu
     return ledger.ask(lambda _connection: new(number, owner), most)
 
 
-def made(store: Store, text: str) -> Made:
+def made(store: Store, text: str) -> AttemptOutput:
     scratch = store.blobs.uploads / f"made-{text}"
     scratch.write_text(text)
-    return Made(f'"{text}"', (("out.txt", prepare(scratch)),))
+    return AttemptOutput(f'"{text}"', (("out.txt", prepare(scratch)),))
 
 
 def outdate(store: Store, job: str) -> None:

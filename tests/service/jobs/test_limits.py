@@ -16,7 +16,7 @@ import pytest
 
 from scaling_service.service.sandbox.child import Child, Work
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Hindered, Lost, Outcome, Stopped
+from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.sandbox.supervisor import supervise
 from tests.service.jobs import tasks
 
@@ -115,7 +115,7 @@ def test_a_defect_says_where_but_not_what_stood_in_the_data(run: Callable[..., O
     [
         (tasks.crash, Failed),  # by its own fault: it would crash again
         (tasks.killed, Lost),  # from outside: it may be tried again
-        (tasks.no_room, Hindered),
+        (tasks.no_room, Lost),
         (tasks.garbage, Lost),
         (tasks.nan, Failed),
     ],

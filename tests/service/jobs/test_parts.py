@@ -14,7 +14,7 @@ from scaling_service.service.jobs.service import Service, open_store
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.store import deletion, parts
 from scaling_service.service.store.errors import InUse, NotFound
-from scaling_service.service.store.rows import JobRow
+from scaling_service.service.store.tables import JobRow
 from tests.service.jobs.services import ended, running, until
 from tests.service.jobs.wholes import WHOLES
 

@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.ledger import Made
+from scaling_service.service.jobs.ledger import AttemptOutput
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.store import jobs
-from scaling_service.service.store.rows import JobRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import JobRow
 from tests.service.jobs.test_ledger import WHY, ask, ledger_of
 
 OFTEN = ("lease", "lease", "lease", "finish", "finish", "finish", "die", "die")
@@ -50,7 +50,7 @@ class Walk:
     def end(self, attempt: JobRow, how: str) -> None:
         before = jobs.get(self.store.database, self.owner, attempt.id)
         if how == "finish":
-            state = self.ledger.finish(attempt, Made(f"{attempt.attempt}"), "{}")
+            state = self.ledger.finish(attempt, AttemptOutput(f"{attempt.attempt}"), "{}")
         else:
             state = self.ledger.settle(attempt, Event(how), WHY, "{}")
         assert state is None or attempt.attempt == before.attempt, "a stale attempt was heard"

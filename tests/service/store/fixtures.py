@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from scaling_service.service.store import subjects
-from scaling_service.service.store.rows import FileRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import FileRow
 from tests.service.store.postgres import server
 
 

@@ -13,8 +13,8 @@ from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.jobs import NewJob
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.rows import FileRow
 from scaling_service.service.store.store import Store
+from scaling_service.service.store.tables import FileRow
 from scaling_service.service.store.tables import jobs as table
 
 

@@ -128,12 +128,12 @@ def test_nothing_that_is_referred_to_is_collected_beside_writers(store: Store) -
         except BaseException as error:  # noqa: BLE001 (told below, in the main thread)
             troubles.append(error)
 
-    def collect() -> None:
+    def collect_garbage() -> None:
         while not over.is_set():
-            blobs.collect(store.database, store.blobs)
+            blobs.collect_garbage(store.database, store.blobs)
 
     threads = [threading.Thread(target=write, args=(name,)) for name in names]
-    collector = threading.Thread(target=collect)
+    collector = threading.Thread(target=collect_garbage)
     for thread in (collector, *threads):
         thread.start()
     for thread in threads:

@@ -11,16 +11,14 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import text
 
-from scaling_service.service.store import migrate, queueing
-from scaling_service.service.store.database import Database
+from scaling_service.service.store import queueing
 from scaling_service.service.store.errors import StoreTooNew
-from scaling_service.service.store.migrate import script
+from scaling_service.service.store.migrate import configuration
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import metadata
-from tests.service.store.postgres import server
 
 
-def test_migrations_make_what_the_program_thinks_of(store: Store) -> None:
+def test_the_tables_are_what_the_program_thinks_of(store: Store) -> None:
     with store.read() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
 
@@ -53,25 +51,10 @@ def test_tables_of_a_later_version_are_refused(store: Store, database_url: str |
         Store.open(store.blobs.folder, database_url)
 
 
-def test_the_script_for_an_administrator_makes_the_same() -> None:
-    url = server().new_database()
-    database = Database(url)
-    statements = [s for s in script(url).split(";") if s.strip() and s.strip() not in ("BEGIN", "COMMIT")]
-    database.run_apart(*statements)
-    with database.read() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
-    database.close()
-
-
 def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None) -> None:
-    folder = tmp_path / "data"
-    folder.mkdir()
-    (folder / "store.sqlite").touch()
-    database = Database(database_url or f"sqlite:///{folder / 'store.sqlite'}")
-    with database.write() as connection:
-        config = migrate._config()
-        config.attributes["connection"] = connection
-        command.upgrade(config, "0001")
+    store = Store.open(tmp_path, database_url)
+    with store.write() as connection:
+        command.downgrade(configuration(connection), "0001")
         connection.execute(text("INSERT INTO owners (name) VALUES ('lab')"))
         connection.execute(
             text(
@@ -79,9 +62,10 @@ def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None)
                 "specification) VALUES ('a', 'lab', 'tiny', 'queued', 1, 1, '1', '{}')"
             )
         )
-    database.close()
-    store = Store.open(folder, database_url)
+    store.close()
+    store = Store.open(tmp_path, database_url)
     with store.write() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), metadata) == []
         row = queueing.next_queued(connection)
     assert row is not None
     assert row.id == "a"

@@ -153,7 +153,6 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
         with_inertial_changes(fit.model_in(item.name), here),
         replace(contacts, ground=corrected_forces(contacts.ground, item.trial.times, here)),
         gravity_of(here),
-        contacts.cutoff_hz,
         tuple(loads_of(here, Wobbling)),
         known_covariance=noise,
         cache=fit.context.cache,

@@ -71,15 +71,7 @@ def _by_place(residual: Array, predicted: Array, width: int) -> tuple[Array, Arr
 def _predicted(
     residuals: Sequence[tuple[TrackedTrial, Array]], moving: Sequence[str], block_s: float
 ) -> list[Array]:
-    """Residuals of every block as those between predict them, each (n, n_numbers); NaN where not known.
-
-    Parameters
-    ----------
-    residuals : sequence
-        Of each trial (n, n_numbers), the same numbers in all; NaN where not known.
-    moving : sequence of str
-        Coordinates that move.
-    """
+    """Residuals of every block as those between predict them, each (n, n_numbers); NaN where not known."""
     items, values = zip(*residuals, strict=True)
     x, folds = _functions(items, moving), np.concatenate([_folds(item, block_s) for item in items])
     y = np.concatenate(values)

@@ -85,10 +85,7 @@ class Observation(ABC, Generic[Item]):
     def frames(self, fit: Fit, item: Item, noise: Array | None) -> tuple[Array, Array, Array]:
         """Squares of residuals, of their floors, and whether there are any, each (n, n_places).
 
-        Parameters
-        ----------
-        noise : ndarray, shape (n_places,), optional
-            Mean square of noise with memory; that of the instrument alone without.
+        ``noise``: mean square of noise with memory, (n_places,); that of the instrument alone without.
         """
 
     @abstractmethod
@@ -129,10 +126,7 @@ class Observation(ABC, Generic[Item]):
     def tally(self, fit: Fit, role: Role | None, noise: Mapping[str, Array] | None = None) -> Tally | None:
         """Of all places, over the trials of a role; None where nothing is observed.
 
-        Parameters
-        ----------
-        noise : mapping, optional
-            Trial to the mean square of noise with memory, place by place.
+        ``noise``: trial to the mean square of noise with memory, place by place.
         """
         rows, trials, starts = [], [], []
         for item in self.items(fit):

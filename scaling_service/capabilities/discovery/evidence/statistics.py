@@ -64,67 +64,36 @@ NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
 
 
 def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitted, ...]:
-    """Fit every candidate by itself to the trials that are to fit.
+    """Fit every candidate, in the evidence's order, by itself to the trials that are to fit.
 
     One that is in no trial to fit is fitted where it is; what is held out does not decide the nuisances.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        In the evidence's order.
-    """
-    evidence = evidence.apart()
-    fits = [s for s in evidence.blocks if s.role == "fit"]
-    nothing = np.zeros((0, len(evidence.raw))), np.zeros((0, *evidence.blocks[0].own.shape))
-    fitting = _without_nuisances(evidence, fits) if fits else nothing
-    alone: dict[tuple[str, ...], tuple[Array, Array]] = {}
-    for trials in {c.trials for c in candidates}:
-        here = [s for s in evidence.blocks if s.trial in trials]
-        if here and all(s.role == "held_out" for s in here):
-            alone[trials] = np.array([s.scores for s in here]), np.array([s.own for s in here])
-    found = []
-    for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
-        scores, own = alone.get(candidate.trials, fitting)
-        width = rows.stop - rows.start
-        found.append(fit_columns(scores[:, rows], own[:, k, :width, :width], evidence.raw[rows]))
-    return tuple(found)
-
-
-def _without_nuisances(evidence: Evidence, chosen: Sequence[Block]) -> tuple[Array, Array]:
-    """Scores (B, n_columns) and own products (B, n_groups, w, w) where the nuisances follow.
-
     Columns and residuals are both freed of the nuisances (Frisch & Waugh 1933, Econometrica 1:387): the sum
     of the scores would be the same without the latter, but they would stray from block to block.
     """
-    scores, own = np.array([s.scores for s in chosen]), np.array([s.own for s in chosen])
-    count = evidence.nuisances
-    if not count:
-        return scores, own
-    cross = np.array([s.cross for s in chosen])
-    total = cross.sum(axis=0)
-    inverse = inverse_of(total[:, :count], evidence.raw[:count])[0]
+    count, width, raw = evidence.nuisances, len(evidence.raw), evidence.raw
+    fits = [s for s in evidence.blocks if s.role == "fit"]
+    scores = np.array([s.scores for s in fits]).reshape(len(fits), width)
+    cross = np.array([s.cross for s in fits]).reshape(len(fits), count, width)
+    total, inner = cross.sum(axis=0), cross[:, :, :count]
+    inverse = inverse_of(total[:, :count], raw[:count])[0]
     follow, step = inverse @ total, inverse @ scores[:, :count].sum(axis=0)
-    inner = cross[:, :, :count]
     scores = scores - scores[:, :count] @ follow - step @ (cross - inner @ follow)
-    own = own.copy()
-    for k, rows in enumerate(evidence.groups):
-        width = rows.stop - rows.start
-        f = follow[:, rows]
-        mixed = f.T @ cross[:, :, rows]
-        own[:, k, :width, :width] += f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
-    return scores, own
+    held_out = {s.trial for s in evidence.blocks if s.role == "held_out"}
+    found = []
+    for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
+        alone = [s for s in evidence.blocks if s.trial in candidate.trials]
+        if alone and held_out.issuperset(s.trial for s in alone):
+            own, of_blocks = evidence.products(k, alone), np.array([s.scores[rows] for s in alone])
+        else:
+            f, of_blocks = follow[:, rows], scores[:, rows]
+            mixed = f.T @ cross[:, :, rows]
+            own = evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
+        found.append(fit_columns(of_blocks, own, raw[rows]))
+    return tuple(found)
 
 
 def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
-    """Fit columns to blocks.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (n_blocks, k)
-    own : ndarray, shape (n_blocks, k, k)
-    raw : ndarray, shape (k,)
-        Squares of the columns before anything was taken out.
-    """
+    """Fit columns to blocks: scores (n_blocks, k), products (n_blocks, k, k), squares as they were (k,)."""
     curvature = own.sum(axis=0)
     inverse, identifiable, directions = inverse_of(curvature, raw)
     rank = directions.shape[1]
@@ -188,17 +157,8 @@ def gains_of(evidence: Evidence, index: int, found: Explained, blocks: Sequence[
 def p_of_lead(best: Array, other: Array, penalty: float) -> float:
     """How likely chance alone makes the best as much better as it is (Vuong 1989, Econometrica 57:307).
 
-    Parameters
-    ----------
-    best, other : ndarray, shape (n_blocks,)
-        Gains of the two.
-    penalty : float
-        What the best spends more on chance than the other; not finite where that cannot be told.
-
-    Returns
-    -------
-    float
-        One where blocks are too few to tell.
+    ``best``, ``other``: gains of the two, (n_blocks,); ``penalty``: what the best spends more on chance, not
+    finite where that cannot be told. One where blocks are too few to tell.
     """
     if len(best) < _FEWEST or not np.isfinite(penalty):
         return 1.0

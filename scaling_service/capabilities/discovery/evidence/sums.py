@@ -76,18 +76,12 @@ class Evidence:
         spans = tuple(slice(a, b) for a, b in pairwise(edges))
         return Evidence(blocks, self.raw[order], len(known), spans)
 
-    def apart(self) -> Evidence:
-        """The same with the products of each group only, also where all were gathered together."""
-        if not self.blocks or self.blocks[0].own.ndim == 3:
-            return self
-        edges = np.array([self.nuisances, *(rows.stop for rows in self.groups)])
-        table = _padded(edges)
-
-        def of_groups(own: Array) -> Array:
-            wide = np.pad(own, (0, 1))
-            return np.asarray(wide[table[:, :, None], table[:, None, :]])
-
-        return replace(self, blocks=tuple(replace(s, own=of_groups(s.own)) for s in self.blocks))
+    def products(self, index: int, blocks: Sequence[Block]) -> Array:
+        """The columns of one group times each other in each block, (n_blocks, k, k)."""
+        rows = self.groups[index]
+        count = rows.stop - rows.start
+        found = [s.own[rows, rows] if s.own.ndim == 2 else s.own[index, :count, :count] for s in blocks]
+        return np.array(found).reshape(len(blocks), count, count)
 
     @cached_property
     def summed(self) -> Callable[[tuple[Block, ...]], tuple[Array, Array, Array]]:
@@ -152,23 +146,11 @@ def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, A
     return total, np.sum([s.scores for s in blocks], axis=0), inverse
 
 
-def _padded(edges: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The columns of each group in rows of equal length, filled up with the column after the last."""
-    widest = int(np.diff(edges).max(initial=0))
-    table = edges[:-1, None] + np.arange(widest)
-    return np.where(table < edges[1:, None], table, edges[-1])
-
-
 def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
-    """Inverse of a curvature where the recordings show something, and how much they show.
+    """Inverse (k, k) of a curvature where the recordings show something, and how much they show.
 
-    Returns
-    -------
-    inverse : ndarray, shape (k, k)
-    identifiable : float
-        The largest share of any direction's square that is not hidden.
-    directions : ndarray, shape (k, rank)
-        D with D D' = inverse: D' score has unit variance for white noise.
+    That is the largest share of any direction's square that is not hidden. Also directions D (k, rank) with
+    D D' = inverse: D' score has unit variance for white noise.
     """
     scale = np.divide(1.0, np.sqrt(raw), out=np.zeros_like(raw), where=raw > 0)
     value, vector = np.linalg.eigh(curvature * np.outer(scale, scale))

@@ -124,10 +124,7 @@ def _stepped(
 def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
     """Twice the negative logarithm of the likelihood of every part, all frames counted, (n_parts,).
 
-    Parameters
-    ----------
-    scale : float
-        Mean whitened square of one number.
+    ``scale``: mean whitened square of one number.
     """
     every = np.array([_cost(part, fitting.segment, fitting.point) for part in parts])
     return np.asarray(every[:, 0] / scale + every[:, 1])
@@ -218,12 +215,8 @@ def edges_of(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
 def edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
     """From the force along its main direction, as far before and after the frames as they last.
 
-    Parameters
-    ----------
-    rows : ndarray of int
-        Frames in which the force stands out.
-    gap : ndarray, shape (n, 3), N
-        What the plates do not measure of the force, negative.
+    ``rows``: frames in which the force stands out; ``gap``: what the plates do not measure of it, negative,
+    (n, 3), N.
     """
     _, vectors = np.linalg.eigh(gap[rows].T @ gap[rows])
     along = vectors[:, -1]
@@ -253,23 +246,11 @@ _CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 M
 
 
 def onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:
-    """When a course rises from nothing.
+    """When a course rises from nothing, s: mean and standard deviation over all ramps.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,), s
-        From well before the rise to about the middle of what comes after it.
-    course : ndarray, shape (n,)
-        About zero at first; what comes after the rise stays about as high.
-    noise : float
-        Its standard deviation.
-    memory : float
-        How many frames the noise remembers.
-
-    Returns
-    -------
-    beginning, sd : float
-        s; mean and standard deviation over all ramps.
+    ``times`` (n,), s: from well before the rise to about the middle of what comes after it; ``course`` (n,):
+    about zero at first, and about as high as it gets after the rise; ``noise``: its standard deviation;
+    ``memory``: how many frames that remembers.
     """
     whole = times[-1] - times[0]
     beginnings = np.linspace(times[0], times[-1], _BEGINNINGS, endpoint=False)

@@ -177,7 +177,7 @@ class Generators:
 
     @classmethod
     def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
-        """For a recording as it is followed."""
+        """For a recording as it is tracked."""
         opened, names = with_parameters(item.task.model, spots)
         tree = compile_model(opened, item.markers)
         number = {p.name: k for k, p in enumerate(opened.parameters)}

@@ -60,16 +60,8 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
     """A recording tracked with its skin at rest, or as nearly as its markers allow.
 
     Where all markers of a segment oscillate with a share of one, quick motions of the bone do not show: a
-    part of them stays open, and the round that left least is given.
-
-    Parameters
-    ----------
-    trial : Trial
-        As measured.
-    item : TrackedTrial
-        The same, tracked as well as is known.
-    track : callable
-        Tracks a trial, from a start.
+    part of them stays open, and the round that left least is given. ``item``: the trial tracked as well as is
+    known; ``track``: tracks a trial from a start.
     """
     springs = _springs(trial, item, effects)
     if not springs.markers:
@@ -140,7 +132,7 @@ class Carried:
 
     @classmethod
     def by(cls, item: TrackedTrial, springs: Springs) -> Carried:
-        """A motion as it was followed."""
+        """A motion as it was tracked."""
         _, pose, _ = Generators.of(item, ()).at(item, slice(None))
         numbers = np.array(springs.numbers(item), dtype=np.intp)
         rows = (3 * numbers[:, None] + np.arange(3)).ravel()
@@ -150,13 +142,8 @@ class Carried:
     def whole(self, moved: Array, close: float) -> Array:
         """How far the skin goes that is moved by something, and then by the motion that gives way to it.
 
-        By GMRES (Saad & Schultz 1986, SIAM J Sci Stat Comput 7:856).
-
-        Parameters
-        ----------
-        moved : ndarray, shape (n, n_markers, 3), m, ground
-        close : float
-            Share of it that may be left.
+        By GMRES (Saad & Schultz 1986, SIAM J Sci Stat Comput 7:856). ``moved``: (n, n_markers, 3), m, ground;
+        ``close``: share of it that may be left.
         """
 
         def moved_by(whole: Array) -> Array:

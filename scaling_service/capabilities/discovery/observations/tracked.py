@@ -138,11 +138,7 @@ def marker_noise(measured: Array) -> Array:
 
     A body moves smoothly from frame to frame, a camera's noise does not: third differences of a marker's path
     keep the noise and next to nothing of the movement. A marker seen too briefly gets the others' median.
-
-    Parameters
-    ----------
-    measured : ndarray, shape (n_frames, n_markers, 3), m
-        Not smoothed; NaN where not seen.
+    ``measured``: not smoothed, (n_frames, n_markers, 3), m; NaN where not seen.
     """
     steps = np.diff(measured, n=3, axis=0)
     spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
@@ -164,7 +160,7 @@ def _weights(task: Task, floor: Array) -> dict[str, float]:
 
 
 def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
-    """The motion of the same trial as it was followed before, by names of coordinates; new ones at zero."""
+    """The motion of the same trial as it was tracked before, by names of coordinates; new ones at zero."""
     if near is None:
         return None
     before = near.task.model.coordinate_names
@@ -191,7 +187,7 @@ def _strays(item: TrackedTrial) -> Array:
     stream = np.random.default_rng(0)
     noise = stream.normal(size=(DRAWS, *white.shape[::2]))
     pull = white @ np.moveaxis(noise, 0, -1)
-    followed = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
+    moved = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
     found = np.zeros((DRAWS, *item.q.shape))
-    found[:, :, free] = np.moveaxis(followed, -1, 0)
+    found[:, :, free] = np.moveaxis(moved, -1, 0)
     return found

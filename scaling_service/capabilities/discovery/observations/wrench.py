@@ -72,7 +72,6 @@ class WrenchFit:
     model: BodyModel  # with mass, as it is in this trial
     contacts: ContactAssignment
     gravity: Array  # (3,), m/s2
-    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
     oscillating: tuple[tuple[Load, float], ...] = ()  # masses (kg) on springs
     # (n, 6): what touches the body beside the plates, moment about the ground origin
     touched: Array | None = None
@@ -88,6 +87,11 @@ class WrenchFit:
     def role(self) -> Role:
         """The trial's."""
         return self.tracked.role
+
+    @property
+    def cutoff_hz(self) -> float:
+        """Below which wrenches are compared."""
+        return self.contacts.cutoff_hz
 
     @property
     def times(self) -> Array:

@@ -162,18 +162,14 @@ def _gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out
     used: list[str] = []
     for side in SIDES:
         angles = [name for name in _moving(results, trials) if name.endswith(f"_{side}")]
-        cycles: list[Array] = []
-        for trial in trials if angles else ():
-            motions = [scaling.motions[trial.name] for scaling in results.scalings.values()]
-            cut, _ = _cut_strides(trial, motions, angles, side)
-            used += [trial.name] if cut and trial.name not in used else []
-            cycles += cut
-        if cycles:
-            degrees = np.degrees(np.stack(cycles))
+        cut, _ = _cut_strides(trials, [s.motions for s in results.scalings.values()], angles, side)
+        if cut:
+            used += cut
+            degrees = np.degrees(np.stack([stride for strides in cut.values() for stride in strides]))
             curves += [
                 _cycle_curves(angle, degrees[:, :, k], reference, results) for k, angle in enumerate(angles)
             ]
-    return Gait(tuple(curves), reference, tuple(used), held_out)
+    return Gait(tuple(curves), reference, tuple(dict.fromkeys(used)), held_out)
 
 
 def _cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
@@ -225,15 +221,11 @@ def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -
     curves: dict[str, dict[str, Array]] = {method: {} for method in motions}
     strides: dict[str, int] = {}
     reasons: dict[str, str] = {}
-    every = [motion for by_trial in motions.values() for motion in by_trial.values()]
+    every = [motion for of_method in motions.values() for motion in of_method.values()]
     for side in SIDES:
         names = [n for n in leg_coordinates(model, side) if all(n in motion.estimated for motion in every)]
-        cut, why = list[Array](), list[str]()
-        for trial in trials if names else ():
-            found, said = _cut_strides(
-                trial, [by_trial[trial.name] for by_trial in motions.values()], names, side
-            )
-            cut, why = cut + found, why + said
+        by_trial, why = _cut_strides(trials, list(motions.values()), names, side)
+        cut = [stride for found in by_trial.values() for stride in found]
         strides[side] = len(cut)
         if cut:
             for method, of_method in zip(motions, np.mean(cut, axis=0), strict=True):
@@ -254,17 +246,23 @@ def leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
 
 
 def _cut_strides(
-    trial: Trial, motions: Sequence[Motion], names: Sequence[str], side: Side
-) -> tuple[list[Array], list[str]]:
-    """Each stride that all methods follow, (n_methods, n_curves, n_nodes), rad; and why not others."""
-    found = find_gait_cycles(trial, side)
-    cut, why = list[Array](), [f"{trial.name}: {found.reason}"] if found.reason else []
-    tables = [np.stack([motion.column(name) for name in names], axis=1) for motion in motions]
-    for cycle in found.cycles:
-        try:
-            curves = [normalised_cycles(trial.times, t, [cycle], names, trial=trial.name)[0] for t in tables]
-        except TrialUnusable as error:
-            why.append(error.problem)
-        else:
-            cut.append(np.stack(curves))
+    trials: Sequence[Trial], methods: Sequence[Mapping[str, Motion]], names: Sequence[str], side: Side
+) -> tuple[dict[str, list[Array]], list[str]]:
+    """Trial to its strides that all methods follow, (n_methods, n_names, n_nodes), rad; why not others."""
+    cut, why = dict[str, list[Array]](), list[str]()
+    for trial in trials if names else ():
+        found = find_gait_cycles(trial, side)
+        why += [f"{trial.name}: {found.reason}"] if found.reason else []
+        tables = [
+            np.stack([motions[trial.name].column(name) for name in names], axis=1) for motions in methods
+        ]
+        for cycle in found.cycles:
+            try:
+                curves = [
+                    normalised_cycles(trial.times, t, [cycle], names, trial=trial.name)[0] for t in tables
+                ]
+            except TrialUnusable as error:
+                why.append(error.problem)
+            else:
+                cut.setdefault(trial.name, []).append(np.stack(curves))
     return cut, why

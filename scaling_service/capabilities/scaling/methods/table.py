@@ -6,7 +6,7 @@ the method's, and what it names is a :class:`Method`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Protocol
@@ -68,12 +68,13 @@ METHODS: Mapping[str, Method] = _with_others(
 )
 
 
-def check_method(method: str) -> None:
+def check_methods(methods: Iterable[str]) -> None:
     """Refuse a method that there is not (SubjectInvalid)."""
-    if method not in METHODS:
-        raise SubjectInvalid(
-            f"there is no method '{method}'", field="method", remedy=f"Methods are {', '.join(METHODS)}"
-        )
+    for method in methods:
+        if method not in METHODS:
+            raise SubjectInvalid(
+                f"there is no method '{method}'", field="method", remedy=f"Methods are {', '.join(METHODS)}"
+            )
 
 
 def calibrate(
@@ -91,7 +92,7 @@ def calibrate(
     ``progress``: called with the step's number and the cumulative kinematic error (m2).
     Raises SubjectInvalid: there is no such method.
     """
-    check_method(method)
+    check_methods([method])
     done = {} if known is None else known
     if method not in done:
         row = METHODS[method]

@@ -1,15 +1,10 @@
-"""Run by Alembic: changes the tables over a connection, or prints the SQL that would."""
+"""Run by Alembic: changes the tables over the connection that it is given."""
 
 from alembic import context
 
 from scaling_service.service.store.tables import metadata
 
-connection = context.config.attributes.get("connection")
-if connection is None:
-    context.configure(
-        url=context.config.get_main_option("sqlalchemy.url"), target_metadata=metadata, literal_binds=True
-    )
-else:
-    context.configure(connection=connection, target_metadata=metadata, render_as_batch=True)
+connection = context.config.attributes["connection"]
+context.configure(connection=connection, target_metadata=metadata, render_as_batch=True)
 with context.begin_transaction():
     context.run_migrations()

@@ -1,5 +1,22 @@
 /** What travels between service and page, made from the OpenAPI document by schema.py. */
 
+/** Kind of job to its route. */
+export const ROUTES: Record<string, string> = {
+  "batch": "batches",
+  "consistent": "consistent-motions",
+  "discovery": "discoveries",
+  "dynamics": "dynamics",
+  "proof": "proofs",
+  "landmarks": "scalings/mesh-landmarks",
+  "motion": "motions",
+  "linear-scaling": "scalings/linear",
+  "optimised-scaling": "scalings/optimised",
+  "scaling": "comparisons",
+  "kinematic-error": "comparisons/kinematic-error",
+  "segment-lengths": "comparisons/segment-lengths",
+  "joint-angles": "comparisons/joint-angles"
+};
+
 export interface AgreementEntry {
   quantity: string;
   method: string;

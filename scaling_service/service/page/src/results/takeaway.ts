@@ -1,9 +1,8 @@
 /** Taking a result away: one zip, single files, and the commands that get it again. */
 
 import { filePath, listFiles } from "../api/jobs.ts";
-import { ROUTES } from "../api/kinds.ts";
 import { currentKey } from "../api/key.ts";
-import type { FileEntry } from "../api/schema.ts";
+import { ROUTES, type FileEntry } from "../api/schema.ts";
 import { h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
 import { download, open } from "../ui/save.ts";

@@ -68,11 +68,6 @@ class GroundForces:
             )
 
     @property
-    def rate_hz(self) -> float:
-        """Samples per second, by the median step; NaN for a single sample."""
-        return float(1.0 / np.median(np.diff(self.times))) if len(self.times) > 1 else float("nan")
-
-    @property
     def known(self) -> NDArray[np.bool_]:
         """Where a plate's force and moment are numbers, shape (n, k)."""
         return np.asarray(np.isfinite(self.force + self.moment).all(axis=2))

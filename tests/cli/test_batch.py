@@ -55,7 +55,7 @@ def test_a_batch_prints_methods_over_subjects_and_one_line_each(
     for method in ("MB", "MB_am"):
         assert f"{femur['mean'][method]:.1f} ± {femur['sd'][method]:.1f}" in shown.out
     assert "2 done, 0 skipped, 0 failed" in shown.out
-    assert "necessary, not sufficient" in shown.out
+    assert "Necessary, not sufficient" in shown.out
     assert "no subject has a whole stride" in shown.out
     assert all(name in shown.out for name in ("cohort.json", "lengths.csv", "errors.csv", "angles.csv"))
     lines = shown.err.splitlines()

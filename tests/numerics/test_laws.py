@@ -49,7 +49,7 @@ def test_a_law_sums_its_terms() -> None:
         TermArrays(np.array([7.0]), 0, NONE),
     )
     expected = 0.25 + 1.5 * q[0] + 2.0 * q[0] ** 2 + 0.1 * 10.0 * q[1] + 14.0
-    np.testing.assert_allclose(values.scalar(0.25, terms), expected, rtol=1e-14)
+    np.testing.assert_allclose(values.vector(np.array([0.25]), terms)[0], expected, rtol=1e-14)
     np.testing.assert_allclose(values.by_coordinate(terms[1]), 2.0 * 2.0 * q[0], rtol=1e-14)
     np.testing.assert_allclose(values.by_parameter(terms[2]), q[1], rtol=1e-14)
 

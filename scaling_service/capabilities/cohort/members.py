@@ -28,16 +28,9 @@ class Listed:
 def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     """The members of a cohort, and what was passed over.
 
-    Parameters
-    ----------
-    cohort : Path
-        A CSV file with the column ``subject`` (paths relative to it), or a folder with subject files or with
-        folders that each hold a ``subject.yaml``, ``.yml`` or ``.json``.
-
-    Raises
-    ------
-    InputError
-        There are none, one of them does not exist, or one is named twice.
+    ``cohort``: a CSV file with the column ``subject`` (paths relative to it), or a folder with subject files
+    or with folders that each hold a ``subject.yaml``, ``.yml`` or ``.json``. InputError: there are none, one
+    of them does not exist, or one is named twice.
     """
     if cohort.is_dir():
         return _in_folder(cohort)

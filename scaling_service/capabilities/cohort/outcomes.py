@@ -94,28 +94,11 @@ def run_members(
     *,
     finished: Callable[[Outcome], None] | None = None,
 ) -> tuple[Outcome, ...]:
-    """Scale every member of a cohort.
+    """Scale every member of a cohort, in the members' order; one subject's failure stops no other.
 
-    Parameters
-    ----------
-    members : sequence of Member
-        One subject each, under names of their own.
-    executor : Executor
-        See ``workers``. Results do not depend on it.
-    methods : sequence of str, optional
-        All that each subject allows unless given.
-    finished : callable, optional
-        Called with each outcome as it ends, in any order.
-
-    Returns
-    -------
-    tuple of Outcome
-        In the members' order; one subject's failure stops no other.
-
-    Raises
-    ------
-    SubjectInvalid
-        A method that there is not.
+    ``members``: one subject each, under names of their own. ``executor``: see ``workers``; results do not
+    depend on it. ``methods``: all that each subject allows unless given. ``finished``: called with each
+    outcome as it ends, in any order. SubjectInvalid: a method that there is not.
     """
     check_methods(methods or ())
     futures: list[Future[Outcome]] = []

@@ -81,15 +81,15 @@ def statistics_sections(found: StatisticsDocument) -> list[Section]:
 def screen_tables(found: StatisticsDocument) -> Iterator[Table]:
     """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
     methods = [gate.method for gate in found.opensim_limits.methods]
-    rows, notes = [], []
+    rows: list[Row] = []
+    everything: list[QuantityEntry] = []
     for kind, title in TITLES.items():
-        entries = getattr(found, kind)
-        if entries:
+        if entries := getattr(found, kind):
             rows.append(Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
             rows += quantity_rows(entries, methods)
-            notes += [describe_pairs(entry) for entry in entries if entry.friedman is not None]
+            everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
-    yield Table("", columns, rows, " ".join(filter(None, notes)))
+    yield Table("", columns, rows, describe_comparisons(everything))
     yield _gates(found)
     if any(curve.anova is not None for curve in found.joint_angles):
         yield curve_table(found.joint_angles)
@@ -122,13 +122,20 @@ def _spread(entry: QuantityEntry, method: str) -> str:
     return f"{entry.mean[method]:.1f}{sd}"
 
 
-def describe_pairs(entry: QuantityEntry) -> str:
-    """Which pairs differ, or why nothing was tested."""
-    name = quantity_words(entry.quantity)
-    if entry.friedman is None:
-        return f"{name}: {entry.note}."
-    differ = [" / ".join(pair.methods) for pair in entry.friedman.pairs if pair.significant]
-    return f"{name}: {', '.join(differ)} differ (Tukey's HSD)." if differ else ""
+def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
+    """Which pairs differ, what was not tested and why, and who is not counted."""
+    said, untested, excluded = [], dict[str, list[str]](), dict[str, str]()
+    for entry in entries:
+        excluded |= entry.compared.excluded
+        name, test = quantity_words(entry.quantity), entry.friedman
+        if test is None:
+            untested.setdefault(entry.note, []).append(name)
+        elif differ := [" / ".join(pair.methods) for pair in test.pairs if pair.significant]:
+            said.append(f"{name}: {', '.join(differ)} differ (Tukey's HSD).")
+    said += [f"{'; '.join(names)}: {note}." for note, names in untested.items()]
+    if excluded:
+        said.append("Not counted: " + ", ".join(f"{s} ({why})" for s, why in excluded.items()) + ".")
+    return " ".join(said)
 
 
 def _quantity_blocks(found: StatisticsDocument, *kinds: str) -> list[Block]:
@@ -142,19 +149,12 @@ def _blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterator[Blo
     title, unit = TITLES[kind], _UNITS[kind.rpartition("_")[2]]
     methods = list(dict.fromkeys(m for entry in entries for m in entry.compared.methods))
     columns: list[str | Cell] = ["", "subjects", *method_columns(methods), "Friedman p"]
-    notes = [*(describe_pairs(entry) for entry in entries), _describe_excluded(entries)]
     caption = f"{title} (mean ± SD over subjects), {unit}"
-    yield Table(caption, columns, quantity_rows(entries, methods), " ".join(filter(None, notes)))
+    yield Table(caption, columns, quantity_rows(entries, methods), describe_comparisons(entries))
     first = {entry.quantity: entry for entry in reversed(entries)}  # that of most methods comes first
     several = [entry for entry in reversed(first.values()) if len(entry.values) > 1]
     if several:
         yield Grid([_draw_dots(e, unit, f"{title}, {quantity_words(e.quantity)}") for e in several])
-
-
-def _describe_excluded(entries: Sequence[QuantityEntry]) -> str:
-    """Who is not counted, and why."""
-    why = {s: reason for entry in entries for s, reason in entry.compared.excluded.items()}
-    return "Not counted: " + ", ".join(f"{s} ({reason})" for s, reason in why.items()) + "." if why else ""
 
 
 def angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:

@@ -129,18 +129,9 @@ def summarise_cohort(
 ) -> BatchResult:
     """Compare the methods over the members that are done; whoever computed them, nothing is read or written.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        How every member ended.
-    methods : sequence of str, optional
-        Those that were asked for; all that each subject allows if None.
-    settings : Settings
-        Its seed is that of the statistics, too.
-    cohort : str
-        What names the members, as given.
-    started : float
-        When the work began, by ``time.perf_counter``.
+    ``methods``: those that were asked for; all that each subject allows if None. ``settings``: its seed is
+    that of the statistics, too. ``cohort``: what names the members, as given. ``started``: when the work
+    began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
     document = CohortDocument(

@@ -15,7 +15,6 @@ from rich.text import Text
 
 from scaling_service.capabilities.cohort.report import screen_tables
 from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table, say
-from scaling_service.core.text import few
 from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
@@ -32,33 +31,13 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
     if "done" in ended:
         for table in screen_tables(document.statistics):
             print_table(console, table)
-    say(console, "Note", "yellow", _notes(document) if "done" in ended else document.notes)
+    say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
     others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
     if others:
         print_table(console, Table("Not done", ["subject", "", "because"], others, words=True))
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
     list_files(console, out, [*written, *files])
-
-
-def _notes(document: CohortDocument) -> list[str]:
-    """What limits the statistics, each said once: who is left out of what, and what was not tested."""
-    found = document.statistics
-    scalars = [*found.segment_lengths_mm, *found.kinematic_error_mm, *found.knee_axis_deg]
-    compared = [*((e.compared, e.note) for e in scalars), *((e.compared, e.note) for e in found.joint_angles)]
-    reasons: dict[str, dict[str, None]] = {}
-    for who, _ in compared:
-        for subject, reason in who.excluded.items():
-            reasons.setdefault(subject, {})[reason] = None
-    alike: dict[str, list[str]] = {}
-    for subject, why in reasons.items():
-        alike.setdefault("; ".join(why), []).append(subject)
-    excluded = [f"not in all comparisons: {few(who)} ({why})" for why, who in alike.items()]
-    untested = dict.fromkeys(note for _, note in compared if note)
-    limits = found.opensim_limits
-    below = f"{limits.rms_below_mm:.0f} mm RMS and {limits.max_below_mm:.0f} mm at most in every trial"
-    gate = f"OpenSim's limits ({below}) are {limits.meaning}"
-    return [*document.notes, *found.notes, *excluded, *untested, gate]
 
 
 _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes

@@ -68,19 +68,10 @@ def cohort_statistics(
 ) -> StatisticsDocument:
     """Compare methods over a cohort.
 
-    Parameters
-    ----------
-    subjects : sequence of SubjectSummary
-        Each under a name of its own. Their order changes no number.
-    methods : sequence of str
-        Those of interest, in the order to show.
-    seed : int
-        Of the rearrangements of joint angles.
+    Each comparison is over the subjects that have all its methods; the others are named with it.
 
-    Returns
-    -------
-    StatisticsDocument
-        Each comparison is over the subjects that have all its methods; the others are named with it.
+    ``subjects``: each under a name of its own; their order changes no number. ``methods``: those of interest,
+    in the order to show. ``seed``: of the rearrangements of joint angles.
     """
     # Sorted, so that sums and random numbers meet subjects in one order whatever order they come in.
     ordered = sorted(subjects, key=lambda s: s.subject)

@@ -58,26 +58,10 @@ def get_dataset(
     A file that is there already with the right content is neither fetched nor written again; one that
     is there with another content is never replaced. Nothing is written unless everything is there.
 
-    Parameters
-    ----------
-    name : str
-        Of the dataset.
-    dataset : Dataset
-    folder : Path
-        Made if it does not exist.
-    cache : Path
-        Keeps downloads, so that a run that broke off goes on where it stopped.
-    base_url : str
-        What stands before ``/<owner>/<name>/<commit>/<path>``.
-    progress : callable, optional
-        Called with what is being fetched and the share of bytes that is there.
-
-    Raises
-    ------
-    DownloadFailed
-        A file cannot be had, or is not the published one.
-    InputError
-        The folder or the cache cannot be used, or the folder holds a file of the same name that differs.
+    ``cache``: keeps downloads, so that a run that broke off goes on where it stopped. ``base_url``: what
+    stands before ``/<owner>/<name>/<commit>/<path>``. ``progress``: of the bytes. DownloadFailed: a file
+    cannot be had, or is not the published one. InputError: the folder or the cache cannot be used, or the
+    folder holds a file of the same name that differs.
     """
     base = check_base_url(base_url)
     check_folder(folder)

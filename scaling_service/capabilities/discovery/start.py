@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,11 +22,12 @@ from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.progress import Progress
-from scaling_service.model.body import BodyModel, Parameter
+from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.recording.exchanged import without_exchanges
 
 NOTE = "as calibrated"
 """Marks what a calibration freed, so that it is not taken for an effect that was named."""
@@ -76,9 +77,10 @@ def prepare(
     """
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
-    start = scale_model(loaded, chosen.start, settings, progress=progress)
-    check_fits(start.model, session.dynamic)
+    sound, exchanged = _without_exchanges(loaded)
+    start = scale_model(sound, chosen.start, settings, progress=progress)
     scaled = start.calibration is not None
+    check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg)
     massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
     forces, notes = read_ground_forces(loaded, massive.model)
@@ -94,6 +96,7 @@ def prepare(
     of_inertia = (_OWN_INERTIA,) if unknown and scaled else massive.notes
     notes = (
         *start.warnings,
+        *(f"{said}: the model was scaled without them" for said in exchanged if scaled),
         *(of_inertia if forces else ()),
         *notes,
         *describe_limits(used, block_s),
@@ -110,6 +113,23 @@ def prepare(
     )
 
 
+def _without_exchanges(loaded: Loaded) -> tuple[Loaded, tuple[str, ...]]:
+    """What was read, without exchanged labels: a scaling that fits marker places would take them for skin."""
+    session = loaded.session
+    clusters: dict[str, list[str]] = {}
+    for marker in session.model.markers:
+        clusters.setdefault(marker.segment, []).append(marker.name)
+    trials, said = without_exchanges(session.dynamic, clusters)
+    if not said:
+        return loaded, ()
+    by_name = {trial.name: trial for trial in trials}
+    calibration, evaluation = (
+        tuple(by_name[trial.name] for trial in some) for some in (session.calibration, session.evaluation)
+    )
+    session = replace(session, calibration=calibration, evaluation=evaluation)
+    return replace(loaded, session=session), said
+
+
 def free_parameters(
     method: str, model: BodyModel, trials: Sequence[Trial], settings: CalibrationSettings
 ) -> tuple[Estimate, ...]:
@@ -121,18 +141,16 @@ def free_parameters(
         label for t in trials for label, once in zip(t.labels, ever(seen(t.markers)), strict=True) if once
     )
     marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
-    freed = row.freedom.apply(model, shown, settings)
-    return tuple(_effects_of(freed.parameters, Scene(model, marked, (), ())))
-
-
-def _effects_of(parameters: Sequence[Parameter], scene: Scene) -> Iterator[Estimate]:
-    """One candidate for each thing that was freed, with the columns of its free numbers."""
+    scene = Scene(model, marked, (), ())
+    # one candidate for each thing that was freed, with the columns of its free numbers
     free: dict[tuple[str, str], set[str]] = {}
-    for parameter in parameters:
+    for parameter in row.freedom.apply(model, shown, settings).parameters:
         free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
+    found = []
     for (group, target), letters in free.items():
         for candidate in candidates(scene, [_SAME_CHANGE[group]]):
             if candidate.where == (target,):
                 # a size has one column, whatever its letter
                 columns = tuple(c for c in candidate.columns if group == "length" or c.name[0] in letters)
-                yield Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns)))
+                found.append(Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns))))
+    return tuple(found)

@@ -29,17 +29,9 @@ def landmark_bones(
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
-    Parameters
-    ----------
-    bones : mapping
-        ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes.
-    units : str
-        Of all files: ``mm``, ``cm``, ``m`` or ``detect``.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or a mesh cannot be used; with file, bone and remedy.
+    ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes. ``units``: of all files:
+    ``mm``, ``cm``, ``m`` or ``detect``. InputError: a file cannot be read, or a mesh cannot be used; with
+    file, bone and remedy.
     """
     began = time.perf_counter()
     if not bones:

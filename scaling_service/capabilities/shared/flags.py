@@ -55,15 +55,9 @@ Workers = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Only:
-    """Beside an options model in a command's signature: the flags that this command has.
+    """Beside an options model in a command's signature: the flags that this command has."""
 
-    Parameters
-    ----------
-    names : str
-        Of fields, wherever in the model they are.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of fields, wherever in the model they are
 
     def __init__(self, *names: str) -> None:
         object.__setattr__(self, "names", names)
@@ -114,15 +108,8 @@ class _Field:
 def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function as a command: it is called with models made of the flags that were given.
 
-    Parameters
-    ----------
-    function : callable
-        A parameter's default, where its annotation is an options model, holds the defaults of its flags.
-
-    Raises
-    ------
-    InputError
-        By the command: a value is outside of what the model allows.
+    A parameter's default, where its annotation is an options model, holds the defaults of its flags. The
+    command raises InputError where a value is outside of what the model allows.
     """
     models: dict[str, tuple[Options, list[_Field]]] = {}
     shown: list[inspect.Parameter] = []

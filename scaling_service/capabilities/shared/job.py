@@ -46,13 +46,7 @@ class JobRequest(Options):
 
     @abstractmethod
     def needed(self, documents: Documents) -> Needed:
-        """The uploaded files that it reads.
-
-        Raises
-        ------
-        SubjectInvalid
-            A document does not allow what is asked for.
-        """
+        """The uploaded files that it reads (SubjectInvalid: a document does not allow what is asked for)."""
 
     def part(self, kind: type[Chosen]) -> Chosen:
         """The options of one kind among those of the request."""
@@ -93,58 +87,31 @@ class OfForces(OfRecordings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """How a job is made of others, which any runner computes at any time; its own work comes after them.
+    """How a job is made of others, which any runner computes at any time; its own work comes after them."""
 
-    Parameters
-    ----------
-    kind : str
-        Of the parts.
-    requests : callable
-        From the request to those of the parts; each concerns subjects of the whole.
-    file : str
-        Name of the file of each part that the work needs: it lies where the part wrote it, but among the
-        inputs. How the parts ended stands there, too (``PARTS`` in ``documents.names``). All files of the
-        parts become files of the whole.
-    """
-
-    kind: str
+    kind: str  # of the parts
     requests: Callable[[Any], Sequence[JobRequest]]
+    """From the request to those of the parts; each concerns subjects of the whole."""
     file: str
+    """Name of the file of each part that the work needs: it lies where the part wrote it, but among the
+    inputs. How the parts ended stands there, too (``PARTS`` in ``documents.names``). All files of the parts
+    become files of the whole."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """One kind of job; a capability's ``job`` module has a table ``KINDS`` of them.
+    """One kind of job; a capability's ``job`` module has a table ``KINDS`` of them."""
 
-    Parameters
-    ----------
-    request : type
-        What is asked for; its fields are the body over HTTP.
-    work : callable
-        A function that can be named from another process; it runs there, and imports what computes there.
-    route : str, optional
-        Where it is asked for over HTTP, below the version. None: it is a part of others only.
-    result : type, optional
-        What the result follows.
-    parts : Parts, optional
-        Where it is made of others. Its work then sees the subjects' documents, but not their files.
-    """
-
-    request: type[JobRequest]
-    work: Work
-    route: str | None
-    result: type[BaseModel] | None = None
+    request: type[JobRequest]  # what is asked for; its fields are the body over HTTP
+    work: Work  # can be named from another process; it runs there, and imports what computes there
+    route: str | None  # where it is asked for over HTTP, below the version; None: it is a part of others only
+    result: type[BaseModel] | None = None  # what the result follows
     parts: Parts | None = None
+    """Where it is made of others. Its work then sees the subjects' documents, but not their files."""
 
 
 def named_files(document: SubjectDocument) -> dict[str, str]:
-    """Field to the file that stands there; uploaded files have plain names.
-
-    Raises
-    ------
-    InputError
-        A name is a path or has special characters.
-    """
+    """Field to the file that stands there (InputError: its name is a path or has special characters)."""
     trials = document.trials
     named: dict[str, str | None] = {
         "model": document.model if document.model_is_file else None,

@@ -1,4 +1,4 @@
-"""OpenSim's XML files: what to scale by, and what weighs how much in a fit."""
+"""OpenSim's scale set-ups: what to scale by, and what weighs how much in the static fit."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ def read_scale_setup(path: Path) -> ScaleSetup:
     stay is in the model, not in this file. Raises FileUnreadable if the file is no scale set-up, or an
     entry of it cannot be used; ``field`` names the entry.
     """
-    tool = _tool(path, "ScaleTool")
+    root = parse_xml(path)
+    tool = root if root.tag == "ScaleTool" else root.find("ScaleTool")
+    if tool is None:
+        raise FileUnreadable("holds no ScaleTool", file=path, remedy="Give an OpenSim ScaleTool set-up file")
     scaler = tool.find("ModelScaler")
     mass = _number(path, tool, "mass", 0.0)
     applied = scaler is not None and _applied(scaler)
@@ -70,31 +73,6 @@ def read_scale_setup(path: Path) -> ScaleSetup:
         mass_kg=mass if applied and mass > 0 else None,
         placement=_placement(path, tool.find("MarkerPlacer")),
     )
-
-
-def read_ik_tasks(path: Path) -> tuple[dict[str, float], dict[str, float]]:
-    """Marker and coordinate weights of an inverse kinematics set-up (or a bare IKTaskSet).
-
-    Returns ``marker_weights``, ``coordinate_weights``: of the tasks that apply. Markers have weights per
-    m2, coordinates per rad2 (or m2). Raises FileUnreadable if the file holds no inverse kinematics tasks,
-    or one cannot be used; ``field`` names it.
-    """
-    root = parse_xml(path)
-    tasks = next((e for e in root.iter() if e.tag == "IKTaskSet"), None)
-    if tasks is None:
-        raise FileUnreadable(
-            "holds no IKTaskSet", file=path, remedy="Give an InverseKinematicsTool set-up or an IKTaskSet"
-        )
-    markers, coordinates, _ = _tasks(path, _in_own_file(path, tasks))
-    return markers, coordinates
-
-
-def _tool(path: Path, tag: str) -> Element:
-    root = parse_xml(path)
-    tool = root if root.tag == tag else root.find(tag)
-    if tool is None:
-        raise FileUnreadable(f"holds no {tag}", file=path, remedy=f"Give an OpenSim {tag} set-up file")
-    return tool
 
 
 def _text(element: Element, tag: str) -> str:

@@ -178,11 +178,6 @@ class Pelvis:
         """Origin half-way between the ASIS (Wu 2002 but for the origin)."""
         return pelvis_frame(self.rasis, self.lasis, self.back, self.back)
 
-    @property
-    def depth(self) -> Array:
-        """From the middle of the ASIS to the back, (n_frames,), m."""
-        return np.asarray(np.linalg.norm((self.rasis + self.lasis) / 2.0 - self.back, axis=1))
-
 
 def with_mirrored_psis(points: Points) -> Points:
     """The points with a PSIS that is not there as the mirror image of the other one, between the ASIS."""

@@ -150,14 +150,6 @@ class Values:
                 values[k], slopes[k] = value[row], slope[row]
         return cls(values, slopes, p)
 
-    def scalar(self, constant: float, terms: tuple[TermArrays, ...]) -> Array | float:
-        """Value of a turn's law, (n_frames,) or a number if nothing in it varies."""
-        total: Array | float = constant
-        for term in terms:
-            scale = term.gain[0] * (self.p[term.parameter] if term.parameter != NONE else 1.0)
-            total = total + (scale * self.factors[term.factor] if term.factor != NONE else scale)
-        return total
-
     def vector(self, constant: Array, terms: tuple[TermArrays, ...]) -> Array:
         """Value of a shift's law, (3, n_frames) or (3, 1)."""
         total = constant[:, None]

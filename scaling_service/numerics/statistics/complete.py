@@ -49,22 +49,6 @@ def checked(
     return table
 
 
-def rows(
-    table: Mapping[str, Mapping[str, float]], methods: Sequence[str], *, quantity: str
-) -> tuple[tuple[str, ...], Array]:
-    """Subjects and their values under the methods, from ``{subject: {method: value}}``.
-
-    Returns ``values``: ndarray, shape (n_subjects, n_methods).
-    Raises ValueMissing: a subject without one of the methods; other methods may be there and are left out.
-    """
-    for subject, by_method in table.items():
-        for method in methods:
-            if method not in by_method:
-                raise absent(subject, method, quantity)
-    values = np.array([[by_method[m] for m in methods] for by_method in table.values()], dtype=np.float64)
-    return tuple(table), values.reshape(len(table), len(methods))
-
-
 def absent(subject: str, method: str, quantity: str) -> ValueMissing:
     """The error for a subject that has nothing at all under a method."""
     return ValueMissing(

@@ -139,19 +139,12 @@ def _owner(request: Request) -> str:
     return callers.owner(request)
 
 
-async def _callers(request: Request) -> Callers:
-    callers: Callers = request.app.state.callers
-    return callers
-
-
 async def _service(request: Request) -> Service:
     service: Service = request.app.state.service
     return service
 
 
 Owner = Annotated[str, Depends(_owner)]  # of a route: the owner whose things it may see
-
-CallersDep = Annotated[Callers, Depends(_callers)]  # of a route that makes links
 
 ServiceDep = Annotated[Service, Depends(_service)]  # of a route: what it asks
 

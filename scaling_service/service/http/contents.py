@@ -20,7 +20,7 @@ from fastapi.responses import StreamingResponse
 
 from scaling_service.documents.service import Link, LinkRequest
 from scaling_service.service.http.bodies import read_model
-from scaling_service.service.http.callers import PARAMETER, CallersDep, Owner
+from scaling_service.service.http.callers import PARAMETER, Owner, Tickets
 from scaling_service.service.http.documentation import json_body
 from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, refusals
 from scaling_service.service.jobs.submission import RequestInvalid
@@ -177,7 +177,7 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
     responses=refusals(400, 408, 413, 415),
     openapi_extra=json_body(EXAMPLE, LinkRequest),
 )
-async def make_link(request: Request, owner: Owner, callers: CallersDep) -> Link:
+async def make_link(request: Request, owner: Owner) -> Link:
     """Make a link to a file that works for a minute without a key.
 
     Browsers send no key when they open a link or stream a download to the disk. Whoever has the link can
@@ -190,5 +190,6 @@ async def make_link(request: Request, owner: Owner, callers: CallersDep) -> Link
             field="path",
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
-    ticket, until_s = callers.tickets.issue(owner, wanted)
+    tickets: Tickets = request.app.state.callers.tickets
+    ticket, until_s = tickets.issue(owner, wanted)
     return Link(path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_s, UTC))

@@ -179,6 +179,12 @@ def _allow_many_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
 
 
+def most_connections() -> int:
+    """As many as this process may have open files, but for those of its own."""
+    most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(most - _OWN_FILES, most // 2)
+
+
 def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
@@ -188,7 +194,7 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,
         http=PromptProtocol,
-        limit_concurrency=resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _OWN_FILES,
+        limit_concurrency=most_connections(),
         timeout_graceful_shutdown=ENDING_S,
         ssl_certfile=settings.tls_certificate,
         ssl_keyfile=settings.tls_key,

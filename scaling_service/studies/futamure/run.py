@@ -41,23 +41,9 @@ def reproduce_futamure(
 ) -> FutamureDocument:
     """Explain squats of virtual persons in both ways, and ask what the paper claims.
 
-    Parameters
-    ----------
-    seed : int
-        Decides who the persons are.
-    subjects : int, optional
-        As many as the paper's unless given.
-    recordings : sequence of paths
-        Subject files of real squats with forces, shown beside: .osim models are taken as they are.
-    worker_count : int, optional
-        Processes; results do not depend on it.
-    finished : callable, optional
-        Called after each person.
-
-    Raises
-    ------
-    InputError
-        No subject is asked for, or a real one cannot be used.
+    ``seed``: decides who the persons are. ``recordings``: subject files of real squats with forces, shown
+    beside; .osim models are taken as they are. Results do not depend on ``worker_count``. InputError: no
+    subject is asked for, or a real one cannot be used.
     """
     clock, count = time.perf_counter(), SUBJECTS if subjects is None else subjects
     real = [_real(Path(file)) for file in recordings]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 import scipy
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.claims import Answer, Claim
+from scaling_service.studies.claims import Answer, Claim, claim
 from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, Muller2017Document
 
 VERTICAL, HORIZONTAL = (1, 4), ((0, 2), (3, 5))
@@ -35,6 +36,12 @@ ROUGH = 0.10
 scatter by about 3 %)."""
 
 
+CLAIMS: list[Claim[Muller2017Document]] = []
+"""In the order of the paper's results, then what only truth tells."""
+
+_claim = partial(claim, CLAIMS)
+
+
 def _of(study: Muller2017Document, name: str) -> Array:
     """Six numbers of every person, (n, 6)."""
     return np.array([getattr(person, name) for person in study.persons])
@@ -55,15 +62,15 @@ def _p(difference: Array) -> float:
     return float(scipy.stats.wilcoxon(difference, alternative="greater").pvalue)
 
 
-def linear(study: Muller2017Document) -> Answer:
-    """Whether the dispersion grows as a line through zero in every component of every person."""
+@_claim("3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999")
+def _linear(study: Muller2017Document) -> Answer:
     r2, centred = _of(study, "r2"), _of(study, "r2_centred")
     said = f"R2 {r2.min():.3f} to {r2.max():.3f}; about the mean {centred.min():.3f} to {centred.max():.3f}"
     return Answer(bool(r2.min() >= LEAST_R2), said)
 
 
-def consistent(study: Muller2017Document) -> Answer:
-    """Whether slopes are alike over persons."""
+@_claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide")
+def _consistent(study: Muller2017Document) -> Answer:
     slopes = _of(study, "slopes_per_cm")
     if len(slopes) < 3:
         return Answer(None, "too few persons")
@@ -72,8 +79,8 @@ def consistent(study: Muller2017Document) -> Answer:
     return Answer(bool(spread.max() <= ALIKE), f"SD over mean at most {spread.max():.2f}; per cm: {means}")
 
 
-def least_vertical(study: Muller2017Document) -> Answer:
-    """Whether the vertical slopes are smaller than both horizontal ones."""
+@_claim("figure 8", "Vertical force and moment are least uncertain", "stated in words")
+def _least_vertical(study: Muller2017Document) -> Answer:
     slopes = _of(study, "slopes_per_cm")
     smaller = [
         slopes[:, list(flat)].min(axis=1) - slopes[:, up]
@@ -90,23 +97,23 @@ def _significant(p: float, study: Muller2017Document) -> bool | None:
     return None if len(study.persons) < 5 else p < ALPHA
 
 
-def horizontals_alike(study: Muller2017Document) -> Answer:
-    """Whether fore-aft and sideways slopes are of one order of magnitude."""
+@_claim("3.1", "Both horizontal directions are alike", "same order of magnitude")
+def _horizontals_alike(study: Muller2017Document) -> Answer:
     slopes = _of(study, "slopes_per_cm").mean(axis=0)
     ratios = [slopes[a] / slopes[b] for a, b in HORIZONTAL]
     holds = all(0.1 < ratio < 10.0 for ratio in ratios)
     return Answer(holds, f"fx over fz {ratios[0]:.2f}, mx over mz {ratios[1]:.2f}")
 
 
-def plates_negligible(study: Muller2017Document) -> Answer:
-    """Whether plates bring orders of magnitude less uncertainty than kinematics."""
+@_claim("3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6")
+def _plates_negligible(study: Muller2017Document) -> Answer:
     orders = np.log10(_of(study, "kinematic") / _of(study, "plate"))
     said = f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(study, 'plate').max():.1e} at most"
     return Answer(bool(orders.min() >= ORDERS), said)
 
 
-def table_acceptable(study: Muller2017Document) -> Answer:
-    """H1: whether a table's inertia leaves as little as in the paper."""
+@_claim("3.3, H1", "A table's inertia is acceptable", "forces 2 ± 0.6 %, moments 1.3 ± 0.7 %")
+def _table_acceptable(study: Muller2017Document) -> Answer:
     dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
     holds = bool((force <= 100 * SMALL_FORCE).all() and (moment <= 100 * SMALL_MOMENT).all())
@@ -117,8 +124,12 @@ def table_acceptable(study: Muller2017Document) -> Answer:
     return Answer(holds, said)
 
 
-def uncertainty_exceeds(study: Muller2017Document) -> Answer:
-    """Whether the uncertainty exceeds the residual in every component but the vertical moment."""
+@_claim(
+    "3.3",
+    "Uncertainties exceed residuals, except for the vertical moment",
+    "all components of 10 persons but that one",
+)
+def _uncertainty_exceeds(study: Muller2017Document) -> Answer:
     above = _of(study, "total") > _of(study, "dr")
     but_vertical = np.delete(above, VERTICAL[1], axis=1)
     ratio = _by_component(np.median(_of(study, "total") / _of(study, "dr"), axis=0))
@@ -128,8 +139,8 @@ def uncertainty_exceeds(study: Muller2017Document) -> Answer:
     )
 
 
-def calibration_refused(study: Muller2017Document) -> Answer:
-    """H2 refuted: whether no recording supports a calibration by all components."""
+@_claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons")
+def _calibration_refused(study: Muller2017Document) -> Answer:
     supported = _flags(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
     counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
@@ -137,8 +148,12 @@ def calibration_refused(study: Muller2017Document) -> Answer:
     return Answer(not every.any(), f"calibration supported {said}")
 
 
-def refusal_is_right(study: Muller2017Document) -> Answer:
-    """Whether the measurement's true error exceeds inertia's wherever calibration is refused."""
+@_claim(
+    "truth",
+    "Where calibration is refused, the measurement's true error is larger than inertia's",
+    "cannot be known",
+)
+def _refusal_is_right(study: Muller2017Document) -> Answer:
     refused, blamed = ~_flags(study, "calibration_supported"), _flags(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
@@ -146,8 +161,8 @@ def refusal_is_right(study: Muller2017Document) -> Answer:
     return Answer(not wrong.any(), said + (f"; inertia is the larger part in {by}" if by else ""))
 
 
-def covers(study: Muller2017Document) -> Answer:
-    """Whether Muller's uncertainty covers the true error of the residual; a range, so nominally always."""
+@_claim("truth", "The stated uncertainty covers the true error of the residual", "cannot be known")
+def _covers(study: Muller2017Document) -> Answer:
     true, total = _of(study, "true_measurement_error"), _of(study, "total")
     covered = true <= total
     ratio = _by_component(np.median(total / true, axis=0))
@@ -157,8 +172,12 @@ def covers(study: Muller2017Document) -> Answer:
     )
 
 
-def markers_cover(study: Muller2017Document) -> Answer:
-    """Whether intervals by the markers' own errors hold the true error of a frame at their nominal rate."""
+@_claim(
+    "truth",
+    f"Intervals of {INTERVAL} SD by the markers' errors hold {100 * NOMINAL:.0f} % of the true errors",
+    "proposed as future work",
+)
+def _markers_cover(study: Muller2017Document) -> Answer:
     mean = _of(study, "coverage").mean(axis=0)
     ratio = np.median(_of(study, "markers_sd") / _of(study, "true_measurement_error"), axis=0)
     said = (
@@ -168,8 +187,8 @@ def markers_cover(study: Muller2017Document) -> Answer:
     return Answer(bool(mean.min() >= NOMINAL), said)
 
 
-def linear_agrees(study: Muller2017Document) -> Answer:
-    """Whether linear propagation gives the sampled slopes."""
+@_claim("beyond", "Linear propagation gives the sampled slopes", "not in the paper")
+def _linear_agrees(study: Muller2017Document) -> Answer:
     ratio = _of(study, "linear_slopes_per_cm") / _of(study, "slopes_per_cm")
     return Answer(bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}")
 
@@ -179,8 +198,12 @@ def _growth(study: Muller2017Document) -> Array:
     return np.array([person.identified_freely.growth for person in study.persons])
 
 
-def identification_worse(study: Muller2017Document) -> Answer:
-    """Whether identifying despite the verdict makes the true error on the held-out performance worse."""
+@_claim(
+    "truth",
+    "Identification against the verdict makes the held-out error of inertia worse",
+    "expected: overfitting",
+)
+def _identification_worse(study: Muller2017Document) -> Answer:
     worse = np.array([person.identified_freely.worse for person in study.persons])
     median = _by_component(np.median(_growth(study), axis=0), 2)
     p = _p(np.log(worse))
@@ -190,8 +213,10 @@ def identification_worse(study: Muller2017Document) -> Answer:
     )
 
 
-def worse_where_forbidden(study: Muller2017Document) -> Answer:
-    """Whether components become worse whose true residual is mostly the measurement's."""
+@_claim(
+    "truth", "It does so in components whose residual is mostly the measurement's", "expected: overfitting"
+)
+def _worse_where_forbidden(study: Muller2017Document) -> Answer:
     logs, blamed = np.log(_growth(study)), _flags(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
@@ -201,8 +226,12 @@ def worse_where_forbidden(study: Muller2017Document) -> Answer:
     return Answer(_significant(p, study), said)
 
 
-def markers_verdict(study: Muller2017Document) -> Answer:
-    """Whether identification betters what the markers' errors leave to inertia, and worsens the rest."""
+@_claim(
+    "beyond",
+    "The verdict by the markers' errors supports only what identification betters",
+    "not in the paper",
+)
+def _markers_verdict(study: Muller2017Document) -> Answer:
     supported, blamed = _flags(study, "supported_by_markers"), _flags(study, "blamed")
     if not supported.any():
         return Answer(None, "nothing is supported")
@@ -216,76 +245,11 @@ def markers_verdict(study: Muller2017Document) -> Answer:
     return Answer(right == supported.sum() and allowed < 1.0 < refused, said)
 
 
-def held_out_residual_deceives(study: Muller2017Document) -> Answer:
-    """Whether the held-out residual falls although the inertia it comes from did not become truer."""
+@_claim("truth", "Even a held-out residual can fall while inertia becomes less true", "expected: overfitting")
+def _held_out_residual_deceives(study: Muller2017Document) -> Answer:
     free = [person.identified_freely for person in study.persons]
     fell = [float(np.linalg.norm(f.residual_after) / np.linalg.norm(f.residual_before)) for f in free]
     truer = [f.worse for f in free]
     both = sum(f < 1.0 < t for f, t in zip(fell, truer, strict=True))
     said = f"residual after over before {np.median(fell):.2f}, true error {np.median(truer):.2f} (medians)"
     return Answer(both > 0, f"in {both} of {len(free)} persons; {said}")
-
-
-CLAIMS: tuple[Claim[Muller2017Document], ...] = (
-    Claim(
-        "3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999", linear
-    ),
-    Claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide", consistent),
-    Claim("figure 8", "Vertical force and moment are least uncertain", "stated in words", least_vertical),
-    Claim("3.1", "Both horizontal directions are alike", "same order of magnitude", horizontals_alike),
-    Claim(
-        "3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6", plates_negligible
-    ),
-    Claim(
-        "3.3, H1",
-        "A table's inertia is acceptable",
-        "forces 2 ± 0.6 %, moments 1.3 ± 0.7 %",
-        table_acceptable,
-    ),
-    Claim(
-        "3.3",
-        "Uncertainties exceed residuals, except for the vertical moment",
-        "all components of 10 persons but that one",
-        uncertainty_exceeds,
-    ),
-    Claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons", calibration_refused),
-    Claim(
-        "truth",
-        "Where calibration is refused, the measurement's true error is larger than inertia's",
-        "cannot be known",
-        refusal_is_right,
-    ),
-    Claim("truth", "The stated uncertainty covers the true error of the residual", "cannot be known", covers),
-    Claim(
-        "truth",
-        f"Intervals of {INTERVAL} SD by the markers' errors hold {100 * NOMINAL:.0f} % of the true errors",
-        "proposed as future work",
-        markers_cover,
-    ),
-    Claim("beyond", "Linear propagation gives the sampled slopes", "not in the paper", linear_agrees),
-    Claim(
-        "truth",
-        "Identification against the verdict makes the held-out error of inertia worse",
-        "expected: overfitting",
-        identification_worse,
-    ),
-    Claim(
-        "truth",
-        "It does so in components whose residual is mostly the measurement's",
-        "expected: overfitting",
-        worse_where_forbidden,
-    ),
-    Claim(
-        "beyond",
-        "The verdict by the markers' errors supports only what identification betters",
-        "not in the paper",
-        markers_verdict,
-    ),
-    Claim(
-        "truth",
-        "Even a held-out residual can fall while inertia becomes less true",
-        "expected: overfitting",
-        held_out_residual_deceives,
-    ),
-)
-"""In the order of the paper's results, then what only truth tells."""

@@ -37,23 +37,9 @@ def reproduce_muller2017(
 ) -> Muller2017Document:
     """Propagate uncertainty in recordings of virtual persons, and ask what the paper claims.
 
-    Parameters
-    ----------
-    settings : UncertaintySettings
-        Its seed decides who the persons are.
-    subjects : int, optional
-        As many as the paper's unless given.
-    recordings : sequence of paths
-        Subject files of real persons whose model is scaled already, with forces.
-    worker_count : int, optional
-        Processes; results do not depend on it.
-    finished : callable, optional
-        Called after each person.
-
-    Raises
-    ------
-    InputError
-        No subject is asked for, or a real one cannot be used.
+    ``settings``: its seed decides who the persons are. ``recordings``: subject files of real persons whose
+    model is scaled already, with forces. Results do not depend on ``worker_count``. InputError: no subject is
+    asked for, or a real one cannot be used.
     """
     clock = time.perf_counter()
     real = [entry for file in recordings for entry in _real(file, settings)]

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
 from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
-from scaling_service.studies.claims import Answer, Claim
+from scaling_service.studies.claims import Answer, Claim, claim
 from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, Puchaud2019Document
 
 _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
 _FITTING = ("MB_lam", "MB_am", "EB_am")
+_LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
+_ERROR = ("kinematic_error_mm", "calibration")
+
+CLAIMS: list[Claim[Puchaud2019Document]] = []
+"""In the order of the paper's results."""
+
+_claim = partial(claim, CLAIMS)
 
 
 def _test(study: Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
@@ -31,8 +39,8 @@ def _difference(test: FriedmanEntry, method: str, reference: str) -> float:
     return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
 
 
-def lengths_differ(study: Puchaud2019Document) -> Answer:
-    """Whether Friedman finds a difference between models in every length."""
+@_claim("table 2", "Segment lengths differ between the models", "p < 0.05, inter-hip and shanks p < 0.001")
+def _lengths_differ(study: Puchaud2019Document) -> Answer:
     tests = {name: _test(study, "segment_lengths_mm", name) for name in LENGTHS}
     return Answer(
         all(t.significant for t in tests.values()),
@@ -40,7 +48,7 @@ def lengths_differ(study: Puchaud2019Document) -> Answer:
     )
 
 
-def lengths_against_image(
+def _compare_with_image(
     study: Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
 ) -> Answer:
     """Whether a method's lengths all differ, or all do not differ, from EB's."""
@@ -55,16 +63,38 @@ def lengths_against_image(
     )
 
 
-def inter_hip_alike(study: Puchaud2019Document) -> Answer:
-    """Whether neither MB's nor MB_lam's inter-hip distance differs from EB's."""
-    both = {m: lengths_against_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
+@_claim(
+    "table 2",
+    "Femurs and shanks of MB_lam differ from those of EB",
+    "femur +8.4 ± 12.5 and +5.1 ± 13.3 mm, shank +15.8 and +16.4 mm",
+)
+def _optimised_legs_differ(study: Puchaud2019Document) -> Answer:
+    return _compare_with_image(study, "MB_lam", _LEGS, differ=True)
+
+
+@_claim(
+    "table 2",
+    "Femurs and shanks of MB do not differ from those of EB",
+    "femur +4.0 ± 13.8 and +0.9 ± 16.3 mm, shank +3.9 and +3.8 mm",
+)
+def _scaled_legs_alike(study: Puchaud2019Document) -> Answer:
+    return _compare_with_image(study, "MB", _LEGS, differ=False)
+
+
+@_claim(
+    "3.1",
+    "The inter-hip distance of MB and MB_lam does not differ from that of EB",
+    "MB -10.8 ± 19.9, MB_lam +4.0 ± 18.5 mm",
+)
+def _inter_hip_alike(study: Puchaud2019Document) -> Answer:
+    both = {m: _compare_with_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
     return Answer(
         all(answer.holds for answer in both.values()), "; ".join(f"{m} {a.figures}" for m, a in both.items())
     )
 
 
-def femurs_nearer(study: Puchaud2019Document) -> Answer:
-    """Whether MB's femurs lie nearer to EB's than MB_lam's do, mean over both sides."""
+@_claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above")
+def _femurs_nearer(study: Puchaud2019Document) -> Answer:
     means = [study.statistics.quantity("segment_lengths_mm", f"femur_{side}").mean for side in "rl"]
     gaps = {method: [mean[method] - mean["EB"] for mean in means] for method in ("MB", "MB_lam")}
     size = {method: float(np.mean(np.abs(gap))) for method, gap in gaps.items()}
@@ -74,8 +104,38 @@ def femurs_nearer(study: Puchaud2019Document) -> Answer:
     )
 
 
-def largest_error(study: Puchaud2019Document) -> Answer:
-    """Whether MB has the largest kinematic error, and differs from every other model."""
+@_claim("3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg")
+def _axes_turn_little(study: Puchaud2019Document) -> Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in AXES]
+    means = {method: [mean[method] for mean in found] for method in _FITTING}
+    return Answer(
+        max(abs(v) for row in means.values() for v in row) <= _SMALL_DEG,
+        "; ".join(f"{m} {', '.join(f'{v:+.1f}' for v in row)}" for m, row in means.items()) + " deg",
+    )
+
+
+@_claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg")
+def _axes_scatter(study: Puchaud2019Document) -> Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in AXES]
+    spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
+    return Answer(
+        max(spread, key=spread.__getitem__) == "MB_lam",
+        ", ".join(f"{m} {v:.2f}" for m, v in spread.items()) + " deg (mean SD)",
+    )
+
+
+@_claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm")
+def _shifts(study: Puchaud2019Document) -> Answer:
+    found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
+    order = sorted(found.mean, key=found.mean.__getitem__)
+    return Answer(
+        order == ["MB_lam", "EB_am", "MB_am"],
+        ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in order) + " mm",
+    )
+
+
+@_claim("3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm")
+def _largest_error(study: Puchaud2019Document) -> Answer:
     found, test = study.statistics.quantity(*_ERROR), _test(study, *_ERROR)
     pairs = {m: test.pair(m, "MB") for m in METHODS if m != "MB"}
     means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in METHODS)
@@ -85,84 +145,57 @@ def largest_error(study: Puchaud2019Document) -> Answer:
     )
 
 
-_ERROR = ("kinematic_error_mm", "calibration")
-
-
-def error_order(study: Puchaud2019Document) -> Answer:
-    """Whether the models' mean kinematic errors rank as in figure 5."""
+@_claim("figure 5", "Kinematic errors rank MB > MB_lam > EB > MB_am > EB_am", "27.4, 11.0, 8.9, 6.5, 5.4 mm")
+def _error_order(study: Puchaud2019Document) -> Answer:
     mean = study.statistics.quantity(*_ERROR).mean
     order = sorted(METHODS, key=mean.__getitem__, reverse=True)
     said = " > ".join(f"{m} {mean[m]:.1f}" for m in order)
     return Answer(order == ["MB", "MB_lam", "EB", "MB_am", "EB_am"], f"{said} mm")
 
 
-def errors_differ(
-    method: str, others: Sequence[str], *, differ: bool
-) -> Callable[[Puchaud2019Document], Answer]:
+def _errors_differ(study: Puchaud2019Document, method: str, others: Sequence[str], *, differ: bool) -> Answer:
     """Whether the kinematic error of a model differs from those of others, or from none of them."""
-
-    def ask(study: Puchaud2019Document) -> Answer:
-        test = _test(study, *_ERROR)
-        pairs = {other: test.pair(method, other) for other in others}
-        return Answer(
-            all(p.significant is differ for p in pairs.values()),
-            ", ".join(
-                f"against {other} {_difference(test, method, other):+.1f} mm ({_p(p.p)})"
-                for other, p in pairs.items()
-            ),
-        )
-
-    return ask
-
-
-def axes_turn_little(study: Puchaud2019Document) -> Answer:
-    """Whether every mean turn of a knee axis is small."""
-    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in AXES]
-    means = {method: [mean[method] for mean in found] for method in _FITTING}
+    test = _test(study, *_ERROR)
+    pairs = {other: test.pair(method, other) for other in others}
     return Answer(
-        max(abs(v) for row in means.values() for v in row) <= _SMALL_DEG,
-        "; ".join(f"{m} {', '.join(f'{v:+.1f}' for v in row)}" for m, row in means.items()) + " deg",
+        all(p.significant is differ for p in pairs.values()),
+        ", ".join(
+            f"against {other} {_difference(test, method, other):+.1f} mm ({_p(p.p)})"
+            for other, p in pairs.items()
+        ),
     )
 
 
-def axes_scatter(study: Puchaud2019Document) -> Answer:
-    """Whether MB_lam's knee axes have the largest standard deviation, mean over turns."""
-    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in AXES]
-    spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
-    return Answer(
-        max(spread, key=spread.__getitem__) == "MB_lam",
-        ", ".join(f"{m} {v:.2f}" for m, v in spread.items()) + " deg (mean SD)",
-    )
+@_claim(
+    "3.2", "The kinematic error of EB_am is lower than that of MB_lam and EB", "5.4 against 11.0 and 8.9 mm"
+)
+def _imaged_and_fitted_differs(study: Puchaud2019Document) -> Answer:
+    return _errors_differ(study, "EB_am", ("MB_lam", "EB"), differ=True)
 
 
-def shifts(study: Puchaud2019Document) -> Answer:
-    """Whether mean marker shifts rank as in the paper."""
-    found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
-    order = sorted(found.mean, key=found.mean.__getitem__)
-    return Answer(
-        order == ["MB_lam", "EB_am", "MB_am"],
-        ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in order) + " mm",
-    )
+@_claim(
+    "3.2",
+    "The kinematic error of MB_am does not differ from that of EB and EB_am",
+    "6.5 against 8.9 and 5.4 mm",
+)
+def _fitted_is_alike(study: Puchaud2019Document) -> Answer:
+    return _errors_differ(study, "MB_am", ("EB", "EB_am"), differ=False)
 
 
-def angles(joint: str, methods: Sequence[str], *, differ: bool) -> Callable[[Puchaud2019Document], Answer]:
+def _angles_differ(study: Puchaud2019Document, joint: str, methods: Sequence[str], *, differ: bool) -> Answer:
     """Whether a joint's angles differ from those of EB_am somewhere in the cycle, on both sides."""
-
-    def ask(study: Puchaud2019Document) -> Answer:
-        found = {
-            f"{side} {method}": _curves_differ(study.statistics.curve(f"{joint}_{side}"), method)
-            for side in "rl"
-            for method in methods
-        }
-        decided = [differs for differs, _ in found.values()]
-        said = ", ".join(f"{name} {words}" for name, (_, words) in found.items())
-        _, few = _curves_differ(study.walkers_statistics.curve(f"{joint}_r"), methods[0])
-        return Answer(
-            None if None in decided else all(d is differ for d in decided),
-            f"{len(study.subjects)} subjects: {said}; {len(study.walkers)} subjects alone: {few}",
-        )
-
-    return ask
+    found = {
+        f"{side} {method}": _curves_differ(study.statistics.curve(f"{joint}_{side}"), method)
+        for side in "rl"
+        for method in methods
+    }
+    decided = [differs for differs, _ in found.values()]
+    said = ", ".join(f"{name} {words}" for name, (_, words) in found.items())
+    _, few = _curves_differ(study.walkers_statistics.curve(f"{joint}_r"), methods[0])
+    return Answer(
+        None if None in decided else all(d is differ for d in decided),
+        f"{len(study.subjects)} subjects: {said}; {len(study.walkers)} subjects alone: {few}",
+    )
 
 
 def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
@@ -180,8 +213,45 @@ def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
     return True, "differs at " + ", ".join(f"{start:.0f}-{end:.0f} %" for start, end in pair.spans)
 
 
-def most_consistent(study: Puchaud2019Document) -> Answer:
-    """RMS over the cycle and both sides of the mean difference from EB_am, hip and knee flexion, by model."""
+@_claim(
+    "3.3",
+    "Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait",
+    "6 subjects, 12 cycles: significant on both sides",
+)
+def _hips_differ(study: Puchaud2019Document) -> Answer:
+    return _angles_differ(study, "hip_flexion", ("MB", "MB_lam", "EB"), differ=True)
+
+
+@_claim(
+    "3.3",
+    "Knee flexion of EB differs from that of EB_am in gait",
+    "6 subjects, 12 cycles: significant on both sides",
+)
+def _knees_differ(study: Puchaud2019Document) -> Answer:
+    return _angles_differ(study, "knee_angle", ("EB",), differ=True)
+
+
+@_claim(
+    "3.3",
+    "Hip flexion of MB_am does not differ from that of EB_am in gait",
+    "6 subjects, 12 cycles: not significant",
+)
+def _hips_alike(study: Puchaud2019Document) -> Answer:
+    return _angles_differ(study, "hip_flexion", ("MB_am",), differ=False)
+
+
+@_claim(
+    "3.3",
+    "Knee flexion of MB_am does not differ from that of EB_am in gait",
+    "6 subjects, 12 cycles: not significant",
+)
+def _knees_alike(study: Puchaud2019Document) -> Answer:
+    return _angles_differ(study, "knee_angle", ("MB_am",), differ=False)
+
+
+@_claim("5", "Of the marker-based models, MB_am gives the joint angles nearest to EB_am", "stated in words")
+def _most_consistent(study: Puchaud2019Document) -> Answer:
+    """By the RMS over the cycle and both sides of the mean difference, hip and knee flexion."""
     curves = [
         study.statistics.curve(f"{joint}_{side}").mean_deg
         for joint in ("hip_flexion", "knee_angle")
@@ -197,96 +267,7 @@ def most_consistent(study: Puchaud2019Document) -> Answer:
     )
 
 
-def quick(study: Puchaud2019Document) -> Answer:
-    """Whether the slowest subject took less than the paper's four minutes."""
+@_claim("4.4", "A subject is scaled in less than four minutes", "< 4 min, 100 frames")
+def _quick(study: Puchaud2019Document) -> Answer:
     slowest = study.slowest_subject_s
     return Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")
-
-
-_LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
-
-CLAIMS: tuple[Claim[Puchaud2019Document], ...] = (
-    Claim(
-        "table 2",
-        "Segment lengths differ between the models",
-        "p < 0.05, inter-hip and shanks p < 0.001",
-        lengths_differ,
-    ),
-    Claim(
-        "table 2",
-        "Femurs and shanks of MB_lam differ from those of EB",
-        "femur +8.4 ± 12.5 and +5.1 ± 13.3 mm, shank +15.8 and +16.4 mm",
-        lambda study: lengths_against_image(study, "MB_lam", _LEGS, differ=True),
-    ),
-    Claim(
-        "table 2",
-        "Femurs and shanks of MB do not differ from those of EB",
-        "femur +4.0 ± 13.8 and +0.9 ± 16.3 mm, shank +3.9 and +3.8 mm",
-        lambda study: lengths_against_image(study, "MB", _LEGS, differ=False),
-    ),
-    Claim(
-        "3.1",
-        "The inter-hip distance of MB and MB_lam does not differ from that of EB",
-        "MB -10.8 ± 19.9, MB_lam +4.0 ± 18.5 mm",
-        inter_hip_alike,
-    ),
-    Claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above", femurs_nearer),
-    Claim(
-        "3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg", axes_turn_little
-    ),
-    Claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg", axes_scatter),
-    Claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm", shifts),
-    Claim(
-        "3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm", largest_error
-    ),
-    Claim(
-        "figure 5",
-        "Kinematic errors rank MB > MB_lam > EB > MB_am > EB_am",
-        "27.4, 11.0, 8.9, 6.5, 5.4 mm",
-        error_order,
-    ),
-    Claim(
-        "3.2",
-        "The kinematic error of EB_am is lower than that of MB_lam and EB",
-        "5.4 against 11.0 and 8.9 mm",
-        errors_differ("EB_am", ("MB_lam", "EB"), differ=True),
-    ),
-    Claim(
-        "3.2",
-        "The kinematic error of MB_am does not differ from that of EB and EB_am",
-        "6.5 against 8.9 and 5.4 mm",
-        errors_differ("MB_am", ("EB", "EB_am"), differ=False),
-    ),
-    Claim(
-        "3.3",
-        "Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait",
-        "6 subjects, 12 cycles: significant on both sides",
-        angles("hip_flexion", ("MB", "MB_lam", "EB"), differ=True),
-    ),
-    Claim(
-        "3.3",
-        "Knee flexion of EB differs from that of EB_am in gait",
-        "6 subjects, 12 cycles: significant on both sides",
-        angles("knee_angle", ("EB",), differ=True),
-    ),
-    Claim(
-        "3.3",
-        "Hip flexion of MB_am does not differ from that of EB_am in gait",
-        "6 subjects, 12 cycles: not significant",
-        angles("hip_flexion", ("MB_am",), differ=False),
-    ),
-    Claim(
-        "3.3",
-        "Knee flexion of MB_am does not differ from that of EB_am in gait",
-        "6 subjects, 12 cycles: not significant",
-        angles("knee_angle", ("MB_am",), differ=False),
-    ),
-    Claim(
-        "5",
-        "Of the marker-based models, MB_am gives the joint angles nearest to EB_am",
-        "stated in words",
-        most_consistent,
-    ),
-    Claim("4.4", "A subject is scaled in less than four minutes", "< 4 min, 100 frames", quick),
-)
-"""In the order of the paper's results."""

@@ -39,21 +39,9 @@ def reproduce_puchaud2019(
 ) -> Puchaud2019Document:
     """Scale virtual persons by the five methods of Puchaud et al. 2019, and ask what the paper claims.
 
-    Parameters
-    ----------
-    settings : Settings
-        Its seed decides who the persons are.
-    subjects : int, optional
-        More than the six whose gait is also looked at alone; the paper's 26 unless given.
-    generic : 'mean' or 'custom'
-        The model that scaling starts from.
-    worker_count : int, optional
-        Processes; results do not depend on it.
-
-    Raises
-    ------
-    InputError
-        Too few subjects, or a person that could not be scaled.
+    ``settings``: its seed decides who the persons are. ``subjects``: more than the six whose gait is also
+    looked at alone; the paper's 26 unless given. ``generic``: the model that scaling starts from. Results do
+    not depend on ``worker_count``. InputError: too few subjects, or a person that could not be scaled.
     """
     count = SUBJECTS if subjects is None else subjects
     if count <= WALKERS:

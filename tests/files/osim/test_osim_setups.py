@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.osim import read_ik_tasks, read_scale_setup
+from scaling_service.files.osim import read_scale_setup
 from scaling_service.model.subject import Measurement
 
 SETUP = """<?xml version="1.0" encoding="UTF-8"?>
@@ -92,12 +92,6 @@ def test_a_set_in_its_own_file(setup, tmp_path):
     }
 
 
-def test_tasks_alone(setup):
-    markers, coordinates = read_ik_tasks(setup())
-    assert markers == {"A": 10.0}
-    assert coordinates == {"knee": 1000.0, "ankle": 1.0}
-
-
 def test_real_setups(shared_data):
     old = read_scale_setup(shared_data / "gait2354/subject01_Setup_Scale.xml")
     assert old.mass_kg == 72.6
@@ -109,8 +103,6 @@ def test_real_setups(shared_data):
     assert only_place.order == ()
     assert only_place.mass_kg is None
     assert len(only_place.placement.marker_weights) == 23
-    markers, coordinates = read_ik_tasks(shared_data / "gait2354/subject01_Setup_IK.xml")
-    assert (len(markers), len(coordinates)) == (31, 4)
 
 
 @pytest.mark.parametrize(
@@ -145,8 +137,7 @@ def test_document_types_are_refused(tmp_path, encoding):
 def test_files_that_are_no_setup(tmp_path, content):
     path = tmp_path / "bad.xml"
     path.write_text(content)
-    for read in (read_scale_setup, read_ik_tasks):
-        with pytest.raises(FileUnreadable):
-            read(path)
     with pytest.raises(FileUnreadable):
-        read_ik_tasks(tmp_path / "absent.xml")
+        read_scale_setup(path)
+    with pytest.raises(FileUnreadable):
+        read_scale_setup(tmp_path / "absent.xml")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import socket
 import time
 from collections.abc import Iterator
@@ -19,8 +18,7 @@ from tests.service.http.served import Served, serving, settings_in
 def impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     """A service that takes twenty connections, and waits half a second for the head of a request."""
     monkeypatch.setattr(server, "HEAD_S", 0.5)
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    monkeypatch.setattr(server, "_OWN_FILES", soft - 20)
+    monkeypatch.setattr(server, "most_connections", lambda: 20)
     with serving(settings_in(tmp_path)) as served:
         yield served
 

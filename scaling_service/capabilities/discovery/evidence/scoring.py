@@ -64,7 +64,8 @@ def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[Scor
     found = []
     for k, fitted in _likely(evidence, choice):
         gains = explain(evidence, k, fitting_blocks(evidence.blocks, choice[k])).gains
-        found.append(ScoredCandidate(choice[k], fitted, gains, try_held_out(evidence, k, choice[k])))
+        held_out = try_held_out(evidence, k, choice[k], fitted.by_chance / max(len(fitted.size), 1))
+        found.append(ScoredCandidate(choice[k], fitted, gains, held_out))
     return found
 
 

@@ -57,15 +57,24 @@ def plate_positions(scene: Scene) -> Iterator[Candidate]:
 
 
 def plate_rotations(scene: Scene) -> Iterator[Candidate]:
-    """Every loaded plate, about the vertical and leaning, in all recordings and in each."""
+    """Every loaded plate, about the vertical and leaning, in all recordings and in each.
+
+    Readings without the plate's place do not tell about which point it is turned: about the vertical one is
+    tried, too, that also shifts, the shift being that of the ground's origin.
+    """
     for plate in scene.plates:
         vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),)
+        elsewhere = (
+            Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0),
+            *(Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k)) for k in (0, 2)),
+        )
         leaning = tuple(
             Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
             for k, letter in ((0, "x"), (2, "z"))
         )
         for trials in scene.scopes_with_forces:
             yield Candidate("plate_rotation", (plate,), vertical, trials=trials)
+            yield Candidate("plate_rotation", (plate,), elsewhere, trials=trials, note="about another point")
             yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
 
 

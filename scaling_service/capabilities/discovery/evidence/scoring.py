@@ -22,6 +22,9 @@ from scaling_service.capabilities.discovery.observations.tracked import TrackedT
 from scaling_service.numerics.multibody.laws import Array
 
 
+_OF_FIT = 0.9  # share of the level that the fit may spend (chosen: most effects are decided there)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredCandidate:
     """What could be the next effect."""
@@ -31,6 +34,15 @@ class ScoredCandidate:
     gains: Array | None  # (n_blocks,), or None: what it takes off each block that fits it
     held_out: HeldOut
     equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
+
+    def p_family(self, count: int) -> float:
+        """Of as much by chance in a catalogue of so many: in the fit, or in recordings that fitted nothing.
+
+        Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time cannot
+        pay for the whole catalogue, however much it explains.
+        """
+        held_out = 1.0 if self.held_out.folds else self.held_out.p
+        return min(1.0, count * min(self.fitted.p / _OF_FIT, held_out / (1.0 - _OF_FIT)))
 
     def does_good(self, level: float) -> bool:
         """Whether it surely lowers what recordings that did not fit it disagree."""

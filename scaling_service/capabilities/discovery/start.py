@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.progress import Progress
-from scaling_service.model.body import BodyModel, Parameter
+from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
@@ -121,18 +121,16 @@ def free_parameters(
         label for t in trials for label, once in zip(t.labels, ever(seen(t.markers)), strict=True) if once
     )
     marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
-    freed = row.freedom.apply(model, shown, settings)
-    return tuple(_effects_of(freed.parameters, Scene(model, marked, (), ())))
-
-
-def _effects_of(parameters: Sequence[Parameter], scene: Scene) -> Iterator[Estimate]:
-    """One candidate for each thing that was freed, with the columns of its free numbers."""
+    scene = Scene(model, marked, (), ())
+    # one candidate for each thing that was freed, with the columns of its free numbers
     free: dict[tuple[str, str], set[str]] = {}
-    for parameter in parameters:
+    for parameter in row.freedom.apply(model, shown, settings).parameters:
         free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
+    found = []
     for (group, target), letters in free.items():
         for candidate in candidates(scene, [_SAME_CHANGE[group]]):
             if candidate.where == (target,):
                 # a size has one column, whatever its letter
                 columns = tuple(c for c in candidate.columns if group == "length" or c.name[0] in letters)
-                yield Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns)))
+                found.append(Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns))))
+    return tuple(found)

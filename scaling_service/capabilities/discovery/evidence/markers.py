@@ -45,7 +45,7 @@ class Markers(Observation[TrackedTrial]):
         parts = [part for column in layout.columns for part in column.parts]
         spots = tuple(dict.fromkeys(part.spot for part in parts))
         profiles = tuple(dict.fromkeys(part.profile for part in parts))
-        table = _parts_of(layout.columns, spots, profiles)
+        table = _Parts.of(layout.columns, spots, profiles)
         step = _step(items, len(layout.columns))
         known: list[tuple[TrackedTrial, Generators]] = []
         sources = []
@@ -55,7 +55,7 @@ class Markers(Observation[TrackedTrial]):
                 generators = Generators.of(item, spots)
                 known.append((item, generators))
             on = np.array(layout.active_in(item.name), dtype=float)
-            here = [part._replace(gain=part.gain * on[part.column]) for part in table]
+            here = table._replace(gain=table.gain * on[table.column])
             made = _Columns(item, generators, len(on), here, values_of(profiles, item), step)
             sources += [
                 BlockSource(item.name, item.role, partial(made.chunks, rows)) for rows in item.blocks(block_s)
@@ -110,25 +110,24 @@ def _step(tracked: Sequence[TrackedTrial], n_columns: int) -> int:
 
 
 class _Parts(NamedTuple):
-    """Which column is made, or added to, with which spot and profile, and how much: arrays of one length."""
+    """The parts of all columns, column by column: arrays of one length, and where each column begins."""
 
     column: NDArray[np.intp]
     spot: NDArray[np.intp]
     profile: NDArray[np.intp]
     gain: Array
+    first: NDArray[np.intp]  # (n_columns,)
 
-
-def _parts_of(columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> list[_Parts]:
-    """The first parts of all columns, then the second of those that have two, and so on."""
-    at = {spot: k for k, spot in enumerate(spots)}
-    of = {profile: k for k, profile in enumerate(profiles)}
-    made = []
-    for rank in range(max((len(column.parts) for column in columns), default=0)):
-        here = [(k, column.parts[rank]) for k, column in enumerate(columns) if len(column.parts) > rank]
-        numbers = [(k, at[part.spot], of[part.profile]) for k, part in here]
-        column, spot, profile = np.array(numbers, dtype=np.intp).T
-        made.append(_Parts(column, spot, profile, np.array([part.gain for _, part in here])))
-    return made
+    @classmethod
+    def of(cls, columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> _Parts:
+        """With spots and profiles as their numbers."""
+        at = {spot: k for k, spot in enumerate(spots)}
+        of = {profile: k for k, profile in enumerate(profiles)}
+        every = [(k, part) for k, column in enumerate(columns) for part in column.parts]
+        numbers = np.array([(k, at[part.spot], of[part.profile]) for k, part in every], dtype=np.intp)
+        column, spot, profile = numbers.reshape(-1, 3).T
+        gain = np.array([part.gain for _, part in every])
+        return cls(column, spot, profile, gain, np.searchsorted(column, np.arange(len(columns))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +137,7 @@ class _Columns:
     item: TrackedTrial
     generators: Generators
     count: int  # of the columns
-    parts: Sequence[_Parts]
+    parts: _Parts
     values: Array
     step: int  # every how many frames to look at
 
@@ -161,14 +160,10 @@ class _Columns:
 
     def _of(self, generated: Array, values: Array) -> Array:
         """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
-        made = np.zeros((self.count, *generated.shape[1:]))
-        for k, part in enumerate(self.parts):
-            shape = (values[part.profile] * part.gain[:, None])[:, :, None]
-            if k == 0:
-                np.multiply(generated[part.spot], shape, out=made)
-            else:
-                made[part.column] += generated[part.spot] * shape
-        return made.reshape(self.count, -1)
+        parts = self.parts
+        shapes = (values[parts.profile] * parts.gain[:, None])[:, :, None]
+        made = np.add.reduceat(generated[parts.spot] * shapes, parts.first, axis=0)
+        return np.asarray(made.reshape(self.count, -1))
 
 
 def _squares(columns: Array) -> Array:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, measure_coverage, refine_cylinder
+from scaling_service.bones.shapes import SphereFit, fit_sphere_pair
 from scaling_service.bones.surface import Surface
-from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.results import Quality, Sphere, confidence
+from scaling_service.bones.shapes import across, fit_cylinder, fit_sphere
 from scaling_service.bones.surface import Surface
-from scaling_service.numerics.geometry.fits import across, fit_cylinder, fit_sphere
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scaling_service.bones.fits import CylinderOnBone, refine_cylinder
 from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
+from scaling_service.bones.shapes import across
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
-from scaling_service.numerics.geometry.fits import across
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ Nothing is corrected: which of two labels a marker deserves is for those to say 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, permutations
 
 import numpy as np
@@ -252,6 +252,26 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
             if stop - start >= SHORTEST_S * trial.rate_hz
             if (found := _better_order(names, pairs, measured[start:stop], usual)) is not None
         )
+
+
+def without_exchanges(
+    trials: Sequence[Trial], clusters: Clusters
+) -> tuple[tuple[Trial, ...], tuple[str, ...]]:
+    """The trials without labels while these stand for each other, and a sentence for each time they do.
+
+    ``trials``: in m, before gaps are filled; each is held against the others, a single one against itself.
+    """
+    kept, said = [], []
+    for trial in trials:
+        usual = measure_shape([other for other in trials if other is not trial] or [trial], clusters)
+        markers = trial.markers.copy()
+        for wrong in find_exchanges(trial, clusters, usual):
+            inside = (trial.times >= wrong.start_s) & (trial.times <= wrong.end_s)
+            markers[np.ix_(inside, [trial.index(label) for label in wrong.labels])] = np.nan
+            span = f"from {wrong.start_s:.2f} to {wrong.end_s:.2f} s"
+            said.append(f"{trial.name}: the labels {' and '.join(wrong.labels)} look exchanged {span}")
+        kept.append(replace(trial, markers=markers))
+    return tuple(kept), tuple(said)
 
 
 def _blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:

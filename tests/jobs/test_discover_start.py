@@ -10,6 +10,7 @@ import pytest
 
 from scaling_service.capabilities.discovery.checks import (
     LARGEST_M,
+    UNSCALED_M,
     check_fits,
     check_lengths,
     describe_limits,
@@ -79,7 +80,7 @@ def test_what_the_calibration_freed_is_free() -> None:
 
 def test_a_model_of_the_person_fits() -> None:
     whole = session()
-    check_fits(whole.model, whole.dynamic)
+    check_fits(whole.model, whole.dynamic, scaled=False)
     assert typical_distance(whole.model, whole.dynamic[0]) < 0.002
 
 
@@ -93,20 +94,23 @@ def test_a_model_in_other_units_is_refused_first() -> None:
     assert "units" in str(caught.value.remedy)
 
 
-def test_the_generic_model_of_another_size_is_not_refused() -> None:
-    """Twice the usual spread of stature: still a model of a person."""
+def test_a_model_of_another_size_is_refused_where_it_is_taken_as_it_is() -> None:
+    """Twice the usual spread of stature: a model of a person, but not of this one."""
     whole = session()
     tall = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1.15,) * 3))
-    assert typical_distance(tall, whole.dynamic[0]) < LARGEST_M
+    assert UNSCALED_M < typical_distance(tall, whole.dynamic[0]) < LARGEST_M
+    check_fits(tall, whole.dynamic, scaled=True)
+    with pytest.raises(TrialUnusable, match="does not have this person's size"):
+        check_fits(tall, whole.dynamic, scaled=False)
 
 
 @pytest.mark.parametrize("size", [0.9, 1.1])
 def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -> None:
     whole = session()
     other = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (size,) * 3))
-    check_fits(other, whole.dynamic)
+    check_fits(other, whole.dynamic, scaled=True)
     with pytest.raises(TrialUnusable, match="left and the right"):
-        check_fits(whole.model, [t.relabelled(mirrored(t.labels)) for t in whole.dynamic])
+        check_fits(whole.model, [t.relabelled(mirrored(t.labels)) for t in whole.dynamic], scaled=True)
 
 
 def test_short_recordings_say_so() -> None:
@@ -116,3 +120,24 @@ def test_short_recordings_say_so() -> None:
 
     assert "2.0 s" in describe_limits([recording(2.01)], 0.5)[0]
     assert describe_limits([recording(6.0)], 0.5) == ()
+
+
+def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> None:
+    """Two markers of the pelvis in each other's place for a third of the recording to fit."""
+    whole = session()
+    faulty = next(t for t in whole.calibration if t.name == "knee_r")
+    pair = [faulty.index("RASIS"), faulty.index("LPSIS")]
+    rows = slice(len(faulty.times) // 3, 2 * len(faulty.times) // 3)
+    markers = faulty.markers.copy()
+    markers[rows, pair] = markers[rows, pair[::-1]]
+    trials = tuple(replace(t, markers=markers) if t is faulty else t for t in whole.calibration)
+    settings = DiscoverSettings(start="MB_am")
+    right, wrong = (
+        prepare(Loaded(replace(whole, calibration=some)), settings, AS_MEASURED, 0.5)
+        for some in (whole.calibration, trials)
+    )
+    assert any("look exchanged" in note and "scaled without" in note for note in wrong.notes)
+    for marker in right.model.markers:
+        there = np.array(wrong.model.marker(marker.name).nominal)
+        assert np.linalg.norm(there - np.array(marker.nominal)) < 0.004
+    assert wrong.recordings[0].trial.markers[rows, pair] == pytest.approx(markers[rows, pair], nan_ok=True)

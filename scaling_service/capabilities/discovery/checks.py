@@ -19,6 +19,10 @@ LARGEST_M = 0.08
 three times the mean error of linear scaling (27.4 mm, SD 3.7 mm over 26 persons; Puchaud et al. 2019,
 sec. 3.2), which is the worst that a model of the right person does."""
 
+UNSCALED_M = 0.035
+"""The same for a model that is taken as it is, m: two standard deviations above that mean error. A model of
+another person's size would be given a dozen effects."""
+
 SUSPECT_M = 0.02
 """From here on it is asked whether left and right are exchanged, m (chosen: below it, they are not)."""
 
@@ -62,8 +66,11 @@ def describe_limits(recordings: Sequence[Recording], block_s: float) -> tuple[st
     )
 
 
-def check_fits(model: BodyModel, trials: Sequence[Trial]) -> None:
-    """Refuse a model that is metres, sizes, sides or persons away from its recordings (TrialUnusable)."""
+def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> None:
+    """Refuse a model that is metres, sizes, sides or persons away from its recordings (TrialUnusable).
+
+    ``scaled``: whether it was scaled here, or is taken as it is.
+    """
     for trial in trials:
         away = typical_distance(model, trial)
         if away > SUSPECT_M and _sides_exchanged(model, trial, away):
@@ -73,6 +80,14 @@ def check_fits(model: BodyModel, trials: Sequence[Trial]) -> None:
                 file=trial.name,
                 field="markers",
                 remedy="Exchange the labels in the recording, or map them under `markers:`",
+            )
+        if not scaled and UNSCALED_M < away <= LARGEST_M:
+            raise TrialUnusable(
+                f"the model does not have this person's size: half of the markers are more than "
+                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
+                file=trial.name,
+                field="model",
+                remedy="Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
             )
         if away > LARGEST_M:
             raise TrialUnusable(

@@ -27,6 +27,7 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.recording.exchanged import without_exchanges
 
 NOTE = "as calibrated"
 """Marks what a calibration freed, so that it is not taken for an effect that was named."""
@@ -76,9 +77,10 @@ def prepare(
     """
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
-    start = scale_model(loaded, chosen.start, settings, progress=progress)
-    check_fits(start.model, session.dynamic)
+    sound, exchanged = _without_exchanges(loaded)
+    start = scale_model(sound, chosen.start, settings, progress=progress)
     scaled = start.calibration is not None
+    check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg)
     massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
     forces, notes = read_ground_forces(loaded, massive.model)
@@ -94,6 +96,7 @@ def prepare(
     of_inertia = (_OWN_INERTIA,) if unknown and scaled else massive.notes
     notes = (
         *start.warnings,
+        *(f"{said}: the model was scaled without them" for said in exchanged if scaled),
         *(of_inertia if forces else ()),
         *notes,
         *describe_limits(used, block_s),
@@ -108,6 +111,23 @@ def prepare(
         calibration=start.calibration,
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _without_exchanges(loaded: Loaded) -> tuple[Loaded, tuple[str, ...]]:
+    """What was read, without exchanged labels: a scaling that fits marker places would take them for skin."""
+    session = loaded.session
+    clusters: dict[str, list[str]] = {}
+    for marker in session.model.markers:
+        clusters.setdefault(marker.segment, []).append(marker.name)
+    trials, said = without_exchanges(session.dynamic, clusters)
+    if not said:
+        return loaded, ()
+    by_name = {trial.name: trial for trial in trials}
+    calibration, evaluation = (
+        tuple(by_name[trial.name] for trial in some) for some in (session.calibration, session.evaluation)
+    )
+    session = replace(session, calibration=calibration, evaluation=evaluation)
+    return replace(loaded, session=session), said
 
 
 def free_parameters(

@@ -267,7 +267,8 @@ def without_exchanges(
         markers = trial.markers.copy()
         for wrong in find_exchanges(trial, clusters, usual):
             inside = (trial.times >= wrong.start_s) & (trial.times <= wrong.end_s)
-            markers[np.ix_(inside, [trial.index(label) for label in wrong.labels])] = np.nan
+            columns = np.array([trial.index(label) for label in wrong.labels])
+            markers[np.ix_(inside, columns)] = np.nan
             span = f"from {wrong.start_s:.2f} to {wrong.end_s:.2f} s"
             said.append(f"{trial.name}: the labels {' and '.join(wrong.labels)} look exchanged {span}")
         kept.append(replace(trial, markers=markers))

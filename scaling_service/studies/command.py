@@ -100,7 +100,7 @@ def reproduce(
             )
     elif study == "muller2017":
         from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
-        from scaling_service.studies.muller2017.run import reproduce_muller2017
+        from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(
             UncertaintySettings(samples=samples, seed=settings.seed),
@@ -110,7 +110,7 @@ def reproduce(
             finished=_show_person,
         )
     else:
-        from scaling_service.studies.futamure.run import reproduce_futamure
+        from scaling_service.studies.futamure.study import reproduce_futamure
 
         document = reproduce_futamure(
             seed=settings.seed,

@@ -74,7 +74,7 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     bend = law_derivatives(mechanism, motion.q, p, 2)
     speeds = screws * (slopes * rate)[:, None]
     changes = screws * (bend * rate**2 + slopes * pace)[:, None]
-    _add_turning_of_screws(mechanism, speeds, changes)
+    changes += motion_cross(_carried(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
         poses,
@@ -106,15 +106,6 @@ def _screws(mechanism: Mechanism, poses: Poses) -> Array:
     screws[:turns, :3] = cross(origins, directions[:turns])
     screws[turns:, :3] = directions[turns:]
     return screws
-
-
-def _add_turning_of_screws(mechanism: Mechanism, speeds: Array, changes: Array) -> None:
-    """Add to ``changes`` how the frames that the entries start from carry their screws along."""
-    turns, n = mechanism.n_turns, speeds.shape[-1]
-    carried = (mechanism.before @ speeds.reshape(len(speeds), -1)).reshape(-1, 6, n)
-    changes[:, :3] += cross(carried[:, 3:], speeds[:, :3])
-    changes[:turns, :3] += cross(carried[:turns, :3], speeds[:turns, 3:])
-    changes[:turns, 3:] += cross(carried[:turns, 3:], speeds[:turns, 3:])
 
 
 def point_velocity(twist: Array, at: Array) -> Array:

@@ -21,7 +21,6 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
-
 _OF_FIT = 0.9  # share of the level that the fit may spend (chosen: most effects are decided there)
 
 
@@ -38,8 +37,8 @@ class ScoredCandidate:
     def p_family(self, count: int) -> float:
         """Of as much by chance in a catalogue of so many: in the fit, or in recordings that fitted nothing.
 
-        Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time cannot
-        pay for the whole catalogue, however much it explains.
+        Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time
+        cannot pay for the whole catalogue, however much it explains.
         """
         held_out = 1.0 if self.held_out.folds else self.held_out.p
         return min(1.0, count * min(self.fitted.p / _OF_FIT, held_out / (1.0 - _OF_FIT)))

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, measure_coverage, refine_cylinder
+from scaling_service.bones.shapes import SphereFit, fit_sphere_pair
 from scaling_service.bones.surface import Surface
-from scaling_service.numerics.geometry.fits import SphereFit, fit_sphere_pair
 
 Array = NDArray[np.float64]
 
@@ -113,21 +113,21 @@ def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     z = np.cross(x, up)
     if abs(ahead) < 3e-3:
         return "the condyles do not stand behind the shaft, so front and back are not clear"
-    found = _both_spheres(surface, _Frame(x, up, z, height, width))
+    found = _fit_both_spheres(surface, _Frame(x, up, z, height, width))
     if isinstance(found, str):
         return found
     frame, low, high = found
-    poor = _condyles_doubtful(low, high, width)
+    poor = _doubt_condyles(low, high, width)
     if poor is not None:
         return poor
     knee = Knee(frame, low, high, None, distal)
-    cylinder = _cylinder(surface, knee)
+    cylinder = _fit_cylinder(surface, knee)
     if cylinder is not None and abs(float(cylinder.direction @ knee.axis)) < _APART:
         return f"sphere axis and cylinder axis differ by more than {MOST_APART_DEG:.0f} degrees"
     return Knee(frame, low, high, cylinder, distal)
 
 
-def _condyles_doubtful(low: SphereOnBone, high: SphereOnBone, width: float) -> str | None:
+def _doubt_condyles(low: SphereOnBone, high: SphereOnBone, width: float) -> str | None:
     for ball in (low, high):
         if not CONDYLE_RADII_M[0] <= ball.radius <= CONDYLE_RADII_M[1]:
             return f"a condyle's sphere has a radius of {1e3 * ball.radius:.0f} mm"
@@ -143,22 +143,23 @@ def _condyles_doubtful(low: SphereOnBone, high: SphereOnBone, width: float) -> s
     return None
 
 
-def _both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone, SphereOnBone] | str:
+def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone, SphereOnBone] | str:
     """Spheres and their common axis in turn, until both stay."""
     pair: tuple[SphereFit, SphereFit] | None = None
     for step in range(_STEPS):
         widening = 1.0 + _WIDE * _CLOSING**step
-        halves = [_half(surface, frame, sign) for sign in (-1.0, 1.0)]
+        halves = [_select_half(surface, frame, sign) for sign in (-1.0, 1.0)]
         if not (halves[0].any() and halves[1].any()):
             return "one condyle is missing"
         if pair is None:
-            pair = _first_guess(surface, frame, halves[0]), _first_guess(surface, frame, halves[1])
+            pair = _guess_sphere(surface, frame, halves[0]), _guess_sphere(surface, frame, halves[1])
         chosen = [
-            _support(surface, frame, half, ball, widening) for half, ball in zip(halves, pair, strict=True)
+            _weigh_vertices(surface, frame, half, ball, widening)
+            for half, ball in zip(halves, pair, strict=True)
         ]
         if min(int((weight > 0).sum()) for weight in chosen) < _FEWEST:
             return "no sphere fits the back of a condyle"
-        new = _fitted(surface, chosen, pair)
+        new = _fit_pair(surface, chosen, pair)
         settled = max(float(np.linalg.norm(a.centre - b.centre)) for a, b in zip(new, pair, strict=True))
         pair = new
         axis = pair[1].centre - pair[0].centre
@@ -180,7 +181,7 @@ def _both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone
     return frame, balls[0], balls[1]
 
 
-def _fitted(
+def _fit_pair(
     surface: Surface, chosen: list[Array], pair: tuple[SphereFit, SphereFit]
 ) -> tuple[SphereFit, SphereFit]:
     """Both spheres through their vertices, each worth as many observations as it has grains of area.
@@ -194,7 +195,7 @@ def _fitted(
     return fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
 
 
-def _support(
+def _weigh_vertices(
     surface: Surface, frame: _Frame, half: NDArray[np.bool_], ball: SphereFit, widening: float
 ) -> Array:
     """Weight of every vertex: on the arc, facing across the axis, near the sphere; all with soft limits."""
@@ -210,12 +211,12 @@ def _support(
         np.where(np.abs(gap) < 1.0, (1.0 - gap**2) ** 2, 0.0)
         * _ramp(facing, _FACING)
         * _ramp(-np.abs(normals @ frame.z), (-ridge - _LEAN, -ridge + _LEAN))
-        * _arc(offset, frame)
+        * _weigh_arc(offset, frame)
     )
     return weight
 
 
-def _arc(offset: Array, frame: _Frame) -> Array:
+def _weigh_arc(offset: Array, frame: _Frame) -> Array:
     up = np.cross(frame.z, frame.x)
     angle = np.rad2deg(np.arctan2(offset @ up, -(offset @ frame.x)))
     low, high = ARC_DEG
@@ -231,7 +232,7 @@ def _ramp(value: Array, limits: tuple[float, float]) -> Array:
     return smooth
 
 
-def _half(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
+def _select_half(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
     """One condyle's side of the notch, near the distal end."""
     along = surface.smooth @ frame.z
     ends = along[frame.height < DISTAL_M]
@@ -242,7 +243,7 @@ def _half(surface: Surface, frame: _Frame, sign: float) -> NDArray[np.bool_]:
     return chosen
 
 
-def _first_guess(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> SphereFit:
+def _guess_sphere(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> SphereFit:
     """A sphere inside the most posterior point of a condyle; a radius of a quarter of the width is usual."""
     candidates = np.flatnonzero(half)
     rear = surface.smooth[candidates[int(np.argmin(surface.smooth[candidates] @ frame.x))]]
@@ -250,9 +251,9 @@ def _first_guess(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> Sp
     return SphereFit(rear + radius * frame.x, radius, _FIRST_NOISE_M, converged=True)
 
 
-def _cylinder(surface: Surface, knee: Knee) -> CylinderOnBone | None:
+def _fit_cylinder(surface: Surface, knee: Knee) -> CylinderOnBone | None:
     frame = knee.frame
-    on_arc = _arc(surface.smooth - knee.centre, frame) > 0.5
-    within = (_half(surface, frame, -1.0) | _half(surface, frame, 1.0)) & on_arc
+    on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
+    within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
     radius = 0.5 * (knee.low.radius + knee.high.radius)
     return refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)

@@ -44,7 +44,7 @@ def find_femur_landmarks(
     require_long(surface, "femur")
     refused: dict[str, str] = {}
     head = find_head(surface, refused)
-    knee, reason = _knee(surface, head)
+    knee, reason = _find_knee_end(surface, head)
     if knee is None:
         refused["knee_centre"] = reason
     elif head is None and _flares(surface, knee):
@@ -55,11 +55,11 @@ def find_femur_landmarks(
             f"it is no femur that can be used: {refused['hip_centre']}; {refused['knee_centre']}",
             remedy="Give the surface of one femur, in the right unit",
         )
-    side, side_from = _side(surface, head, knee, named_side)
-    return _collected(surface, head, knee, (side, side_from), refused, notes)
+    side, side_from = _tell_side(surface, head, knee, named_side)
+    return _collect(surface, head, knee, (side, side_from), refused, notes)
 
 
-def _knee(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
+def _find_knee_end(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
     """The knee at the end without the head (at either without one), or why there is none."""
     ends = [1.0, -1.0] if head is None else [-float(np.sign(head.centre[0]))]
     tried = [find_knee(surface, end) for end in ends]
@@ -79,7 +79,7 @@ def _flares(surface: Surface, knee: Knee) -> bool:
     return widths[-1] > FLARE * min(widths[:-1])
 
 
-def _side(
+def _tell_side(
     surface: Surface, head: SphereOnBone | None, knee: Knee | None, named: Side | None
 ) -> tuple[Side, str]:
     """The head lies medial of the shaft; a bone without one of its ends is what it is called."""
@@ -104,7 +104,7 @@ def _side(
     return side, "shape"
 
 
-def _collected(
+def _collect(
     surface: Surface,
     head: SphereOnBone | None,
     knee: Knee | None,
@@ -128,7 +128,7 @@ def _collected(
         outwards = knee.axis if side[0] == "r" else -knee.axis
         points["epicondyle_lateral"] = surface.to_image(find_tip(surface, outwards, knee.distal))
         points["epicondyle_medial"] = surface.to_image(find_tip(surface, -outwards, knee.distal))
-        notes += _axis_notes(surface, knee, cylinders)
+        notes += _note_axes(surface, knee, cylinders)
     return BoneLandmarks(
         bone="femur",
         side=side[0],
@@ -148,7 +148,7 @@ def _collected(
     )
 
 
-def _axis_notes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> list[str]:
+def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> list[str]:
     """Adds the cylinder; says where the two axes differ."""
     found = knee.cylinder
     if found is None:
@@ -204,10 +204,10 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
     if best.rms > HEAD_RMS * best.radius:
         refused["hip_centre"] = f"the head is off its sphere by {1e3 * best.rms:.1f} mm rms"
         return None
-    if any(_twins(surface, best, other) for other in found[1:]):
+    if any(_are_twins(surface, best, other) for other in found[1:]):
         refused["hip_centre"] = "there are two balls alike side by side, as condyles"
         return None
-    offset = _set_off(surface, best)
+    offset = _measure_offset(surface, best)
     if offset < SET_OFF_M:
         refused["hip_centre"] = (
             f"the ball stands {1e3 * offset:.0f} mm beside the shaft; a neck sets a head off by 30-50 mm"
@@ -216,13 +216,13 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
     return best
 
 
-def _twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
+def _are_twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
     """Whether two balls are alike, as far apart as condyles, and stand on both sides of the shaft.
 
     A round greater trochanter can be as well covered as a head, but it sits on the shaft.
     """
     apart = float(np.linalg.norm(a.centre - b.centre))
-    offsets = _set_off(surface, a), _set_off(surface, b)
+    offsets = _measure_offset(surface, a), _measure_offset(surface, b)
     return (
         min(a.covered, b.covered) > 0.75 * max(a.covered, b.covered)
         and max(a.radius, b.radius) < 1.25 * min(a.radius, b.radius)
@@ -231,7 +231,7 @@ def _twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
     )
 
 
-def _set_off(surface: Surface, head: SphereOnBone) -> float:
+def _measure_offset(surface: Surface, head: SphereOnBone) -> float:
     """Distance of the head's centre from the line of the shaft, m."""
     far = np.abs(surface.smooth[:, 0] - head.centre[0])
     shaft = (far > 0.35 * far.max()) & (far < 0.75 * far.max())

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.results import Quality, Sphere, confidence
+from scaling_service.bones.shapes import across, fit_cylinder, fit_sphere
 from scaling_service.bones.surface import Surface
-from scaling_service.numerics.geometry.fits import across, fit_cylinder, fit_sphere
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def find_spheres(surface: Surface, radii: tuple[float, float], *, hollow: bool =
     balls.
     """
     found: list[SphereOnBone] = []
-    for centre, radius in _peaks(surface, radii, hollow):
+    for centre, radius in _find_peaks(surface, radii, hollow):
         sphere = refine_sphere(surface, centre, radius, hollow=hollow)
         if sphere is None or not radii[0] <= sphere.radius <= radii[1]:
             continue
@@ -146,7 +146,7 @@ def measure_coverage(surface: Surface, centre: Array, support: Array) -> float:
 _FEWEST = 12  # chosen: three times what a sphere needs
 
 
-def _peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[tuple[Array, float]]:
+def _find_peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[tuple[Array, float]]:
     """Where the votes are densest over position and radius, the best first, apart from each other."""
     inwards = surface.normals if hollow else -surface.normals
     tried = np.arange(radii[0], radii[1] + 1e-9, _RADIUS_STEP_M)
@@ -158,7 +158,7 @@ def _peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[t
         cell = ((surface.smooth + radius * inwards - low) / _CELL_M).astype(np.intp)
         flat = np.ravel_multi_index((cell[:, 0], cell[:, 1], cell[:, 2]), shape)
         votes = np.bincount(flat, surface.areas, int(np.prod(shape))).reshape(shape)
-        share = _with_neighbours(votes) / (4.0 * np.pi * radius**2)
+        share = _add_neighbours(votes) / (4.0 * np.pi * radius**2)
         np.copyto(best_radius, radius, where=share > best)
         np.maximum(best, share, out=best)
     centres = low + _CELL_M * (np.argwhere(best > 0) + 0.5)
@@ -171,7 +171,7 @@ def _peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[t
     return found
 
 
-def _with_neighbours(votes: Array) -> Array:
+def _add_neighbours(votes: Array) -> Array:
     """Of every cell its own votes and those of the 26 around it."""
     for axis in range(votes.ndim):
         own = np.moveaxis(votes, axis, 0)

@@ -107,13 +107,13 @@ smoothing takes off meshes of 3,000 faces (0.1-0.36 mm)."""
 
 def vertex_areas(points: Array, faces: Faces) -> Array:
     """A third of the area of the faces around each vertex, shape (n,)."""
-    areas = 0.5 * np.linalg.norm(_doubled(points, faces), axis=1)
+    areas = 0.5 * np.linalg.norm(_doubled_areas(points, faces), axis=1)
     return np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), len(points)).astype(float)
 
 
 def vertex_normals(points: Array, faces: Faces) -> Array:
     """Unit normals, the sum of the vector areas around each vertex, shape (n, 3)."""
-    vectors = np.repeat(_doubled(points, faces), 3, axis=0)
+    vectors = np.repeat(_doubled_areas(points, faces), 3, axis=0)
     corner = faces.ravel()
     total = np.column_stack([np.bincount(corner, vectors[:, k], len(points)) for k in range(3)])
     normals: Array = total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
@@ -174,7 +174,7 @@ def _median_edge(points: Array, faces: Faces) -> float:
     return float(np.median(np.linalg.norm(edges, axis=2))) or 1.0
 
 
-def _doubled(points: Array, faces: Faces) -> Array:
+def _doubled_areas(points: Array, faces: Faces) -> Array:
     """Vector areas of the faces, doubled."""
     a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
     crossed: Array = np.cross(b - a, c - a)
@@ -196,11 +196,11 @@ def refine_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces]
         sides = points[faces] - points[np.roll(faces, -1, axis=1)]
         if float(np.median(np.linalg.norm(sides, axis=2))) <= edge:
             break
-        points, faces = _halved(points, faces)
+        points, faces = _halve_edges(points, faces)
     return points, faces
 
 
-def _halved(points: Array, faces: Faces) -> tuple[Array, Faces]:
+def _halve_edges(points: Array, faces: Faces) -> tuple[Array, Faces]:
     normals = vertex_normals(points, faces)
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)

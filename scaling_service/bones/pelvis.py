@@ -76,8 +76,8 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
             f"{1e3 * _SIZE_M[0]:.0f}-{1e3 * _SIZE_M[1]:.0f} mm",
             remedy="Check the unit (mm or m), and that both hip bones are in the surface",
         )
-    low, high = _sockets(surface)
-    frame = _touching(surface, _anterior_frame(surface, low, high))
+    low, high = _find_sockets(surface)
+    frame = _touch_plane(surface, _find_anterior_frame(surface, low, high))
     if float((high.centre - low.centre) @ frame.z) < 0:
         low, high = high, low
     points = {"acetabulum_r": high.centre, "acetabulum_l": low.centre}
@@ -113,7 +113,7 @@ _DEFINITIONS = {
 }
 
 
-def _sockets(surface: Surface) -> tuple[SphereOnBone, SphereOnBone]:
+def _find_sockets(surface: Surface) -> tuple[SphereOnBone, SphereOnBone]:
     """The best pair of hollow spheres of equal size at a pelvis's distance."""
     found = [s for s in find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED]
     pairs = [
@@ -130,7 +130,7 @@ def _sockets(surface: Surface) -> tuple[SphereOnBone, SphereOnBone]:
     return max(pairs, key=lambda pair: min(pair[0].covered, pair[1].covered))
 
 
-def _anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone) -> _Frame:
+def _find_anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone) -> _Frame:
     middle = 0.5 * (low.centre + high.centre)
     z = high.centre - low.centre
     half = 0.5 * float(np.linalg.norm(z))
@@ -162,14 +162,14 @@ def _anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone) -> 
     return _Frame(forward, up, np.cross(forward, up), middle, half)
 
 
-def _touching(surface: Surface, frame: _Frame) -> _Frame:
+def _touch_plane(surface: Surface, frame: _Frame) -> _Frame:
     """Turned until the plane touches the tips of spines and pubis, which single vertices do not move."""
     for _ in range(_TURNS):
         tips: dict[str, Array] = {}
         for side, sign in _SIDES:
-            tips |= _plane_tips(surface, frame, side, sign)
+            tips |= _find_plane_tips(surface, frame, side, sign)
         up = tips["asis_r"] + tips["asis_l"] - tips["pubic_tubercle_r"] - tips["pubic_tubercle_l"]
-        frame = _facing(frame, np.cross(up, frame.z))
+        frame = _turn_forward(frame, np.cross(up, frame.z))
     return frame
 
 
@@ -180,15 +180,17 @@ def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
     """
     touching: dict[str, Array] = {}
     for side, sign in _SIDES:
-        touching |= _plane_tips(surface, frame, side, sign)
+        touching |= _find_plane_tips(surface, frame, side, sign)
     level, spines = frame, dict(touching)
     for _ in range(_TURNS):
         for side, sign in _SIDES:
             near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
-            regions = _regions(surface, frame, sign)
-            spines[f"asis_{side}"] = _furthest(surface, level.x, near & regions.ilium, "ASIS")
-            spines[f"psis_{side}"] = _furthest(surface, -level.x, regions.rear, "PSIS")
-        level = _facing(frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"])
+            regions = _select_regions(surface, frame, sign)
+            spines[f"asis_{side}"] = _find_furthest(surface, level.x, near & regions.ilium, "ASIS")
+            spines[f"psis_{side}"] = _find_furthest(surface, -level.x, regions.rear, "PSIS")
+        level = _turn_forward(
+            frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]
+        )
         lean = float(np.rad2deg(np.arccos(np.clip(level.x @ frame.x, -1.0, 1.0))))
         if lean > MOST_LEAN_DEG:
             raise MeshRefused(
@@ -198,19 +200,19 @@ def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
     return spines
 
 
-def _facing(frame: _Frame, forward: Array) -> _Frame:
+def _turn_forward(frame: _Frame, forward: Array) -> _Frame:
     """The frame turned about the line of the sockets to face forward."""
     forward = forward - float(forward @ frame.z) * frame.z
     forward = forward / np.linalg.norm(forward)
     return _Frame(forward, np.cross(frame.z, forward), frame.z, frame.middle, frame.half)
 
 
-def _plane_tips(surface: Surface, frame: _Frame, side: str, sign: float) -> dict[str, Array]:
+def _find_plane_tips(surface: Surface, frame: _Frame, side: str, sign: float) -> dict[str, Array]:
     """Where the anterior pelvic plane touches one side."""
-    regions = _regions(surface, frame, sign)
+    regions = _select_regions(surface, frame, sign)
     return {
-        f"asis_{side}": _furthest(surface, frame.x, regions.ilium, "ASIS"),
-        f"pubic_tubercle_{side}": _furthest(surface, frame.x, regions.pubis, "pubic tubercle"),
+        f"asis_{side}": _find_furthest(surface, frame.x, regions.ilium, "ASIS"),
+        f"pubic_tubercle_{side}": _find_furthest(surface, frame.x, regions.pubis, "pubic tubercle"),
     }
 
 
@@ -222,7 +224,7 @@ class _Regions(NamedTuple):
     rear: Mask
 
 
-def _regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
+def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
     """By places outwards, up and ahead of the middle of the sockets, as shares of half their distance."""
     offset = (surface.smooth - frame.middle) / frame.half
     out, height, ahead = sign * (offset @ frame.z), offset @ frame.y, offset @ frame.x
@@ -233,7 +235,7 @@ def _regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
     )
 
 
-def _furthest(surface: Surface, direction: Array, within: Mask, name: str) -> Array:
+def _find_furthest(surface: Surface, direction: Array, within: Mask, name: str) -> Array:
     if int(within.sum()) < 10:
         raise MeshRefused(
             f"the part that holds the {name} is not in the surface", remedy="Give whole hip bones"

@@ -100,7 +100,7 @@ def separate_fibula(surface: Surface) -> Shank:
     notes = [f"{len(inner)} shells inside the bones were left out"] if inner else []
     tibia = surface.part(surface.shell == 0)
     if not outer:
-        return _parted(surface, notes)
+        return _part_shafts(surface, notes)
     fibulas = [k for k in outer if _is_fibula(tibia, surface.part(surface.shell == k))]
     others = [k for k in outer if k not in fibulas]
     large = [k for k in others if surface.areas[surface.shell == k].sum() > 0.25 * tibia.areas.sum()]
@@ -117,7 +117,7 @@ def separate_fibula(surface: Surface) -> Shank:
 
 def _is_fibula(tibia: Surface, piece: Surface) -> bool:
     """As long as the tibia, thinner, beside it and along it."""
-    (length, axis), (other, direction) = _long_axis(tibia), _long_axis(piece)
+    (length, axis), (other, direction) = _measure_long_axis(tibia), _measure_long_axis(piece)
     ratio, area = other / length, float(piece.areas.sum() / tibia.areas.sum())
     return (
         _FIBULA_LENGTH[0] < ratio < _FIBULA_LENGTH[1]
@@ -127,10 +127,10 @@ def _is_fibula(tibia: Surface, piece: Surface) -> bool:
     )
 
 
-def _parted(surface: Surface, notes: list[str]) -> Shank:
+def _part_shafts(surface: Surface, notes: list[str]) -> Shank:
     """One piece: two bones if the middle of it runs as two shafts."""
     main = surface.shell == 0
-    length, axis = _long_axis(surface.part(main))
+    length, axis = _measure_long_axis(surface.part(main))
     level = surface.smooth @ axis
     level = (level - level[main].min()) / length
     between = main & (level > _FUSED_MIDDLE[0]) & (level < _FUSED_MIDDLE[1])
@@ -147,12 +147,12 @@ def _parted(surface: Surface, notes: list[str]) -> Shank:
     weights = [float(surface.areas[between & (label == name)].sum()) for name in large]
     order = np.argsort(weights)[::-1]
     shafts = [between & (label == large[k]) for k in order]
-    fibula = main & _nearer_to_fibula(surface, shafts, axis)
+    fibula = main & _grow_fibula(surface, shafts, axis)
     said = "tibia and fibula are joined in one surface and were parted along their shafts"
     return Shank(surface.part(main & ~fibula), surface.part(fibula), joined=True, notes=[*notes, said])
 
 
-def _nearer_to_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: Array) -> NDArray[np.bool_]:
+def _grow_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: Array) -> NDArray[np.bool_]:
     """Vertices that belong to the thinner shaft, grown from the middle to both ends slice by slice."""
     level = surface.smooth @ axis
     fibula = np.zeros(len(level), dtype=bool)
@@ -174,6 +174,6 @@ def _nearer_to_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: A
     return fibula
 
 
-def _long_axis(surface: Surface) -> tuple[float, Array]:
+def _measure_long_axis(surface: Surface) -> tuple[float, Array]:
     axis = surface.widest_direction()
     return float(np.ptp(surface.smooth @ axis)), axis

@@ -99,7 +99,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     ``vertices``: (n, 3), m. ``faces``: (m, 3). Raises MeshRefused: empty, not finite, or faces that name
     vertices that do not exist.
     """
-    vertices, triangles = _checked(vertices, faces)
+    vertices, triangles = _check(vertices, faces)
     notes: list[str] = []
     points, triangles = mesh.merge_vertices(vertices, triangles)
     triangles = mesh.remove_useless_faces(triangles)
@@ -108,17 +108,17 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
             f"it has {len(triangles)} faces, too few for a bone",
             remedy=f"Give a surface of at least {_FEWEST_FACES} faces",
         )
-    points, triangles, label = _without_strays(points, triangles, notes)
+    points, triangles, label = _drop_strays(points, triangles, notes)
     open_share = mesh.measure_openness(triangles)
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
-    triangles = _facing_out(points, triangles, label, notes)
+    triangles = _turn_outwards(points, triangles, label, notes)
     points, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
     points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
-    label = _shells_by_size(points, triangles)
-    origin, axes = _principal_frame(points, triangles)
+    label = _number_shells(points, triangles)
+    origin, axes = _find_principal_frame(points, triangles)
     points = (points - origin) @ axes
     smooth = mesh.Smoother(points, triangles).smoothed(SMOOTHING_M)
     return Surface(
@@ -138,7 +138,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
 _FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
 
 
-def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:
+def _check(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:
     vertices, triangles = np.asarray(vertices, dtype=float), np.asarray(faces)
     if vertices.size == 0 or triangles.size == 0:
         raise MeshRefused("the mesh is empty", remedy="Export the bone's surface again")
@@ -156,10 +156,8 @@ def _checked(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]
     return vertices, triangles.astype(np.intp)
 
 
-def _without_strays(
-    points: Array, triangles: Faces, notes: list[str]
-) -> tuple[Array, Faces, NDArray[np.intp]]:
-    label = _shells_by_size(points, triangles)
+def _drop_strays(points: Array, triangles: Faces, notes: list[str]) -> tuple[Array, Faces, NDArray[np.intp]]:
+    label = _number_shells(points, triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
     large = areas >= STRAY_SHARE * areas[0]
     strays = int((~large & (areas > 0)).sum())
@@ -172,7 +170,7 @@ def _without_strays(
     return points[kept], triangles, label[kept]
 
 
-def _shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
+def _number_shells(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
     label = mesh.label_pieces(len(points), triangles)
     areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
@@ -182,7 +180,7 @@ def _shells_by_size(points: Array, triangles: Faces) -> NDArray[np.intp]:
     return numbers
 
 
-def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
+def _turn_outwards(points: Array, triangles: Faces, label: NDArray[np.intp], notes: list[str]) -> Faces:
     """Every shell wound alike, then turned so that it encloses a positive volume."""
     triangles, turned = mesh.wind_alike(len(points), triangles)
     corners = points[triangles]
@@ -201,7 +199,7 @@ def _facing_out(points: Array, triangles: Faces, label: NDArray[np.intp], notes:
     return np.where(flip[:, None], triangles[:, ::-1], triangles)
 
 
-def _principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
+def _find_principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
     """Centroid of the surface and its principal axes in columns, right-handed, longest first.
 
     Signs follow the third moments, which no rotation of the image changes.

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scaling_service.bones.fits import CylinderOnBone, refine_cylinder
 from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
+from scaling_service.bones.shapes import across
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
-from scaling_service.numerics.geometry.fits import across
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def find_talus_landmarks(
             remedy="Check the unit (mm or m), and that it is a talus",
         )
     up, right = surface.R_image_own.T @ tibia.y, surface.R_image_own.T @ tibia.z
-    found = _trochlea(surface, up, right)
+    found = _find_trochlea(surface, up, right)
     axis = found.direction * np.sign(found.direction @ right)
     supported = found.support > 0
     along = (surface.points[supported] - found.point) @ axis
@@ -75,13 +75,13 @@ def find_talus_landmarks(
     )
 
 
-def _trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
+def _find_trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
     """The convex cylinder that carries most of the surface, among those that face the tibia."""
     facing = surface.normals @ up > 0.2
-    directions = _half_sphere(_DIRECTIONS)
+    directions = _spread_directions(_DIRECTIONS)
     directions = directions[np.abs(directions @ up) < 0.5]
     directions = directions[np.abs(directions @ right) > 0.5]
-    guesses = sorted((_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
+    guesses = sorted((_vote_for_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
     found: list[CylinderOnBone] = []
     for _, point, direction, radius in guesses[:_TRIED]:
         cylinder = refine_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
@@ -101,7 +101,7 @@ def _trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
     return best
 
 
-def _circle(
+def _vote_for_circle(
     surface: Surface, facing: NDArray[np.bool_], direction: Array
 ) -> tuple[float, Array, Array, float]:
     """Votes for the best circle seen along a direction: share of it, a point on its axis, radius."""
@@ -130,7 +130,7 @@ def _circle(
     return best
 
 
-def _half_sphere(n: int) -> Array:
+def _spread_directions(n: int) -> Array:
     """Evenly spread directions, without their opposites (a Fibonacci spiral)."""
     k = np.arange(n) + 0.5
     z = k / n

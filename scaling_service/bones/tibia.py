@@ -54,15 +54,15 @@ def find_tibia_landmarks(
     require_long(tibia, "tibia")
     if fibula is None:
         _refuse_femur(tibia)
-    up, height, plateau = _proximal(tibia)
-    frame, side, side_from = _frame(tibia, fibula, up, plateau, named_side)
+    up, height, plateau = _find_proximal_end(tibia)
+    frame, side, side_from = _build_frame(tibia, fibula, up, plateau, named_side)
     outwards = frame.z if side == "r" else -frame.z
     points: dict[str, Array] = {}
     refused: dict[str, str] = {}
     ankle = height < ANKLE_M
     points["plateau_medial"] = find_tip(tibia, -outwards, plateau, SHARP_M)
     points["plateau_lateral"] = find_tip(tibia, outwards, plateau, SHARP_M)
-    cut = _cut_off(tibia, up, height, outwards)
+    cut = _find_cut(tibia, up, height, outwards)
     if cut is not None:
         for name in ("malleolus_medial", "malleolus_lateral", "ankle_centre"):
             refused[name] = cut
@@ -70,7 +70,9 @@ def find_tibia_landmarks(
             level = fibula.smooth @ up
             points["fibula_head"] = find_tip(fibula, up, level > level.max() - ANKLE_M, SHARP_M)
     else:
-        points["malleolus_medial"] = find_tip(tibia, -up, ankle & _medial(tibia, outwards, ankle), SHARP_M)
+        points["malleolus_medial"] = find_tip(
+            tibia, -up, ankle & _select_medial(tibia, outwards, ankle), SHARP_M
+        )
         points["malleolus_medial_prominence"] = find_tip(tibia, -outwards, ankle, SHARP_M)
         _add_fibula(fibula, up, outwards, points, refused)
     if shank.joined and points.pop("fibula_head", None) is not None:
@@ -104,12 +106,12 @@ _DEFINITIONS = {
 }
 
 
-def _cut_off(tibia: Surface, up: Array, height: Array, outwards: Array) -> str | None:
+def _find_cut(tibia: Surface, up: Array, height: Array, outwards: Array) -> str | None:
     """Why the distal end is no ankle: it does not flare, or no malleolus stands below the rest."""
     total = float(height.max())
     levels = np.linspace(0.25, 0.6, 8)
-    shaft = [_width(tibia, up, np.abs(height - x * total) < 0.02 * total) for x in levels]
-    end = _width(tibia, up, height < ANKLE_M)
+    shaft = [_measure_width(tibia, up, np.abs(height - x * total) < 0.02 * total) for x in levels]
+    end = _measure_width(tibia, up, height < ANKLE_M)
     if end < FLARE * min(shaft):
         return f"the distal end is {1e3 * end:.0f} mm wide, no wider than a shaft: it is cut off"
     along = tibia.smooth @ outwards
@@ -150,12 +152,12 @@ def _add_fibula(
         refused["ankle_centre"] = f"the malleoli lie {1e3 * apart:.0f} mm apart"
 
 
-def _proximal(tibia: Surface) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _find_proximal_end(tibia: Surface) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Unit vector to the plateau, heights above the other end, and the plateau's block."""
     axis = tibia.widest_direction()
     along = tibia.smooth @ axis
     ends = {sign: sign * along > (sign * along).max() - PLATEAU_M for sign in (-1.0, 1.0)}
-    widths = {sign: _width(tibia, axis, chosen) for sign, chosen in ends.items()}
+    widths = {sign: _measure_width(tibia, axis, chosen) for sign, chosen in ends.items()}
     sign = max(widths, key=lambda s: widths[s])
     if widths[sign] < WIDER * widths[-sign]:
         raise MeshRefused(
@@ -172,7 +174,7 @@ def _proximal(tibia: Surface) -> tuple[Array, Array, NDArray[np.bool_]]:
     return sign * axis, height - height.min(), ends[sign]
 
 
-def _width(surface: Surface, axis: Array, chosen: NDArray[np.bool_]) -> float:
+def _measure_width(surface: Surface, axis: Array, chosen: NDArray[np.bool_]) -> float:
     """Largest extent across an axis."""
     points = surface.smooth[chosen]
     flat = points - (points @ axis)[:, None] * axis
@@ -181,13 +183,13 @@ def _width(surface: Surface, axis: Array, chosen: NDArray[np.bool_]) -> float:
     return float(np.ptp(points @ direction))
 
 
-def _frame(
+def _build_frame(
     tibia: Surface, fibula: Surface | None, up: Array, plateau: NDArray[np.bool_], named: Side | None
 ) -> tuple[TibiaFrame, Side, str]:
     """Across the plateau lies medial-lateral; the fibula's head is lateral and behind."""
     middle, wide = tibia.middle(plateau), tibia.widest_direction(plateau, across=up)
     ahead = np.cross(up, wide)
-    behind = _front(tibia, fibula, up, middle, ahead)
+    behind = _measure_behind(tibia, fibula, up, middle, ahead)
     if behind > 0:
         ahead, wide = -ahead, -wide
     if abs(behind) < _BEHIND_M:
@@ -202,15 +204,15 @@ def _frame(
                 remedy="Name it tibia_r or tibia_l",
             )
         return TibiaFrame(ahead, up, wide), named, "name"
-    head = _end(fibula, up, 1.0)
+    head = _middle_of_end(fibula, up, 1.0)
     side: Side = "r" if float((head - middle) @ wide) > 0 else "l"
     return TibiaFrame(ahead, up, wide), side, "shape"
 
 
-def _front(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:
+def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:
     """How far what lies behind the plateau's middle stands along ``ahead``, m: negative if it is ahead."""
     if fibula is not None:
-        return float((_end(fibula, up, 1.0) - middle) @ ahead)
+        return float((_middle_of_end(fibula, up, 1.0) - middle) @ ahead)
     height = tibia.smooth @ up
     level = height.max() - height
     # The tuberosity stands out in front between 25 and 60 mm below the plateau.
@@ -219,12 +221,12 @@ def _front(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahe
     return -float(along.max() + along.min())
 
 
-def _end(bone: Surface, up: Array, sign: float) -> Array:
+def _middle_of_end(bone: Surface, up: Array, sign: float) -> Array:
     height = sign * (bone.smooth @ up)
     return bone.middle(height > height.max() - PLATEAU_M)
 
 
-def _medial(tibia: Surface, outwards: Array, ankle: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _select_medial(tibia: Surface, outwards: Array, ankle: NDArray[np.bool_]) -> NDArray[np.bool_]:
     along = tibia.smooth @ outwards
     chosen: NDArray[np.bool_] = along < 0.5 * float(along[ankle].max() + along[ankle].min())
     return chosen

@@ -80,12 +80,12 @@ def find_landmarks(
         if progress is not None:
             progress(name)
         try:
-            found[name] = _one(name, bones[name], found, frames)
+            found[name] = _find_one(name, bones[name], found, frames)
         except MeshRefused as error:
             raise MeshRefused(error.problem, field=error.field or name, remedy=error.remedy) from None
     for side in ("r", "l"):
-        _with_talus(found, side)
-        _with_socket(found, side)
+        _take_from_talus(found, side)
+        _check_socket(found, side)
     return found
 
 
@@ -94,7 +94,7 @@ def _has_size(name: str, extent_m: float) -> bool:
     return low <= extent_m <= high
 
 
-def _one(
+def _find_one(
     name: str, mesh: Mesh, found: Mapping[str, BoneLandmarks], frames: dict[str, TibiaFrame]
 ) -> BoneLandmarks:
     vertices, faces = mesh
@@ -103,10 +103,10 @@ def _one(
     kind, side = name.split("_")
     named: Side = "r" if side == "r" else "l"
     if kind == "femur":
-        return _right_side(name, find_femur_landmarks(vertices, faces, named_side=named))
+        return _require_side(name, find_femur_landmarks(vertices, faces, named_side=named))
     if kind == "tibia":
         landmarks, frames[side] = find_tibia_landmarks(vertices, faces, named_side=named)
-        return _right_side(name, landmarks)
+        return _require_side(name, landmarks)
     if side not in frames:
         raise MeshRefused(
             _TALUS_ALONE, remedy=f"Give tibia_{side} of the same image too, or leave {name} out"
@@ -122,7 +122,7 @@ def _one(
     return talus
 
 
-def _right_side(name: str, landmarks: BoneLandmarks) -> BoneLandmarks:
+def _require_side(name: str, landmarks: BoneLandmarks) -> BoneLandmarks:
     if name.endswith(f"_{landmarks.side}"):
         return landmarks
     words = {"r": "right", "l": "left"}
@@ -133,7 +133,7 @@ def _right_side(name: str, landmarks: BoneLandmarks) -> BoneLandmarks:
     )
 
 
-def _with_talus(found: dict[str, BoneLandmarks], side: str) -> None:
+def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
     """The ankle's centre of the tibia from the talus, where there is one."""
     tibia, talus = found.get(f"tibia_{side}"), found.get(f"talus_{side}")
     if tibia is None or talus is None:
@@ -154,7 +154,7 @@ def _with_talus(found: dict[str, BoneLandmarks], side: str) -> None:
     )
 
 
-def _with_socket(found: dict[str, BoneLandmarks], side: str) -> None:
+def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
     """A word where the head does not sit in its socket."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     if pelvis is None or femur is None or "hip_centre" not in femur.points:

@@ -65,10 +65,10 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     """
     file = Path(path)
     content = read_c3d_file(file)
-    kept, unlabelled, repairs = _sorted_points(content, file)
+    kept, unlabelled, repairs = _sort_points(content, file)
     labels = tuple(content.labels[k] for k in kept)
     refuse_duplicates(labels, [k + 1 for k in kept], file, "marker")
-    scale, of_unit = _metres(content, file)
+    scale, of_unit = _find_unit(content, file)
     markers, lost = clean_positions(content.points[:, kept] * scale, labels)
     times = np.arange(len(markers)) / content.rate_hz
     nobodys = tuple(content.labels[k] for k in unlabelled)
@@ -79,7 +79,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
         labels,
         markers,
         content.rate_hz,
-        (*repairs, *of_unit, *_cut(content), *lost),
+        (*repairs, *of_unit, *_note_cut(content), *lost),
         stated_sizes(content.parameters),
         content.point_unit or NOT_STATED,
         _plates_or_why_not(content),
@@ -87,7 +87,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     )
 
 
-def _sorted_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], list[Repair]]:
+def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], list[Repair]]:
     """Indices of the points that are markers and of those that nobody labelled, and notes on all others."""
     if not content.labels and content.has_rotations:
         raise TrialUnusable(
@@ -119,7 +119,7 @@ def _sorted_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], 
     return kept, [k for k in others if content.labels[k] and k not in kept], repairs
 
 
-def _metres(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair, ...]]:
+def _find_unit(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair, ...]]:
     """What one unit of length of the file is in m, and what had to be assumed."""
     unit = content.point_unit.lower()
     if unit in METRES:
@@ -135,7 +135,7 @@ def _metres(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair, ..
     return METRES["mm"], (Repair("unit", "POINT:UNITS", said),)
 
 
-def _cut(content: C3dFile) -> tuple[Repair, ...]:
+def _note_cut(content: C3dFile) -> tuple[Repair, ...]:
     found = len(content.points)
     if content.stated_frames is None or content.stated_frames == found:
         return ()
@@ -179,7 +179,7 @@ def c3d_plates(content: C3dFile) -> PlateRecording:
             field="ANALOG",
             remedy="Export it with its analog signals",
         )
-    length, assumed = _metres(content, content.name)
+    length, assumed = _find_unit(content, content.name)
     repairs = list(assumed)
     plates = tuple(_Plate(content, k, repairs).read(length) for k in range(used))
     times = np.arange(len(content.analog)) / content.analog_rate_hz

@@ -160,7 +160,7 @@ def _assemble(
     parameters: dict[str, dict[str, Any]] = facts["parameters"]
     about = parameters.get("POINT", {})
     n = points.shape[1]
-    names = [str(name).strip() for name in _numbered(about, "LABELS")][:n]
+    names = [str(name).strip() for name in _join_numbered(about, "LABELS")][:n]
     labels = tuple(names + [""] * (n - len(names)))
     if residuals.shape == points.shape[:2]:
         points = np.where((residuals < 0)[..., None], np.nan, points)
@@ -170,7 +170,8 @@ def _assemble(
         name=file.stem,
         points=points,
         labels=labels,
-        computed=frozenset(str(name).strip() for kind in COMPUTED for name in _numbered(about, kind)) - {""},
+        computed=frozenset(str(name).strip() for kind in COMPUTED for name in _join_numbered(about, kind))
+        - {""},
         point_unit=str(first_value(about.get("UNITS")) or "").strip(),
         rate_hz=float(rate if usable else facts["header_rate"]),
         analog=analog,
@@ -180,7 +181,7 @@ def _assemble(
     )
 
 
-def _numbered(group: Mapping[str, Any], name: str) -> list[Any]:
+def _join_numbered(group: Mapping[str, Any], name: str) -> list[Any]:
     """A list that continues under NAME2, NAME3 … because one parameter holds at most 255 items."""
     values: list[Any] = []
     for key in (name, *(f"{name}{k}" for k in range(2, 256))):

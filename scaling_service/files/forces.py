@@ -51,7 +51,9 @@ def read_forces_from_table(table: Table, file: str) -> GroundForces:
     """The ground forces that a table holds; errors as :func:`read_forces`."""
     plates = find_plates(table.columns, file)
     names, repairs = plate_names(len(plates)), list(table.repairs)
-    parts = [_plate(table, plate, name, file, repairs) for name, plate in zip(names, plates, strict=True)]
+    parts = [
+        _read_plate(table, plate, name, file, repairs) for name, plate in zip(names, plates, strict=True)
+    ]
     up = np.array([0.0, 1.0, 0.0])
     return GroundForces(
         table.name,
@@ -110,7 +112,7 @@ def _moment_columns(base: str, present: set[str]) -> tuple[str, ...]:
     return ()
 
 
-def _plate(
+def _read_plate(
     table: Table, plate: PlateColumns, name: str, file: str, repairs: list[Repair]
 ) -> tuple[Array, Array, Array]:
     """Force, moment about the origin and a point of the surface."""
@@ -124,12 +126,12 @@ def _plate(
         moment = np.zeros_like(force)
         repairs.append(Repair("no_moment", name, "the file holds no moment at the point; zero was taken"))
     loaded = np.asarray(force[:, 1] > CONTACT_N)
-    point = _meaningful(point, force, loaded, name, file, repairs)
+    point = _correct_points(point, force, loaded, name, file, repairs)
     surface = np.nanmedian(point[loaded], axis=0) if loaded.any() else np.zeros(3)
     return force, moment + np.cross(point, force), surface
 
 
-def _meaningful(
+def _correct_points(
     point: Array, force: Array, loaded: NDArray[np.bool_], name: str, file: str, repairs: list[Repair]
 ) -> Array:
     """Points that stay near the places where the plate is loaded; any point will do for no force."""

@@ -62,7 +62,7 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
-    times, positions, rate, clock = _regular_clock(data[:, 1], positions, header.rate_hz, file)
+    times, positions, rate, clock = _restore_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
     counts = _check_counts(header, len(data))
     return Recording(
@@ -104,8 +104,8 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
         raise _truncated(file, "the line of values under DataRate")
     keys, values = lines[keys_at][1].split(), lines[values_at][1].split()
     stated = {key.lower(): value for key, value in zip(keys, values, strict=False)}
-    unit, unit_repairs = _unit(stated, values, file)
-    columns, label_repairs = _labels(lines[labels_at][1], file)
+    unit, unit_repairs = _read_unit(stated, values, file)
+    columns, label_repairs = _read_labels(lines[labels_at][1], file)
     first_row, layout = _skip_axes(lines, labels_at + 1)
     return _Header(
         columns,
@@ -141,7 +141,7 @@ def _truncated(file: Path, what: str) -> FileUnreadable:
     return FileUnreadable(f"the header is truncated: {what} is missing", file=file, remedy="Export it again")
 
 
-def _unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
+def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
     unit = stated.get("units", "").lower()
     if unit in METRES:
         return unit, ()
@@ -158,7 +158,7 @@ def _unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, t
     return "mm", (Repair("unit", "Units", "no unit is stated; mm was taken, as is usual in TRC files"),)
 
 
-def _labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
+def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
     cells = tables.split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
     if len(cells) < 2 or not cells[1].lower().startswith("time"):
         raise _truncated(file, "the column Time")
@@ -225,7 +225,7 @@ def _positive(text: str) -> float:
     return value if 0 < value < 1e9 else float("nan")
 
 
-def _regular_clock(
+def _restore_clock(
     times: Array, positions: Array, stated_hz: float, file: Path
 ) -> tuple[Array, Array, float, tuple[Repair, ...]]:
     """Undo the rounding of times and restore frames that were left out, where the clock is regular.
@@ -239,10 +239,10 @@ def _regular_clock(
             )
         return times, positions, stated_hz, ()
     measured_hz = 1.0 / float(np.median(np.diff(times)))
-    frame = _frame_numbers(times, stated_hz)
+    frame = _number_frames(times, stated_hz)
     rate, repairs = stated_hz, []
     if frame is None:
-        frame, rate = _measured_clock(times, measured_hz)
+        frame, rate = _measure_clock(times, measured_hz)
         note = (
             "no usable rate is stated"
             if not np.isfinite(stated_hz)
@@ -274,7 +274,7 @@ def _regular_clock(
     return clock, positions, rate, tuple(repairs)
 
 
-def _frame_numbers(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
+def _number_frames(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
     """Frame of each time on the regular clock of a rate, from 0; None if they do not fit it."""
     if not np.isfinite(rate_hz) or (times[-1] - times[0]) * rate_hz > (1 + MOST_INSERTED) * len(times):
         return None
@@ -288,11 +288,11 @@ def _frame_numbers(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
     return numbers
 
 
-def _measured_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | None, float]:
+def _measure_clock(times: Array, median_hz: float) -> tuple[NDArray[np.intp] | None, float]:
     """Frames and rate from the times alone: by their span, then (if frames are absent) by the median step."""
     span_hz = (len(times) - 1) / float(times[-1] - times[0])
     for rate in (span_hz, median_hz):
-        frame = _frame_numbers(times, rate)
+        frame = _number_frames(times, rate)
         if frame is not None:
             return frame, rate
     return None, median_hz

@@ -255,10 +255,6 @@ class BodyModel:
         """The coordinate of that name (KeyError if none)."""
         return _named(self.coordinates, name)
 
-    def parameter(self, name: str) -> Parameter:
-        """The parameter of that name (KeyError if none)."""
-        return _named(self.parameters, name)
-
     @property
     def segment_names(self) -> tuple[str, ...]:
         """All segments, parents first."""
@@ -287,7 +283,7 @@ class BodyModel:
         return replace(self, markers=markers)
 
 
-_Item = TypeVar("_Item", Segment, Marker, Coordinate, Parameter)
+_Item = TypeVar("_Item", Segment, Marker, Coordinate)
 
 
 def _named(items: tuple[_Item, ...], name: str) -> _Item:

@@ -62,14 +62,14 @@ def find_exchanged_sides(trial: Trial, roles: Mapping[str, str] | None = None) -
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
     lines = {lateral: _rightward_line(places, lateral, medial) for lateral, medial in pairs}
-    texts = list(_sides(trial, places))
+    texts = list(_check_sides(trial, places))
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
         rightwards = _rightwards(places, others) if lateral[1:] in _LEGS else None
         labels = f"{places[lateral][0]} and {places[medial][0]}"
         texts += [
             f"{trial.name}: the labels {labels} look exchanged {span}: {_REMEDY}"
-            for span in _spans(_wrong(lines[lateral], rightwards, trial.times), trial)
+            for span in _describe_spans(_find_wrong(lines[lateral], rightwards, trial.times), trial)
         ]
     return tuple(texts)
 
@@ -101,7 +101,7 @@ def _rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
     return _unit(found)
 
 
-def _wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[np.bool_]:
+def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[np.bool_]:
     """The frames in which a line that should point to the right looks exchanged, (n_frames,)."""
     wrong = np.zeros(len(line), dtype=bool)
     rows = np.flatnonzero(np.isfinite(line).all(axis=1) & (np.linalg.norm(line, axis=1) > 0.0))
@@ -109,7 +109,7 @@ def _wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[np.bo
         return wrong
     seen = line[rows]
     outwards = np.full(len(rows), np.nan) if rightwards is None else _cosines(seen, rightwards[rows])
-    turned = np.cumsum(np.concatenate(([False], _jumps(seen, outwards, times[rows])))) % 2 == 1
+    turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
     inside = [_typical(outwards[turned == part]) for part in (False, True)]
     if not turned.any():
         guilty = np.full(len(rows), inside[0] < -CLEAR)
@@ -135,7 +135,7 @@ def _typical(values: Array) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def _jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
+def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
     """Whether the line turns round between each seen frame and the next one seen, (n_seen - 1,)."""
     change = np.linalg.norm(np.diff(line, axis=0), axis=1)
     turns = np.einsum("fi,fi->f", line[1:], line[:-1]) < 0.0
@@ -145,7 +145,7 @@ def _jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]:
     return np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
 
 
-def _spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
+def _describe_spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
     """Each stretch that lasts, in words."""
     for first, stop in runs(wrong).tolist():
         end = f"{trial.times[stop - 1]:.2f} s{', the end' if stop == trial.n_frames else ''}"
@@ -155,7 +155,7 @@ def _spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
             yield f"from {trial.times[first]:.2f} s to {end}"
 
 
-def _sides(trial: Trial, places: _Places) -> Iterator[str]:
+def _check_sides(trial: Trial, places: _Places) -> Iterator[str]:
     """Whether right and left are exchanged: seen from above, the pelvis then has its right side left."""
     names = [name for pair in _PELVIS for name in pair]
     below = next((pair for pair in _BELOW if all(name in places for name in pair)), None)
@@ -241,16 +241,16 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         measured = np.stack([_distance(trial, *pair) for pair in pairs], axis=1)
         away = np.abs(measured - [usual[pair] for pair in pairs])
         changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
-        yield from _joined(
+        yield from _join_blocks(
             Exchange(
                 tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
                 float(trial.times[start]),
                 float(trial.times[stop - 1]),
                 *found[1:],
             )
-            for start, stop in _blocks(changed, measured)
+            for start, stop in _split_blocks(changed, measured)
             if stop - start >= SHORTEST_S * trial.rate_hz
-            if (found := _better_order(names, pairs, measured[start:stop], usual)) is not None
+            if (found := _find_better_order(names, pairs, measured[start:stop], usual)) is not None
         )
 
 
@@ -267,14 +267,15 @@ def without_exchanges(
         markers = trial.markers.copy()
         for wrong in find_exchanges(trial, clusters, usual):
             inside = (trial.times >= wrong.start_s) & (trial.times <= wrong.end_s)
-            markers[np.ix_(inside, [trial.index(label) for label in wrong.labels])] = np.nan
+            columns = np.array([trial.index(label) for label in wrong.labels])
+            markers[np.ix_(inside, columns)] = np.nan
             span = f"from {wrong.start_s:.2f} to {wrong.end_s:.2f} s"
             said.append(f"{trial.name}: the labels {' and '.join(wrong.labels)} look exchanged {span}")
         kept.append(replace(trial, markers=markers))
     return tuple(kept), tuple(said)
 
 
-def _blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:
+def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:
     """Runs of changed frames, cut where a distance jumps."""
     with np.errstate(invalid="ignore"):
         jumps = np.flatnonzero(np.nanmax(np.abs(np.diff(measured, axis=0)), axis=1, initial=0.0) > JUMP_M) + 1
@@ -283,7 +284,7 @@ def _blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, 
         yield from pairwise(cuts)
 
 
-def _joined(found: Iterable[Exchange]) -> Iterator[Exchange]:
+def _join_blocks(found: Iterable[Exchange]) -> Iterator[Exchange]:
     """Blocks in a row with the same labels wrong as one."""
     last: Exchange | None = None
     for item in found:
@@ -298,7 +299,7 @@ def _joined(found: Iterable[Exchange]) -> Iterator[Exchange]:
         yield last
 
 
-def _better_order(
+def _find_better_order(
     names: Sequence[str], pairs: Sequence[tuple[str, str]], measured: Array, usual: Shape
 ) -> tuple[tuple[str, ...], float, float] | None:
     """The order of labels that fits a block best, with the largest difference before and after."""
@@ -308,7 +309,10 @@ def _better_order(
         return None
     typical = dict(zip(kept, np.nanmedian(measured[:, known], axis=0).tolist(), strict=True))
     seen = sorted({name for pair in kept for name in pair})
-    misfit = {order: _misfit(dict(zip(seen, order, strict=True)), typical, usual) for order in _orders(seen)}
+    misfit = {
+        order: _measure_misfit(dict(zip(seen, order, strict=True)), typical, usual)
+        for order in _list_orders(seen)
+    }
     before = misfit[tuple(seen)]
     order = min(misfit, key=lambda o: misfit[o])
     if before < CHANGED_M or misfit[order] > EXPLAINED * before:
@@ -317,7 +321,7 @@ def _better_order(
     return tuple(renamed.get(name, name) for name in names), before, misfit[order]
 
 
-def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+def _list_orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     if len(names) <= _EVERY_ORDER:
         yield from permutations(names)
         return
@@ -328,7 +332,7 @@ def _orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
         yield tuple(order)
 
 
-def _misfit(true: Mapping[str, str], typical: Shape, usual: Shape) -> float:
+def _measure_misfit(true: Mapping[str, str], typical: Shape, usual: Shape) -> float:
     """The largest difference of a distance from the usual one, m; infinite where one is not known."""
     worst = 0.0
     for (a, b), distance in typical.items():

@@ -112,7 +112,7 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     misfit[:, k] = np.nan
     squares = (misfit**2).sum(axis=-1)
     rms = float(np.sqrt(squares[np.isfinite(squares)].mean())) if np.isfinite(squares).any() else float("nan")
-    predicted = predicted + _bridge(cloud[:, k] - predicted, possible)
+    predicted = predicted + _bridge_mismatch(cloud[:, k] - predicted, possible)
     return possible, predicted, rms
 
 
@@ -150,7 +150,7 @@ def mean_shape(cloud: Array) -> Array:
     return shape
 
 
-def _bridge(mismatch: Array, wanted: Mask) -> Array:
+def _bridge_mismatch(mismatch: Array, wanted: Mask) -> Array:
     """Correction inside each wanted run, linear between the mismatch at its two borders.
 
     ``mismatch`` (n_frames, 3), m: measured minus carried, NaN where either is missing. ``wanted``:

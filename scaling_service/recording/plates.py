@@ -31,7 +31,7 @@ def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
         raise copy(recording)  # whoever catches it adds the file's path
     repairs = list(recording.repairs)
     parts = [
-        _in_laboratory(plate, name, recording.name, repairs)
+        _turn_to_laboratory(plate, name, recording.name, repairs)
         for plate, name in zip(recording.plates, plate_names(len(recording.plates)), strict=True)
     ]
     force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
@@ -47,7 +47,7 @@ def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     )
 
 
-def _in_laboratory(
+def _turn_to_laboratory(
     plate: RawPlate, name: str, file: str, repairs: list[Repair]
 ) -> tuple[Array, Array, Array, Array]:
     """Force, moment about the laboratory's origin, middle and upward normal of one plate."""

@@ -70,15 +70,15 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     """
     names = tuple(feet)
     loaded = forces.in_contact()
-    away = np.stack([_distances(forces.centre_of_pressure(), feet[f]) for f in names])
-    on_floor, notes = _on_floor([feet[f] for f in names], forces.times, forces.name)
+    away = np.stack([_measure_distances(forces.centre_of_pressure(), feet[f]) for f in names])
+    on_floor, notes = _find_resting([feet[f] for f in names], forces.times, forces.name)
     foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
     for k, plate in enumerate(forces.plates):
-        for start, stop in _contacts(loaded[:, k], forces.times):
+        for start, stop in _find_contacts(loaded[:, k], forces.times):
             rows = slice(start, stop)
-            chosen = _foot_of(away[:, rows, k])
+            chosen = _choose_foot(away[:, rows, k])
             foot[rows, k] = chosen
-            notes += _notes(plate, names, chosen, on_floor[rows], forces.times[rows])
+            notes += _describe_contact(plate, names, chosen, on_floor[rows], forces.times[rows])
     if loaded.any() and (foot == NOBODY).all():
         raise TrialUnusable(
             "no load is near a foot",
@@ -87,8 +87,8 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
             remedy="Check that forces and markers are of one recording, in one system of axes and unit",
         )
     foot[~loaded] = NOBODY
-    notes += _two_feet(foot, away, on_floor, forces) + _two_plates(foot, names)
-    supported, more = _supported(foot, loaded, on_floor, names, forces)
+    notes += _find_two_feet(foot, away, on_floor, forces) + _find_two_plates(foot, names)
+    supported, more = _find_supported(foot, loaded, on_floor, names, forces)
     return FootContacts(names, foot, on_floor, supported, (*notes, *more))
 
 
@@ -107,7 +107,7 @@ def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[s
     return SegmentLoads(forces.times, tuple(segments[f] for f in contacts.feet), force, moment)
 
 
-def _distances(centre: Array, markers: Array) -> Array:
+def _measure_distances(centre: Array, markers: Array) -> Array:
     """Horizontal distance from centres of pressure to the lines between a foot's markers, (n, n_plates)."""
     flat, at = markers[..., (0, 2)], centre[..., (0, 2)]
     pairs = [(i, j) for i in range(flat.shape[1]) for j in range(i, flat.shape[1])]
@@ -121,7 +121,7 @@ def _distances(centre: Array, markers: Array) -> Array:
     return best
 
 
-def _on_floor(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
+def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, list[Repair]]:
     """Whether each foot rests, (n, n_feet): a marker near the floor, and one that moves with it.
 
     The floor is where the lower foot stands, for a foot may be in the air all the time. It moves on a
@@ -132,7 +132,7 @@ def _on_floor(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask, lis
     above = [m[..., 1] - (h - h.min() + floor) for m, h in zip(feet, usual, strict=True)]
     heights = [np.where(np.isfinite(x), x, np.inf) for x in above]
     velocities = [_velocities(markers, times) for markers in feet]
-    belt = _belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
+    belt = _measure_belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
     notes = []
     if belt.any():
         detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
@@ -151,7 +151,7 @@ def _velocities(markers: Array, times: Array) -> Array:
     return np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat)
 
 
-def _belt(heights: Array, velocities: Array) -> Array:
+def _measure_belt(heights: Array, velocities: Array) -> Array:
     """Median velocity of the lowest marker, (2,); zero below the speed of a swinging foot."""
     lowest = heights.argmin(axis=1)
     velocity = velocities[np.arange(len(lowest)), lowest]
@@ -166,19 +166,21 @@ def _usual_heights(markers: Array) -> Array:
     return np.array([np.percentile(h, 5) if len(h) else np.inf for h in heights])
 
 
-def _contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
+def _find_contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     return [(a, b) for a, b in runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
 
 
-def _foot_of(away: Array) -> int:
+def _choose_foot(away: Array) -> int:
     """The foot of one contact from distances (n_feet, n)."""
     typical = np.array([np.median(d[np.isfinite(d)]) if np.isfinite(d).any() else np.inf for d in away])
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY
 
 
-def _notes(plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, times: Array) -> list[Repair]:
+def _describe_contact(
+    plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, times: Array
+) -> list[Repair]:
     """What to say about one contact."""
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
     if chosen == NOBODY:
@@ -193,7 +195,7 @@ def _notes(plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, time
     return notes
 
 
-def _two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: GroundForces) -> list[Repair]:
+def _find_two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: GroundForces) -> list[Repair]:
     """Plates whose pressure leaves the foot they bear towards one that stands and bears nothing."""
     notes = []
     for k, plate in enumerate(forces.plates):
@@ -212,7 +214,7 @@ def _two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: Groun
     return notes
 
 
-def _two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Repair]:
+def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Repair]:
     notes = []
     for k, name in enumerate(names):
         count = int(((foot == k).sum(axis=1) > 1).sum())
@@ -221,7 +223,7 @@ def _two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Repair]:
     return notes
 
 
-def _supported(
+def _find_supported(
     foot: NDArray[np.intp], loaded: Mask, on_floor: Mask, names: tuple[str, ...], forces: GroundForces
 ) -> tuple[Mask, list[Repair]]:
     """Frames without an unknown contact, and who stands beside the plates."""

@@ -44,12 +44,12 @@ def synchronise(
             remedy="Use forces and markers of the same recording, on one clock",
         )
     whole = np.concatenate([forces.force, forces.moment, forces.readings[..., None]], axis=2)
-    own, whole, repairs = _on_a_regular_clock(own, whole, forces.name)
+    own, whole, repairs = _regularise_clock(own, whole, forces.name)
     if cutoff_hz is not None:
-        whole, more = _filtered(whole, own, cutoff_hz, forces)
+        whole, more = _filter(whole, own, cutoff_hz, forces)
         repairs += more
     sampled = np.stack(
-        [_sampled(own, whole[:, k], wanted, cutoff_hz is not None) for k in range(whole.shape[1])], axis=1
+        [_sample(own, whole[:, k], wanted, cutoff_hz is not None) for k in range(whole.shape[1])], axis=1
     )
     outside = int(((wanted < own[0] - 1e-9) | (wanted > own[-1] + 1e-9)).sum())
     if outside:
@@ -60,7 +60,7 @@ def synchronise(
     return forces.changed(*repairs, times=wanted, force=force, moment=moment, read=read)
 
 
-def _on_a_regular_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[Repair]]:
+def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[Repair]]:
     """The regular clock that rounded times stand for; else values interpolated onto one."""
     n = len(times)
     if n < 3:
@@ -69,11 +69,11 @@ def _on_a_regular_clock(times: Array, values: Array, name: str) -> tuple[Array, 
     step = regular[1] - regular[0]
     if np.abs(times - regular).max() <= ROUNDED * step:
         return regular, values, []
-    flat = np.stack([_linear(times, values[:, k], regular) for k in range(values.shape[1])], axis=1)
+    flat = np.stack([_interpolate(times, values[:, k], regular) for k in range(values.shape[1])], axis=1)
     return regular, flat, [Repair("clock", name, "times are irregular; interpolated onto a regular clock", n)]
 
 
-def _filtered(
+def _filter(
     values: Array, times: Array, cutoff_hz: float, forces: GroundForces
 ) -> tuple[Array, list[Repair]]:
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
@@ -94,10 +94,10 @@ def _filtered(
     )
 
 
-def _sampled(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
+def _sample(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
     """Values (n, 7) at other times; smooth ones by a cubic spline in each run, others by straight lines."""
     if not smooth:
-        return _linear(times, values, wanted)
+        return _interpolate(times, values, wanted)
     result = np.full((len(wanted), values.shape[1]), np.nan)
     for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
         inside = _within(times[start:stop], wanted)
@@ -106,7 +106,7 @@ def _sampled(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
     return result
 
 
-def _linear(times: Array, values: Array, wanted: Array) -> Array:
+def _interpolate(times: Array, values: Array, wanted: Array) -> Array:
     result = np.full((len(wanted), values.shape[1]), np.nan)
     for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
         inside = _within(times[start:stop], wanted)

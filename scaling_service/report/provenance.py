@@ -11,6 +11,13 @@ from scaling_service.documents.results import Provenance, RepairNote
 from scaling_service.report.blocks import Block, Bullets, Details, Row, Table, Text
 
 
+def origin_blocks(document: Provenance, warnings: Sequence[str]) -> Iterator[Block]:
+    """Warnings, repairs, labels, settings and input files."""
+    yield from warning_blocks(warnings)
+    yield from repair_blocks(document)
+    yield from input_blocks(document)
+
+
 def warning_blocks(warnings: Sequence[str]) -> Iterator[Block]:
     """All warnings, or that there were none."""
     if warnings:

@@ -30,11 +30,12 @@ PersonDone = Callable[[str, int, int], None]
 Study = TypeVar("Study", bound="StudyDocument")
 Person = TypeVar("Person", bound="PersonPart")
 
-_HOLDS: dict[bool | None, tuple[str, Tone]] = {
+HOLDS: dict[bool | None, tuple[str, Tone]] = {
     True: ("holds", "good"),
     False: ("does not hold", "poor"),
     None: ("undecided", "unknown"),
 }
+"""Whether a claim holds, in words, and the tone of that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +161,7 @@ def study_page(title: str, document: StudyDocument, sections: Sequence[Section])
     differences = Callout(headline, [Text("What differs, and why:"), Bullets(document.notes)])
     return Page(
         f"{title}, done again on virtual persons",
-        [Section("Do the paper's claims hold here?", [differences, claims_table(document)]), *sections],
+        [Section("Do the paper's claims hold here?", [differences, _claims_table(document)]), *sections],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: {DOCUMENT}.",
     )
@@ -171,11 +172,11 @@ def count_held(document: StudyDocument) -> str:
     return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"
 
 
-def claims_table(document: StudyDocument) -> Table:
+def _claims_table(document: StudyDocument) -> Table:
     """Every claim, and whether it holds here."""
     rows = []
     for claim in document.claims:
-        word, tone = _HOLDS[claim.holds]
+        word, tone = HOLDS[claim.holds]
         rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
     return Table(
         "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from scaling_service.capabilities.shared.flags import Only, Out, with_flags
-from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table
+from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table, say
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def reproduce(
             )
     elif study == "muller2017":
         from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
-        from scaling_service.studies.muller2017.run import reproduce_muller2017
+        from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(
             UncertaintySettings(samples=samples, seed=settings.seed),
@@ -110,7 +110,7 @@ def reproduce(
             finished=_show_person,
         )
     else:
-        from scaling_service.studies.futamure.run import reproduce_futamure
+        from scaling_service.studies.futamure.study import reproduce_futamure
 
         document = reproduce_futamure(
             seed=settings.seed,
@@ -130,15 +130,20 @@ def _show_person(name: str, done: int, count: int) -> None:
 
 def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, files: Sequence[str]) -> None:
     """The tables, every claim, and what was written."""
-    from scaling_service.studies.claims import claims_table, count_held
+    from scaling_service.studies.claims import HOLDS, count_held
 
     console = console_of_results()
     console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
-    for table in (*tables, claims_table(document)):
+    for table in tables:
         print_table(console, table)
+    for claim in document.claims:
+        said = f"{claim.where}: {claim.claim}. In the paper: {claim.paper}. Here: {claim.ours}"
+        say(console, HOLDS[claim.holds][0], _STYLES[claim.holds], [said])
     taken = f"{document.wall_s:.0f} s for {document.size} persons"
     console.print(f"{count_held(document)} claims hold; {taken}", highlight=False)
     list_files(console, out, [", ".join(files)])
 
+
+_STYLES = {True: "green", False: "red", None: "yellow"}
 
 COMMANDS = (reproduce,)

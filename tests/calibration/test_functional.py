@@ -19,7 +19,7 @@ from scaling_service.model.compile import default_coordinates
 from scaling_service.model.parameters import axis_of, with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
-from scaling_service.numerics.geometry.functional import Poses, rotation_centre
+from scaling_service.numerics.multibody.functional import Poses, rotation_centre
 from scaling_service.virtual.subject import virtual_subject
 from tests.calibration.clustered import CLEAN, USUAL, Clustered, clustered, clusters
 from tests.calibration.people import trial

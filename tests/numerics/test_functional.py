@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from scaling_service.numerics.geometry.functional import (
+from scaling_service.numerics.multibody.functional import (
     Poses,
     ranges_of_motion,
     rotation_axis,

@@ -20,8 +20,7 @@ from scaling_service.numerics.multibody.marker_rates import (
     shift_normal,
 )
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import Motion, move_links
-from scaling_service.numerics.multibody.screws import screws_of
+from scaling_service.numerics.multibody.motion import Motion, move_links, screws_of
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.wrench.ground_wrench import root_wrench
 from scaling_service.numerics.wrench.wrench_rates import wrench_rates

@@ -9,9 +9,8 @@ from scaling_service.model.inertia import total_mass
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from scaling_service.studies.futamure.claims import less
 from scaling_service.studies.futamure.report import page as study_page
-from scaling_service.studies.futamure.run import reproduce_futamure
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter
-from scaling_service.studies.futamure.study import WAYS, study_squatter
+from scaling_service.studies.futamure.study import WAYS, reproduce_futamure, study_squatter
 
 
 def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:

@@ -25,14 +25,17 @@ from scaling_service.numerics.multibody.marker_rates import (
     shift_normal,
 )
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias, Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, move_links
+from scaling_service.numerics.multibody.motion import LinkMotion, Screws, move_links, screws_of
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.screws import Screws, screws_of
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.signals.splines_band import Quadratic, gathered, gathered_rows
-from scaling_service.numerics.wrench.ground_wrench import blocks, link_wrenches, moment_about
-from scaling_service.numerics.wrench.regressor import regressor_blocks
+from scaling_service.numerics.wrench.ground_wrench import (
+    blocks,
+    link_wrenches,
+    moment_about,
+    regressor_blocks,
+)
 from scaling_service.numerics.wrench.wrench_rates import wrench_rates
 
 SPREAD = GeometryPrior(0.05, 0.009)

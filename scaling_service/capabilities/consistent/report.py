@@ -14,7 +14,7 @@ from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend,
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.methods import INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
+from scaling_service.report.provenance import origin_blocks
 
 WAYS = (
     ("classical", "#0072B2", "dash"),
@@ -45,7 +45,7 @@ def consistent_page(document: ConsistentDocument, results: ConsistentResults) ->
             Section("Ground wrench", list(_wrenches(results)), new_page=True),
             Section("Markers", list(_markers(results)), new_page=True),
             Section("Lengths and inertia", list(_body(document)), new_page=True),
-            Section("Where this comes from", list(_provenance(document)), new_page=True),
+            Section("Where this comes from", list(origin_blocks(document, document.warnings)), new_page=True),
         ],
         subtitle=f"Start: {document.start}, inertia: {document.inertia}, "
         f"{document.mass_kg:.1f} kg on the plates",
@@ -165,9 +165,3 @@ def _body(document: ConsistentDocument) -> Iterator[Block]:
         ],
         "kg, m, kg m2; tensors about the centre of mass.",
     )
-
-
-def _provenance(document: ConsistentDocument) -> Iterator[Block]:
-    yield from warning_blocks(document.warnings)
-    yield from repair_blocks(document)
-    yield from input_blocks(document)

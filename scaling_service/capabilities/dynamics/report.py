@@ -34,7 +34,7 @@ from scaling_service.report.blocks import (
 from scaling_service.report.figures import Figure, chart
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
+from scaling_service.report.provenance import origin_blocks
 
 _HEADLINES: tuple[tuple[str, Tone], ...] = (
     ("These recordings cannot tell this person's inertia better than a table", "unknown"),
@@ -89,13 +89,10 @@ def _verdict(document: DynamicsDocument) -> Iterator[Block]:
 
 def _loads(document: DynamicsDocument) -> Iterator[Block]:
     trials = document.trials
-    first = next(iter(trials.values()))
+    loads = [trial.joint_loads for trial in trials.values()]
     rows = [
-        Row(
-            f"{name}, {load.unit}",
-            [f"{t.joint_loads[name].peak:.1f} ({t.joint_loads[name].rms:.1f})" for t in trials.values()],
-        )
-        for name, load in first.joint_loads.items()
+        Row(f"{name}, {load.unit}", [f"{of[name].peak:.1f} ({of[name].rms:.1f})" for of in loads])
+        for name, load in loads[0].items()
     ]
     yield Table(
         "Generalised forces: largest size (RMS)",
@@ -107,11 +104,9 @@ def _loads(document: DynamicsDocument) -> Iterator[Block]:
 
 
 def _provenance(document: DynamicsDocument) -> Iterator[Block]:
-    yield from warning_blocks(document.warnings)
-    yield from repair_blocks(document)
-    yield from input_blocks(document)
-    rows = [Row("seconds in all", [f"{document.wall_s:.1f}"])]
-    yield Details("Computing time", [Table("Computing time", ["", ""], rows)])
+    yield from origin_blocks(document, document.warnings)
+    seconds = Row("seconds in all", [f"{document.wall_s:.1f}"])
+    yield Details("Computing time", [Table("Computing time", ["", ""], [seconds])])
 
 
 def _inertia(found: IdentificationDocument) -> Iterator[Block]:

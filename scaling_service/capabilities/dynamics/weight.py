@@ -49,7 +49,7 @@ class Weight:
         if not 1 / FAR_OFF <= self.factor <= FAR_OFF:
             raise TrialUnusable(
                 f"the plates bear {self.plates_kg:.1f} kg, the model weighs {self.declared_kg:.1f} kg",
-                file=few(list(self.by_trial)),
+                file=next(iter(self.by_trial)),
                 field="subject.mass_kg",
                 remedy="Declare the right mass, use a model of the whole body, and give forces in N",
             )

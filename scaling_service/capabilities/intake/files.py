@@ -99,7 +99,7 @@ def axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEn
         sure=not any(f"({GUESSED}" in text for text in why),
         given=up is not None and forward is not None,
         why=why,
-        R_new_old=[[float(v) for v in row] for row in axes.R_new_old],
+        R_new_old=[(float(x), float(y), float(z)) for x, y, z in axes.R_new_old],
     )
 
 
@@ -225,7 +225,7 @@ def _document(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
     def read() -> Mapping[str, Any]:
-        content = read_content(file)
+        content: Any = read_content(file)
         if isinstance(content, dict):  # files are uploaded by their names alone, without folders
             content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
         check_document(content)

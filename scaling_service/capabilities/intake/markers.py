@@ -270,7 +270,7 @@ def guess_segment(label: str) -> str | None:
 
     Examples
     --------
-    >>> said_of("RTHI"), said_of("S01:L_tib2"), said_of("C7")
+    >>> guess_segment("RTHI"), guess_segment("S01:L_tib2"), guess_segment("C7")
     ('femur_r', 'tibia_l', None)
     """
     plain = strip_prefix(label).upper()

@@ -219,7 +219,8 @@ def _distance(foot: Array, centre: Array) -> Array:
 def _over(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     """Frames in which a marker of a foot is over a plate, between its ends along x and z, or beside it."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2).any(axis=1))
+        beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
+    return np.asarray(beside.any(axis=1))
 
 
 def _rests(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
-from scaling_service.model.body import BodyModel, Marker, Segment, Vector
+from scaling_service.model.body import BodyModel, Marker, Segment, Vector, vector
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import follow, model_values
 from scaling_service.model.results import Array
@@ -115,7 +115,7 @@ def knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
             if axis is not None:
                 centre, direction = axis
                 ends = (centre - _AXIS_HALF_M * direction, centre + _AXIS_HALF_M * direction)
-                found[thigh] = (_vector(ends[0]), _vector(ends[1]))
+                found[thigh] = (vector(ends[0]), vector(ends[1]))
     return found
 
 
@@ -164,8 +164,3 @@ def _filled(path: Array) -> Array:
     known = np.isfinite(path).all(axis=1)
     rows = np.arange(len(path))
     return np.stack([np.interp(rows, rows[known], path[known, k]) for k in range(3)], axis=1)
-
-
-def _vector(values: Array) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return (x, y, z)

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.geometry.clusters import wrench_rate
+from scaling_service.numerics.least_squares.clusters import wrench_rate
 from scaling_service.numerics.multibody.laws import NONE, Array, TermArrays
 from scaling_service.numerics.multibody.plan import Entry, is_plain
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross

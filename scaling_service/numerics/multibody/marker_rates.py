@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, point_acceleration, point_velocity
+from scaling_service.numerics.multibody.motion import LinkMotion, Screws, point_acceleration, point_velocity
 from scaling_service.numerics.multibody.rigid import skew
-from scaling_service.numerics.multibody.screws import Screws
 from scaling_service.numerics.multibody.tree import Tree, cross, local_positions
 
 

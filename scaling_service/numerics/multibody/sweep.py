@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.geometry.clusters import (
+from scaling_service.numerics.least_squares.clusters import (
     Clusters,
     Misfit,
     clusters_of,

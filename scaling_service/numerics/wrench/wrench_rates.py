@@ -13,8 +13,7 @@ import numpy as np
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion
-from scaling_service.numerics.multibody.screws import Screws, force_cross, motion_cross
+from scaling_service.numerics.multibody.motion import LinkMotion, Screws, force_cross, motion_cross
 from scaling_service.numerics.multibody.tree import cross
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY, link_wrenches
 

@@ -59,12 +59,12 @@ class Callers:
         """The owner, and who it is whose requests are counted."""
         given = request.headers.get("authorization")
         if given is not None:
-            return self._of_key(request, given)
+            return self._check_key(request, given)
         ticket = request.query_params.get(PARAMETER) if request.method == "GET" else None
         if ticket is not None:
-            owner = self._of_ticket(ticket, request.scope["path"])
+            owner = self._check_ticket(ticket, request.scope["path"])
             return owner, f"links of {owner}"
-        return self._without_key(request), address
+        return self._check_keyless(request), address
 
     def _count(self, caller: str) -> None:
         wait_s = self._limit.take(caller)
@@ -80,7 +80,7 @@ class Callers:
                 remedy="Ask 127.0.0.1 or localhost",
             )
 
-    def _without_key(self, request: Request) -> str:
+    def _check_keyless(self, request: Request) -> str:
         if not self._loopback or keys.any_valid(self._database):
             remedy = "Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one"
             raise KeyNeeded("a key is needed", field="Authorization", remedy=remedy)
@@ -92,7 +92,7 @@ class Callers:
             )
         return LOCAL
 
-    def _of_key(self, request: Request, given: str) -> tuple[str, str]:
+    def _check_key(self, request: Request, given: str) -> tuple[str, str]:
         scheme, _, token = given.partition(" ")
         if scheme.lower() != "bearer":
             raise KeyNeeded(
@@ -108,7 +108,7 @@ class Callers:
         request.scope["caller"] = token.split("_")[1]  # the key's public part, for the log
         return owner, f"key {request.scope['caller']}"
 
-    def _of_ticket(self, ticket: str, path: str) -> str:
+    def _check_ticket(self, ticket: str, path: str) -> str:
         owner = self.tickets.owner_of(ticket, path)
         if owner is None:
             raise KeyNeeded(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -19,10 +21,15 @@ from scaling_service.capabilities.consistent.planar import (
 )
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
+from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.dynamics.inverse_dynamics import ORDER
-from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
+from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ, UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.shared.names import AS_IT_IS
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.progress import silent
 from scaling_service.documents.base import Part, Rounded
+from scaling_service.documents.writing import code_version
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
@@ -31,12 +38,14 @@ from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
-from scaling_service.studies.claims import PersonPart, StudyDocument
+from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
+from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.squatters import (
     COM_SD,
     MASS_SD,
     RADIUS_SD,
     RATE_HZ,
+    SUBJECTS,
     Squats,
     VirtualSquatter,
     virtual_squatter,
@@ -44,8 +53,7 @@ from scaling_service.studies.futamure.squatters import (
 
 SOURCE = (
     "Futamure S., Bonnet V., Dumas R., Kulić D., Venture G.: Dynamically consistent inverse kinematics "
-    "framework "
-    "using optimizations for human motion analysis"
+    "framework using optimizations for human motion analysis"
 )
 
 TABLE = "winter2009"
@@ -70,7 +78,6 @@ DIFFERENCES = (
     "The paper's text gives 12 N, 12 N and 14 N m for the classical method in one person, its table 7, 8, 8.",
 )
 """How this study is not the paper's, in plain English."""
-
 
 _MM = 1e3
 
@@ -241,4 +248,61 @@ def lengths_of(model: BodyModel) -> Array:
             sum(j.law.constant_part for j in model.segment(child).joints if j.kind == "translation")
             for child in ("thigh", "torso", "arm")
         ]
+    )
+
+
+FITTED_SHARE = 0.6
+"""Of a real recording (chosen: three of five squats)."""
+
+
+def reproduce_futamure(
+    *,
+    seed: int = 0,
+    subjects: int | None = None,
+    recordings: Sequence[str | Path] = (),
+    worker_count: int | None = None,
+    finished: PersonDone | None = None,
+) -> FutamureDocument:
+    """Explain squats of virtual persons in both ways, and ask what the paper claims.
+
+    ``seed``: decides who the persons are. ``recordings``: subject files of real squats with forces, shown
+    beside; .osim models are taken as they are. Results do not depend on ``worker_count``. InputError: no
+    subject is asked for, or a real one cannot be used.
+    """
+    clock, count = time.perf_counter(), SUBJECTS if subjects is None else subjects
+    real = [_real(Path(file)) for file in recordings]
+    document = FutamureDocument(
+        source=SOURCE,
+        code_version=code_version(),
+        settings=asdict(ConsistentSettings()),
+        seed=seed,
+        persons=study_persons(study_squatter, seed, count, worker_count=worker_count, finished=finished),
+        recordings=real,
+        notes=list(DIFFERENCES),
+        wall_s=round(time.perf_counter() - clock, 3),
+    )
+    return answer_claims(document, CLAIMS)
+
+
+def _real(file: Path) -> RealEntry:
+    """A real person's first recording: its beginning fitted, its end held out."""
+    loaded = open_subject(file, UNSMOOTHED)
+    subject = loaded.session.subject
+    given = subject.model.lower().endswith(".osim") and subject.static is None
+    chosen = DynamicsSettings(start=AS_IT_IS if given else None)
+    with loaded.blamed():
+        ready = read(loaded, chosen, UNSMOOTHED, progress=silent)
+        whole = ready.fitted[0]
+        cut = int(FITTED_SHARE * len(whole.trial.times))
+        parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]
+        clock = time.perf_counter()
+        found = consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
+    return RealEntry(
+        name=f"{subject.id} {whole.name}",
+        model=Path(subject.model).name,
+        start=ready.prepared.start,
+        fitted=describe_recording(found, 0),
+        held_out=describe_recording(found, 1),
+        loops=found.outer_iterations,
+        seconds=round(time.perf_counter() - clock, 2),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -13,7 +14,15 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import Answer, Claim, claim
-from scaling_service.studies.muller2017.study import INTERVAL, NOMINAL, Muller2017Document
+
+if TYPE_CHECKING:
+    from scaling_service.studies.muller2017.study import Muller2017Document
+
+NOMINAL = 0.95
+"""Rate at which a frame's interval by the markers' errors should hold the true error."""
+
+INTERVAL = 1.96
+"""Standard deviations of a Gaussian that hold ``NOMINAL`` of it."""
 
 VERTICAL, HORIZONTAL = (1, 4), ((0, 2), (3, 5))
 """Places of the vertical force and moment, and of the horizontal ones."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,6 +25,8 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     rated_motion,
     residual_indicator,
 )
+from scaling_service.capabilities.dynamics.run import dynamics
+from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
@@ -33,11 +38,14 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     blames_inertia,
     propagate,
 )
+from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.documents.base import Part
+from scaling_service.documents.writing import code_version
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.studies.claims import PersonPart, StudyDocument
+from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
+from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
 from scaling_service.studies.muller2017.excitation import (
     WHOLE,
     ExcitationSettings,
@@ -53,12 +61,6 @@ SOURCE = (
     "Muller A, Pontonnier C, Dumont G (2017) Uncertainty propagation in multibody human model dynamics. "
     "Multibody System Dynamics, Springer (hal-01462185)"
 )
-
-NOMINAL = 0.95
-"""Rate at which a frame's interval by the markers' errors should hold the true error."""
-
-INTERVAL = 1.96
-"""Standard deviations of a Gaussian that hold ``NOMINAL`` of it."""
 
 FREE = 10.0
 """How many times wider than usual the prior is where an identification trusts the residual (chosen: the
@@ -320,3 +322,58 @@ def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> Identi
         entry[f"residual_{when}"] = _rms(_measured(model, other).residual[inner]) / scale
         entry[f"true_error_{when}"] = _rms(_true_residual(true, other)[inner]) / scale
     return IdentificationEntry.model_validate(entry)
+
+
+def reproduce_muller2017(
+    settings: UncertaintySettings,
+    *,
+    subjects: int | None = None,
+    recorded: ExcitationSettings = WHOLE,
+    recordings: Sequence[str | Path] = (),
+    worker_count: int | None = None,
+    finished: PersonDone | None = None,
+) -> Muller2017Document:
+    """Propagate uncertainty in recordings of virtual persons, and ask what the paper claims.
+
+    ``settings``: its seed decides who the persons are. ``recordings``: subject files of real persons whose
+    model is scaled already, with forces. Results do not depend on ``worker_count``. InputError: no subject is
+    asked for, or a real one cannot be used.
+    """
+    clock = time.perf_counter()
+    real = [entry for file in recordings for entry in _real(file, settings)]
+    persons = study_persons(
+        study_person,
+        settings.seed,
+        SUBJECTS if subjects is None else subjects,
+        settings,
+        recorded,
+        worker_count=worker_count,
+        finished=finished,
+    )
+    chosen = {**asdict(settings), "levels": list(settings.levels)}
+    del chosen["seed"]
+    document = Muller2017Document(
+        source=SOURCE,
+        code_version=code_version(),
+        settings={**chosen, "database": settings.database_size, "recorded": asdict(recorded)},
+        seed=settings.seed,
+        persons=persons,
+        recordings=real,
+        notes=list(DIFFERENCES),
+        wall_s=round(time.perf_counter() - clock, 3),
+    )
+    return answer_claims(document, CLAIMS)
+
+
+def _real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEntry]:
+    """A real person's recordings, with the model as it is."""
+    found = dynamics(
+        file,
+        DynamicsSettings(start=AS_IT_IS, samples=settings.samples),
+        UNSMOOTHED.model_copy(update={"seed": settings.seed}),
+    )
+    subject = found.prepared.subject.id
+    return [
+        PropagatedEntry.model_validate(describe_uncertainty(f"{subject} {name}", trial.uncertainty))
+        for name, trial in found.trials.items()
+    ]

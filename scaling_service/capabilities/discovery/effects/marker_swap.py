@@ -88,13 +88,13 @@ def _best(item: TrackedTrial) -> Swap | None:
 
 def _gains(item: TrackedTrial, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
     """Of every frame what exchanging each pair would take off, (n, n_pairs); its square; its freedom."""
-    n, generators = len(item.q), Generators.of(item, ())
+    generators = Generators.of(item, ())
     a, b = np.array(pairs, dtype=np.intp).T
 
-    def of(start: int) -> tuple[Array, Array, Array]:
-        return _gains_in(slice(start, min(start + _CHUNK, n)), item, generators, a, b)
+    def of(chunk: slice) -> tuple[Array, Array, Array]:
+        return _gains_in(chunk, item, generators, a, b)
 
-    gains, square, freedom = zip(*map_parallel(of, range(0, n, _CHUNK)), strict=True)
+    gains, square, freedom = zip(*map_parallel(of, item.chunks(_CHUNK)), strict=True)
     return np.concatenate(gains), np.concatenate(square), np.concatenate(freedom)
 
 

@@ -15,11 +15,10 @@ import numpy as np
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
 from scaling_service.capabilities.discovery.laws.spots import Generators, JointSpot, MarkerSpot
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MOVEMENT_HZ, TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 
-_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _CHUNK = 64
 _ROUNDS = 10
 
@@ -46,17 +45,16 @@ def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> t
     gaps, made = np.empty((n, rows)), np.empty((n, len(spots), rows))
     freedom, raw = np.empty(n), np.empty((n, len(spots)))
 
-    def fill(start: int) -> None:
-        chunk = slice(start, min(start + _CHUNK, n))
+    def fill(chunk: slice) -> None:
         free = generators.freed(item, chunk)
         raw[chunk] = np.square(free.columns).sum(axis=1) + np.square(free.hidden).sum(axis=1)
         made[chunk], gaps[chunk] = free.columns.transpose(0, 2, 1), free.residuals
         freedom[chunk] = 3.0 * item.seen[chunk].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
 
-    map_parallel(fill, range(0, n, _CHUNK))
+    map_parallel(fill, item.chunks(_CHUNK))
     rate = 1.0 / item.step
-    if rate > 2.5 * _CUTOFF_HZ:
-        gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=_CUTOFF_HZ, order=4).values
+    if rate > 2.5 * MOVEMENT_HZ:
+        gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=MOVEMENT_HZ, order=4).values
     square = np.square(gaps).sum(axis=1)
     slopes = (made @ gaps[:, :, None]).reshape(n, groups, 3)
     of_groups = made.reshape(n, groups, 3, rows)
@@ -160,8 +158,7 @@ def _variance(item: TrackedTrial, coordinate: int) -> Array:
     generators = Generators.of(item, ())
     at = int(np.flatnonzero(np.flatnonzero(item.task.free) == coordinate)[0])
     found, square, freedom = np.empty(len(item.q)), 0.0, 0.0
-    for start in range(0, len(item.q), _CHUNK):
-        rows = slice(start, min(start + _CHUNK, len(item.q)))
+    for rows in item.chunks(_CHUNK):
         gap, pose, _ = generators.at(item, rows)
         bend = pose.transpose(0, 2, 1) @ pose
         found[rows] = np.linalg.pinv(bend, rcond=IDENTIFIABLE**2, hermitian=True)[:, at, at]

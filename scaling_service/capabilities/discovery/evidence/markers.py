@@ -173,8 +173,7 @@ def _squares(columns: Array) -> Array:
 def _left(item: TrackedTrial) -> Array:
     """How many of a marker's three numbers the pose leaves free, (n, n_markers)."""
     generators, left = Generators.of(item, ()), np.empty((len(item.q), len(item.markers)))
-    for start in range(0, len(item.q), _AT_ONCE):
-        rows = slice(start, min(start + _AT_ONCE, len(item.q)))
+    for rows in item.chunks(_AT_ONCE):
         basis = span(generators.at(item, rows)[1])
         taken = np.square(basis).sum(axis=2).reshape(len(basis), -1, 3).sum(axis=2)
         left[rows] = np.maximum(3.0 - taken, _LEAST_LEFT)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.linalg import block_diag
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.observation import Observation
@@ -21,9 +22,7 @@ from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.laws.candidates import Seen
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth
 
-_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _KNOT_S = 2.0  # chosen: slower than the blocks that are left out
 _SHARE = (1e-3, 1e-2, 1e-1, 1.0)
 """Ridges tried, in shares of the squares of a function of unit variance."""
@@ -105,23 +104,14 @@ def _functions(items: Sequence[TrackedTrial], moving: Sequence[str]) -> Array:
     movement = np.concatenate([_of_movement(item, moving) for item in items])
     spread = movement.std(axis=0)
     movement = (movement - movement.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    times = [_of_time(item) for item in items]
-    width = sum(t.shape[1] for t in times)
-    slow, row, column = np.zeros((len(movement), width)), 0, 0
-    for part in times:
-        slow[row : row + len(part), column : column + part.shape[1]] = part
-        row, column = row + len(part), column + part.shape[1]
+    slow = block_diag(*(_of_time(item) for item in items))
     return np.concatenate([np.ones((len(movement), 1)), movement, slow], axis=1)
 
 
 def _of_movement(item: TrackedTrial, moving: Sequence[str]) -> Array:
-    names, times = item.task.model.coordinate_names, item.trial.times
-    q = item.q[:, [names.index(c) for c in moving]]
-    rate = 1.0 / float(np.median(np.diff(times)))
-    smooth = butterworth(q, rate_hz=rate, cutoff_hz=min(_CUTOFF_HZ, 0.4 * rate), order=4).values
-    speed = np.gradient(smooth, times, axis=0)
-    pull = np.gradient(speed, times, axis=0)
-    return np.concatenate([smooth, smooth**2, speed, pull], axis=1)
+    on = [item.task.model.coordinate_names.index(name) for name in moving]
+    q, speed, pull = (values[:, on] for values in item.smooth_rates())
+    return np.concatenate([q, q**2, speed, pull], axis=1)
 
 
 def _of_time(item: TrackedTrial) -> Array:

@@ -21,6 +21,7 @@ from scipy.optimize import lsq_linear
 from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import skew
 
 WANDER_M = {"foot": 0.06, "other": 0.02}
 """m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
@@ -85,7 +86,7 @@ def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
     left, spread = np.sum(parts, axis=0).tolist()
     count = 3 * sum(len(s.rows) for s in spells)
     # frames are not independent: the likelihood counts one of them for each period of the filter
-    share = float(np.median(np.diff(spells[0].wrench.times))) * 2.0 * spells[0].wrench.cutoff_hz
+    share = spells[0].wrench.step * 2.0 * spells[0].wrench.cutoff_hz
     misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
     return Fitting(segment, point, left, misfit)
 
@@ -100,7 +101,7 @@ def _stepped(
         gap, weight = item.residuals[rows], _weights(item, segment, rows, point)
         origin, axes = (places[rows] for places in item.segment_frame(segment))
         across = _about(origin - item.about[rows])
-        unit = -_crossing(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
+        unit = -skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
         lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
         weighted = weight @ lever
         normal += np.einsum("njk,njl->kl", lever, weighted)
@@ -170,20 +171,13 @@ def _weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array
 
 def _wandering(force: Array, segment: str) -> Array:
     """Covariance of the moment of a force whose point wanders, (n, 3, 3)."""
-    inside = _crossing(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
+    inside = skew(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
     return np.asarray(inside @ inside.transpose(0, 2, 1))
 
 
 def _about(arm: Array) -> Array:
     """What makes of a wrench its moment about a point at the end of an arm (n, 3), (n, 3, 6)."""
-    return np.concatenate([-_crossing(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
-
-
-def _crossing(vectors: Array) -> Array:
-    """The matrices (n, 3, 3) of the cross product with vectors (n, 3)."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return np.concatenate([-skew(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
 
 
 _THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)

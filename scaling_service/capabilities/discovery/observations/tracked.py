@@ -17,6 +17,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Poses, forward, jacobian, positions
+from scaling_service.numerics.signals.filters import butterworth
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -24,6 +25,8 @@ _FEWEST_BLOCKS = 4  # of a trial; chosen: a spread is told from three, and one m
 LEAST_M = 2e-4
 """m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
 of a millimetre). Recordings that show less were smoothed before."""
+
+MOVEMENT_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 
 _GROWTH = np.sqrt(20.0)
 """White noise of unit variance has third differences of variance 1 + 9 + 9 + 1."""
@@ -82,6 +85,17 @@ class TrackedTrial:
         count = max(_FEWEST_BLOCKS, int((clock[-1] - clock[0]) / length_s))
         edges = np.linspace(0, len(clock), count + 1).round().astype(int)
         return (slice(a, b) for a, b in pairwise(edges.tolist()) if b > a)
+
+    def chunks(self, size: int) -> Iterator[slice]:
+        """All frames, so many at once as fit in memory with their columns."""
+        return (slice(start, min(start + size, len(self.q))) for start in range(0, len(self.q), size))
+
+    def smooth_rates(self) -> tuple[Array, Array, Array]:
+        """Coordinates, speeds and accelerations of the voluntary movement, each (n_frames, n_coordinates)."""
+        rate = 1.0 / self.step
+        q = butterworth(self.q, rate_hz=rate, cutoff_hz=min(MOVEMENT_HZ, 0.4 * rate), order=4).values
+        speed = np.gradient(q, self.times, axis=0)
+        return q, speed, np.gradient(speed, self.times, axis=0)
 
     @property
     def places(self) -> Array:

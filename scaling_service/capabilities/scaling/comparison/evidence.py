@@ -223,7 +223,7 @@ def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) 
     Examples
     --------
     >>> errors = {"hip": KinematicError(0.004, 0.0, 0.004, 0.01, {}, 0.004, 0.004, 1)}
-    >>> following(errors, ["hip", "walk"])
+    >>> average_errors(errors, ["hip", "walk"])
     Following(mean=0.004, rms=0.004, max=0.01, trials=1)
     """
     known = [errors[name] for name in trials if name in errors and not math.isnan(errors[name].mean)]

@@ -23,14 +23,14 @@ from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.poses import marker_position, model_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.geometry.functional import (
+from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.multibody.functional import (
     Poses,
     joined,
     ranges_of_motion,
     rotation_axis,
     rotation_centre,
 )
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 

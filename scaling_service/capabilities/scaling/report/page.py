@@ -24,7 +24,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Row, Table, Text, Tone
 from scaling_service.report.methods import method_columns, union
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import input_blocks, repair_blocks, warning_blocks
+from scaling_service.report.provenance import origin_blocks
 
 _TONES: dict[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
 _SPEAKS: dict[str, Tone] = {"for": "good", "against": "poor", "neither": "unknown"}
@@ -195,9 +195,7 @@ def _provenance(document: ComparisonDocument, titles: Mapping[str, str]) -> Iter
         [Row(name, [titles[name]]) for name in document.methods],
         words=True,
     )
-    yield from warning_blocks(document.all_warnings)
-    yield from repair_blocks(document)
-    yield from input_blocks(document)
+    yield from origin_blocks(document, document.all_warnings)
     times = [
         Row(
             name,

@@ -20,9 +20,7 @@ from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, observable_of
 from scaling_service.capabilities.discovery.search.summary.disagreements import by_trial, places_of
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth
 
-_CUTOFF_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
 _FEWEST = 16  # frames; chosen: fewer describe nothing
 
@@ -157,14 +155,12 @@ def _gathered(fit: Fit, observation: Observation[Any], place: str) -> tuple[Arra
     forces = {item.name: item for item in fit.wrenches}
     for item, values, _ in observation.series(fit, place):
         times, other = item.times, forces.get(item.name)
-        rate = 1.0 / item.step
-        smooth = butterworth(item.q, rate_hz=rate, cutoff_hz=min(_CUTOFF_HZ, 0.4 * rate), order=4).values
-        first = np.gradient(smooth, times, axis=0)
+        smooth, first, second = item.smooth_rates()
         known = np.isfinite(values).all(axis=1)
         residual.append(values[known])
         q.append(smooth[known])
         speed.append(first[known])
-        pull.append(np.gradient(first, times, axis=0)[known])
+        pull.append(second[known])
         clock.append(times[known] - times[0])
         load.append(other.measured[known, 1] if other is not None else np.zeros(int(known.sum())))
     if not residual or sum(map(len, residual)) < _FEWEST:

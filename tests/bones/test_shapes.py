@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.numerics.geometry.fits import (
+from scaling_service.bones.shapes import (
     SphereFit,
     across,
     fit_cylinder,

@@ -60,8 +60,8 @@ def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | No
     >>> bool(np.allclose(fit.centre, [1, 0, 0])), round(fit.radius, 9)
     (True, 2.0)
     """
-    points, w = _checked(points, weights, least=4)
-    centre = _algebraic_centre(points, w) if start is None else np.asarray(start, dtype=float)
+    points, w = _check(points, weights, least=4)
+    centre = _guess_centre(points, w) if start is None else np.asarray(start, dtype=float)
     x = np.append(centre, w @ np.linalg.norm(points - centre, axis=1))
 
     def linearised(x: Array) -> tuple[Array, Array]:
@@ -69,7 +69,7 @@ def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | No
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
         return distance - x[3], np.column_stack([-offset / distance[:, None], -np.ones(len(points))])
 
-    x, rms, converged = _least_squares(linearised, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
+    x, rms, converged = _minimise(linearised, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
     return SphereFit(centre=x[:3], radius=float(x[3]), rms=rms, converged=bool(converged and x[3] > 0))
 
 
@@ -95,8 +95,8 @@ def fit_sphere_pair(
     ``noise``: standard deviation of one independent observation.
     Raises ValueError: fewer than 4 points with a weight in either.
     """
-    p, w = _checked(first, first_counts, least=4)
-    q, v = _checked(second, second_counts, least=4)
+    p, w = _check(first, first_counts, least=4)
+    q, v = _check(second, second_counts, least=4)
     counts = np.concatenate([w * first_counts.sum(), v * second_counts.sum()]) / noise**2
     weights = np.append(counts, 1.0 / alike**2)
     n = len(p)
@@ -115,7 +115,7 @@ def fit_sphere_pair(
         return residual, jacobian
 
     x = np.concatenate([np.append(fit.centre, fit.radius) for fit in starts])
-    x, _, converged = _least_squares(
+    x, _, converged = _minimise(
         linearised, lambda x, step: x + step, x, weights, size=lambda x: min(abs(x[3]), abs(x[7]))
     )
     gaps = linearised(x)[0]
@@ -138,7 +138,7 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
 
     Ahn, Rauh & Warnecke 2001; the direction moves in its tangent plane, so it has no singular pose.
     """
-    points, w = _checked(points, weights, least=5)
+    points, w = _check(points, weights, least=5)
     centroid = w @ points
     a = _unit(np.asarray(direction, dtype=float))
     radial = _across(points - point, a)
@@ -161,7 +161,7 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
         # Turning about a far point would couple direction and position: the point stays near the data.
         return np.concatenate([point + a * ((centroid - point) @ a), a, [x[6] + step[4]]])
 
-    x, rms, converged = _least_squares(linearised, moved, moved(x, np.zeros(5)), w, size=lambda x: abs(x[6]))
+    x, rms, converged = _minimise(linearised, moved, moved(x, np.zeros(5)), w, size=lambda x: abs(x[6]))
     return CylinderFit(
         point=x[:3], direction=x[3:6], radius=float(x[6]), rms=rms, converged=bool(converged and x[6] > 0)
     )
@@ -175,7 +175,7 @@ def across(direction: Array) -> tuple[Array, Array]:
     return first, np.cross(direction, first)
 
 
-def _least_squares(
+def _minimise(
     linearised: Callable[[Array], tuple[Array, Array]],
     moved: Callable[[Array, Array], Array],
     x: Array,
@@ -208,7 +208,7 @@ def _least_squares(
     return x, float(np.sqrt(cost)), False
 
 
-def _algebraic_centre(points: Array, w: Array) -> Array:
+def _guess_centre(points: Array, w: Array) -> Array:
     """Centre from 2 p.c + (r2 - |c|2) = |p|2, about the centroid so that far points lose no digits."""
     origin = w @ points
     local = points - origin
@@ -219,7 +219,7 @@ def _algebraic_centre(points: Array, w: Array) -> Array:
     return centre
 
 
-def _checked(points: Array, weights: Array | None, least: int) -> tuple[Array, Array]:
+def _check(points: Array, weights: Array | None, least: int) -> tuple[Array, Array]:
     points = np.asarray(points, dtype=float)
     w = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=float)
     if len(w) != len(points) or np.any(w < 0) or int((w > 0).sum()) < least:

@@ -185,7 +185,12 @@ def evidence_of(
     """
     return ImageEvidence(
         dict(_centres(found)),
-        {f"knee_{b.side}": _vector(b.axes["knee"]) for b in found.values() if "knee" in b.axes},
+        {
+            f"{joint}_{b.side}": _vector(b.axes[joint])
+            for b in found.values()
+            for joint in ("knee", "ankle")
+            if joint in b.axes
+        },
         dict(_marker_landmarks(found)),
         dict(markers),
         "landmarks of bone meshes",

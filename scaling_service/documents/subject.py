@@ -143,6 +143,8 @@ class Bones(_Strict):
     tibia_r: Name | None = None
     femur_l: Name | None = None
     tibia_l: Name | None = None
+    talus_r: Name | None = None
+    talus_l: Name | None = None
 
     @property
     def meshes(self) -> dict[str, str]:

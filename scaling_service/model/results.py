@@ -90,6 +90,20 @@ class EstimatedCentre:
     sd: Vector
 
 
+@dataclass(frozen=True, slots=True)
+class JointMove:
+    """How an image moved a joint of an OpenSim model, beyond what the scale factors do."""
+
+    shift: Vector = (0.0, 0.0, 0.0)  # of its centre, m, in the parent segment's frame
+    turn: Vector = (0.0, 0.0, 0.0)  # of its rotation axes: a rotation vector, rad, in the joint's own frame
+    child_turn: Vector = (
+        0.0,
+        0.0,
+        0.0,
+    )  # of the child against the joint: a rotation vector, rad, in its frame
+    child_pivot: Vector = (0.0, 0.0, 0.0)  # what stays where it is in that turn, m, in the child's frame
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """A scaled model and how it came about."""
@@ -112,3 +126,5 @@ class Calibration:
     """Segment to its estimated size, where markers and anthropometry gave it."""
     centres: Mapping[str, EstimatedCentre] = field(default_factory=dict)
     """``hip_r`` … to how the person's joint centre was found."""
+    joint_moves: Mapping[str, JointMove] = field(default_factory=dict)
+    """Joint to how images moved it, for OpenSim models; ``axis_tilts`` come after these turns."""

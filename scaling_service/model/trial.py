@@ -201,7 +201,7 @@ class ImageEvidence:
     centres: Mapping[str, Vector] = field(default_factory=dict)
     """``hip_r``, ``knee_r``, ``ankle_r`` and the left ones, as far as imaged."""
     axes: Mapping[str, Vector] = field(default_factory=dict)
-    """``knee_r``, ``knee_l``: direction of the flexion axis, either way round."""
+    """``knee_r``, ``ankle_r`` and the left ones: direction of the flexion axis, either way round."""
     landmarks: Mapping[str, Vector] = field(default_factory=dict)
     """Points on bone by the name of the marker that is put on them (``RASIS``, ``RLFE`` …)."""
     markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)

@@ -75,6 +75,6 @@ def test_bones_of_the_wrong_side_are_refused_by_name(document: dict[str, object]
 
 
 def test_bones_are_left_alone_with_other_models(document: dict[str, object], tmp_path: Path) -> None:
-    evidence, told = gather_images(replace(subject(document, tmp_path), model="own.osim"), MODEL)
+    evidence, told = gather_images(replace(subject(document, tmp_path), model="own.json"), MODEL)
     assert evidence is None
-    assert "built-in leg models only" in told[0]
+    assert "built-in and .osim models only" in told[0]

@@ -168,6 +168,7 @@ def _written(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
                 source=Path(subject.model),
                 factors=plan.factors,
                 axis_tilts=plan.tilts,
+                joint_moves={} if prepared.calibration is None else prepared.calibration.joint_moves,
                 marker_set=subject.marker_set,
                 preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
                 inertia_from_model=True,

@@ -104,6 +104,7 @@ def write_massive_model(
             source=Path(subject.model) if is_file else None,
             factors=factors,
             axis_tilts={} if scaling is None else scaling.axis_tilts,
+            joint_moves={} if scaling is None else scaling.joint_moves,
             marker_set=subject.marker_set,
             inertia_from_model=True,
         )

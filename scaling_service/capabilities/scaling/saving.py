@@ -134,6 +134,7 @@ def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
         source=Path(subject.model),
         factors=calibration.scale_factors,
         axis_tilts=calibration.axis_tilts,
+        joint_moves=calibration.joint_moves,
         marker_set=subject.marker_set,
         preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
         inertia_from_model=True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim import read_osim, read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.markers import canonical, match_labels
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
@@ -139,11 +140,32 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
-            return read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            return _facing_anywhere(
+                read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            )
     if str(name_or_path).lower().endswith(SUFFIX):
         with blamed_on(Path(name_or_path)):
             return read_model_json(name_or_path)
     return builtin(str(name_or_path))
+
+
+def _facing_anywhere(model: BodyModel) -> BodyModel:
+    """The model with the turns of the whole body unbounded: a person may walk the laboratory either way.
+
+    Of the models in use some clamp them to a right angle, so that a walk back could not be followed.
+    """
+    root = {
+        term.coordinate
+        for segment in model.children(GROUND)
+        for joint in segment.joints
+        if joint.kind == "rotation"
+        for term in joint.law.terms
+    }
+    coordinates = tuple(
+        replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in root and c.clamped else c
+        for c in model.coordinates
+    )
+    return replace(model, coordinates=coordinates)
 
 
 def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:
@@ -221,8 +243,9 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     """
     if not subject.bones:
         return None, ()
-    if subject.model not in BUILTIN_NAMES:
-        return None, ("bones are used with built-in leg models only: image-based methods were left out",)
+    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
+        told = "bones are used with built-in and .osim models only: image-based methods were left out"
+        return None, (told,)
     scale = UNITS[subject.bone_units]
     meshes = {name: read_mesh(path) for name, path in subject.bones.items()}
     shapes = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}

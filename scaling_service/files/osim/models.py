@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -15,9 +15,11 @@ from scaling_service.files.osim.process import ask
 from scaling_service.files.osim.setups import parse_xml
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.document import from_document, to_document
+from scaling_service.model.results import JointMove
 
 _NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
 _NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+_NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
 
 
 def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
@@ -92,6 +94,7 @@ def write_osim(
     source: Path | None = None,
     factors: Mapping[str, Vector] = _NO_FACTORS,
     axis_tilts: Mapping[str, tuple[float, float]] = _NO_TILTS,
+    joint_moves: Mapping[str, JointMove] = _NO_MOVES,
     mass_kg: float | None = None,
     marker_set: Path | None = None,
     preserve_mass_distribution: bool = True,
@@ -108,6 +111,7 @@ def write_osim(
     ``factors``: segment to its x, y, z factors.
     ``axis_tilts``: joint to the turns x and y (rad) of its axes: rotations become T R T^-1, T = Ry(y) Rx(x),
         in the parent's joint frame; translations stay.
+    ``joint_moves``: joint to the shift of its centre after scaling, and a turn of its axes before the tilt.
     ``mass_kg``: total mass to scale to.
     ``marker_set``: as for reading; the model's markers replace it in the end.
     ``preserve_mass_distribution``: as for OpenSim's scale tool.
@@ -127,6 +131,7 @@ def write_osim(
         "marker_set": str(marker_set.resolve()) if marker_set is not None else None,
         "factors": dict(factors),
         "axis_tilts": dict(axis_tilts),
+        "joint_moves": {joint: asdict(move) for joint, move in joint_moves.items()},
         "mass_kg": mass_kg,
         "preserve_mass_distribution": preserve_mass_distribution,
         "inertia_from_model": inertia_from_model,

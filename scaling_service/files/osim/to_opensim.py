@@ -20,6 +20,7 @@ from scaling_service.files.osim.shapes import EXACT, one_shape
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
 from scaling_service.model.compile import shape_values
 from scaling_service.model.parameters import tilt_rotation
+from scaling_service.numerics.multibody.rigid import rotation_from_vector
 
 Array = NDArray[np.float64]
 
@@ -62,8 +63,14 @@ def _amended(model: BodyModel, request: Mapping[str, Any]) -> Any:
     factors = request["factors"]
     if factors or request["mass_kg"] is not None:
         _scale(osim, factors, request["mass_kg"], request["preserve_mass_distribution"])
-    for joint, tilt in request["axis_tilts"].items():
-        _tilt(osim, joint, tilt_rotation(tilt))
+    tilts, moves = request["axis_tilts"], request["joint_moves"]
+    parents = {segment.joint_name: segment.parent for segment in model.segments}
+    for joint, move in moves.items():
+        _reseat(osim, joint, parents[joint], move)
+    for joint in tilts | moves:
+        turn = rotation_from_vector(moves[joint]["turn"]) if joint in moves else np.eye(3)
+        if joint in tilts or any(moves[joint]["turn"]):
+            _tilt(osim, joint, turn @ tilt_rotation(tilts.get(joint, (0.0, 0.0))))
     if request["inertia_from_model"]:
         for segment in model.segments:
             if not osim.getBodySet().contains(segment.name):
@@ -136,6 +143,33 @@ def _scale_componentwise(
     length = float(np.linalg.norm(direction))
     opensim().MultiplierFunction.safeDownCast(axis.upd_function()).setScale(gain * length)
     axis.setAxis(_vec3(direction / length))
+
+
+def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[float]]) -> None:
+    """Put a joint elsewhere in the bodies that it joins: on frames of its own, so that others keep theirs."""
+    joint = model.updJointSet().get(name)
+    ends = [
+        ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
+        ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
+    ]
+    pivot = np.array(move["child_pivot"])
+    back = rotation_from_vector(move["child_turn"]).T  # the body turns, so the joint turns back in it
+    for end, frame, connect in ends:
+        near = frame.findBaseFrame().getName() == parent
+        turn, shift = (np.eye(3), np.array(move["shift"])) if near else (back, pivot - back @ pivot)
+        if not (shift.any() or (turn != np.eye(3)).any()):
+            continue
+        place = frame.findTransformInBaseFrame()
+        matrix = place.R()
+        now = np.array([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+        body = _body(model, frame.findBaseFrame().getName())
+        moved = opensim().PhysicalOffsetFrame(body, opensim().Transform())
+        moved.setName(f"{name}_imaged_{end}")
+        moved.set_translation(_vec3(turn @ numbers(place.p()) + shift))
+        moved.set_orientation(opensim().Vec3(*_euler_xyz(turn @ now)))
+        joint.addFrame(moved)
+        moved.thisown = False  # the joint deletes it
+        connect(moved)
 
 
 def _tilt(model: Any, name: str, turn: Array) -> None:

@@ -69,7 +69,7 @@ def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
     centres = {}
     for side in _SIDES:
         for joint, (proximal, _) in _JOINTS.items():
-            ends = _ends(model, joint, side)
+            ends = joint_ends(model, joint, side)
             segment = _part(model, proximal, side)
             if segment is not None and segment in ends:
                 centres[_sided(joint, side)] = (segment, vector(ends[segment]))
@@ -83,14 +83,14 @@ def segment_lengths(model: BodyModel) -> dict[str, float]:
     ``forearm_r`` and the left ones; without side in a planar model.
     """
     lengths = {}
-    hips = [_ends(model, "hip", side) for side in ("r", "l")]
+    hips = [joint_ends(model, "hip", side) for side in ("r", "l")]
     pelvis = segment_of(model, "pelvis", "")
     if pelvis is not None and all(pelvis in ends for ends in hips):
         lengths["inter_hip"] = float(np.linalg.norm(hips[0][pelvis] - hips[1][pelvis]))
     for side in _SIDES:
         for name, (role, proximal, distal) in _LENGTHS.items():
             segment = segment_of(model, role, side)
-            first, last = _ends(model, proximal, side), _ends(model, distal, side)
+            first, last = joint_ends(model, proximal, side), joint_ends(model, distal, side)
             if segment is not None and segment in first and segment in last:
                 lengths[_sided(name, side)] = float(np.linalg.norm(first[segment] - last[segment]))
     return lengths
@@ -115,12 +115,15 @@ def _sided(name: str, side: str) -> str:
     return f"{name}_{side}" if side else name
 
 
-def _ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
-    """A joint's centre in the frames of the segments that know it (empty if there is no such joint)."""
+def joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
+    """A joint's centre, (3,) m, in the frames of the segments that know it (empty if there is no such joint).
+
+    ``joint``: ``hip``, ``knee``, ``ankle``, ``shoulder``, ``elbow`` or ``wrist``.
+    """
     first, second = (_part(model, role, side) for role in _JOINTS[joint])
     if first is not None and second is not None:
         for child, parent in ((second, first), (first, second)):
-            chain = _chain(model, parent, child)
+            chain = chain_between(model, parent, child)
             if chain:
                 return _centre(model, chain)
     return _ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
@@ -133,7 +136,7 @@ def _part(model: BodyModel, role: str, side: str) -> str | None:
     return segment_of(model, role, "" if role == "torso" else side)
 
 
-def _chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
+def chain_between(model: BodyModel, parent: str, child: str) -> list[Segment]:
     """The segments from just below ``parent`` down to ``child``; empty if it does not hang there."""
     chain: list[Segment] = []
     name = child
@@ -146,7 +149,7 @@ def _chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
 
 def _centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
-    values = _straight(model)
+    values = straight_values(model)
     joints = [joint for segment in chain for joint in segment.joints]
     _, centre = follow(joints[: _first_turn(chain)], values)
     _, end = follow(joints, values)
@@ -181,7 +184,7 @@ def _is_driven(joint: Joint) -> bool:
     return joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms)
 
 
-def _straight(model: BodyModel) -> dict[str, float]:
+def straight_values(model: BodyModel) -> dict[str, float]:
     """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
     turning = {
         term.coordinate: 0.0
@@ -194,7 +197,7 @@ def _straight(model: BodyModel) -> dict[str, float]:
 
 
 def _ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
-    values = _straight(model)
+    values = straight_values(model)
     letter = side.upper()
     places = {
         (marker.name if marker.weight == 0.0 else canonical(marker.name)): marker_position(marker, values)

@@ -9,11 +9,17 @@ images, and everything beside the legs, stays as the marker-based model has it.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods.osim_image_based import (
+    Registration,
+    mirror_knee,
+    register_leg,
+    register_pelvis,
+)
 from scaling_service.capabilities.scaling.methods.placement import (
     move_markers,
     place_on,
@@ -26,7 +32,7 @@ from scaling_service.core.text import few
 from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame
 from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import BodyModel, Marker, Vector
+from scaling_service.model.body import BodyModel, Marker, Vector, vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
 from scaling_service.model.scaling import scaled
@@ -166,6 +172,122 @@ def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) ->
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
 
 
+def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
+    """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
+    pelvis, parts = _pelvis(evidence), segment_of(start.model, "pelvis", "")
+    names = {s: tuple(segment_of(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
+    sides = [s for s in evidence.sides() if None not in names[s]]
+    if not sides or pelvis is None or parts is None:
+        raise SubjectInvalid(
+            "the images do not show a pelvis and one whole leg of the model",
+            field="bones",
+            remedy="Give pelvis, femur and tibia of at least one side, for a model with these segments",
+        )
+    found = Registration(start.model)
+    register_pelvis(found, evidence, pelvis)
+    for side in sides:
+        register_leg(found, evidence, side, _rightward(evidence, side))
+    others = [s for s in "rl" if s not in sides and None not in names[s]]
+    for side in others:
+        found.resize(_ratios_like_imaged(found.model, names[side], evidence, pelvis, side, standing))
+        mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
+    imaged = {name: at for name, at in evidence.markers.items() if at[0] in found.poses}
+    placed = {n: vector(found.poses[segment].to_local(np.array(at))) for n, (segment, at) in imaged.items()}
+    new = [name for name in placed if name not in found.model.marker_names]
+    added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+    model = move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
+    legs = frozenset(name for side in others for name in names[side] if name is not None)
+    if standing is not None:
+        model = place_on(model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()})
+    factors = {
+        name: vector(np.multiply(start.scale_factors.get(name, (1.0, 1.0, 1.0)), found.ratios.get(name, 1.0)))
+        for name in model.segment_names
+    }
+    return Calibration(
+        "EB",
+        model,
+        start.generic,
+        factors,
+        warnings=(*start.warnings, *_osim_notes(found, sides, legs, placed)),
+        image_poses=found.poses,
+        joint_moves=found.moves,
+        sizes={name: size for name, size in start.sizes.items() if name not in found.ratios},
+    )
+
+
+def _rightward(evidence: ImageEvidence, side: str) -> Array:
+    """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
+    lateral, medial = _epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
+    return lateral - medial if side == "r" else medial - lateral
+
+
+def _ratios_like_imaged(
+    model: BodyModel,
+    names: Sequence[str | None],
+    evidence: ImageEvidence,
+    pelvis: Frames,
+    side: str,
+    standing: Trial | None,
+) -> dict[str, float]:
+    """What the segments of a leg that was not imaged are resized by, to be like the imaged one.
+
+    The imaged leg's lengths, times the ratio of the two legs' marker distances, so that what palpation does
+    to both cancels; empty where no standing trial shows both legs.
+    """
+    imaged = "l" if side == "r" else "r"
+    x, y, z = vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
+    own = evidence.centres.get(f"hip_{side}")
+    hips = {imaged: (x, y, z), side: (x, y, -z) if own is None else vector(pelvis.to_local(own)[0])}
+    lengths, ratios = segment_lengths(model), {}
+    for length, segment in zip(("femur", "shank"), names, strict=True):
+        theirs, ours = (_marker_length(length, s, hips[s], standing) for s in (imaged, side))
+        if segment is not None and theirs is not None and ours is not None:
+            ratios[segment] = lengths[f"{length}_{imaged}"] * ours / theirs / lengths[f"{length}_{side}"]
+    return ratios
+
+
+_WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
+
+
+def _osim_notes(
+    found: Registration, sides: list[str], others: frozenset[str], placed: Mapping[str, Vector]
+) -> list[str]:
+    """Which segments lie on bones, what scaling could not do, and what is not from images.
+
+    ``others``: segments of a leg that was not imaged.
+    """
+    words = {"r": "right", "l": "left"}
+    notes = [f"EB: on bones: {', '.join(found.poses)}"]
+    for joint, move in found.moves.items():
+        shift, turn, child = (float(np.linalg.norm(v)) for v in (move.shift, move.turn, move.child_turn))
+        sizes = (
+            (1e3 * shift, "its centre by {:.0f} mm"),
+            (np.degrees(turn), "its axes by {:.0f} deg"),
+            (np.degrees(child), "the segment on it by {:.0f} deg"),
+        )
+        said = [words.format(size) for size, words in sizes if size >= _WORTH_SAYING]
+        if said:
+            notes.append(f"EB: beyond scaling, the image moves {joint}: {', '.join(said)}")
+    like = [name for name in found.ratios if name in others]
+    if like:
+        notes.append(
+            f"EB: sized as the bones of the {' and '.join(words[s] for s in sides)} leg: {few(like)} "
+            "(of a leg that was not imaged, times the ratio of the legs' marker distances)"
+        )
+    rest = [name for name in found.model.segment_names if name not in found.ratios]
+    if rest:
+        notes.append(f"EB: without a bone, sized by markers as in MB: {few(rest)}")
+    carried = [
+        m for m in found.model.markers if m.weight > 0.0 and m.segment in found.poses and m.name not in placed
+    ]
+    if carried:
+        notes.append(
+            f"EB: {len(carried)} markers on segments with bones are not in the image and follow the "
+            f"segment's size: {few([m.name for m in carried])}"
+        )
+    return notes
+
+
 def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
     generic, now = segment_lengths(start.generic), segment_lengths(model)
@@ -233,6 +355,8 @@ class ImageBased:
                 remedy="Give `bones:` in the subject file, or choose a marker-based method",
             )
         clock = time.perf_counter()
+        if session.subject.model.lower().endswith(".osim"):
+            return replace(_onto_bones(start, evidence, standing), wall_s=time.perf_counter() - clock)
         model, notes = start.model, [*start.warnings]
         pelvis = _pelvis(evidence)
         sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]

@@ -98,6 +98,8 @@ export interface Bones {
   tibia_r?: string | null;
   femur_l?: string | null;
   tibia_l?: string | null;
+  talus_r?: string | null;
+  talus_l?: string | null;
 }
 
 export interface BothGaps {

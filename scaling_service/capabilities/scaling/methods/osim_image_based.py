@@ -1,0 +1,314 @@
+"""Image-based scaling of an OpenSim model: its own segments and joints brought onto the person's bones.
+
+Each segment takes one factor, so that the distance between its joint centres is the image's, and is laid into
+the image by them: the pelvis by both hip centres and its spines, the thigh by hip, knee and flexion axis, the
+shank by the knee's own law to where the ankle shows. What a factor cannot do, a joint is moved or turned for.
+Segments without a bone stay as markers have them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from scaling_service.capabilities.scaling.sizes.sizing import dimension_of
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.frames import Frames, pelvis_frame
+from scaling_service.model.anatomy.lengths import chain_between, joint_ends, segment_of, straight_values
+from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, vector
+from scaling_service.model.poses import Frame, follow
+from scaling_service.model.results import JointMove
+from scaling_service.model.scaling import scaled
+from scaling_service.model.trial import ImageEvidence, ImagePose
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import rotation_from_vector
+
+MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
+
+
+@dataclass(slots=True)
+class Registration:
+    """A model on its way onto the bones of an image."""
+
+    model: BodyModel
+    # ratios: segment to its size over the model's before; poses: segment to where it lies in the image
+    ratios: dict[str, float] = field(default_factory=dict)
+    poses: dict[str, ImagePose] = field(default_factory=dict)
+    moves: dict[str, JointMove] = field(default_factory=dict)
+
+    def resize(self, ratios: Mapping[str, float]) -> None:
+        """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
+        spread = dict(ratios)
+        for segment in self.model.segments:
+            alike = dimension_of(segment.name) in (None, dimension_of(segment.parent))
+            if segment.name not in spread and segment.parent in spread and alike:
+                spread[segment.name] = spread[segment.parent]
+        self.model = scaled(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})
+        self.ratios |= {name: self.ratios.get(name, 1.0) * ratio for name, ratio in spread.items()}
+
+    def shift(self, segment: Segment, by: Array) -> None:
+        """Move the centre of the joint that carries a segment, m, in its parent's frame."""
+        self._rejoint(segment, (*_shifts(by), *segment.joints), shift=vector(by))
+
+    def turn_child(self, segment: Segment, turn: Array, pivot: Array) -> None:
+        """Turn a segment against the joint that carries it, about a point of its own.
+
+        ``turn``: a rotation vector, rad. ``pivot``: m. Both in the segment's frame.
+        """
+        angle = float(np.linalg.norm(turn))
+        if angle == 0.0:
+            return
+        rotation = rotation_from_vector(turn)
+        about = Joint("rotation", vector(turn / angle), Law.constant(angle))
+        joints = (*segment.joints, *_shifts(pivot - rotation @ pivot), about)
+        self._rejoint(segment, joints, child_turn=vector(turn), child_pivot=vector(pivot))
+
+    def turn(self, segment: Segment, onto: Array, values: Mapping[str, float]) -> None:
+        """Turn the axes of the joint that carries a segment, so that its first one points along ``onto``.
+
+        ``onto``: (3,), in the parent's frame.
+        """
+        first, last = turning(segment)
+        rotation, _ = follow(segment.joints[:first], values)
+        turn = rotation.T @ _turn_onto(axis_in_parent(segment, values), onto)
+        angle = float(np.linalg.norm(turn))
+        if angle == 0.0:
+            return
+        axis = vector(turn / angle)
+        there, back = (Joint("rotation", axis, Law.constant(a)) for a in (angle, -angle))
+        joints = segment.joints
+        turned = (*joints[:first], there, *joints[first:last], back, *joints[last:])
+        self._rejoint(segment, turned, turn=vector(turn))
+
+    def _rejoint(self, segment: Segment, joints: tuple[Joint, ...], **moved: Vector) -> None:
+        known = self.moves.get(segment.joint_name, JointMove())
+        self.moves[segment.joint_name] = replace(known, **moved)
+        changed = replace(segment, joints=joints)
+        segments = tuple(changed if s.name == segment.name else s for s in self.model.segments)
+        self.model = replace(self.model, segments=segments)
+
+
+def _shifts(by: Array) -> tuple[Joint, ...]:
+    return tuple(
+        Joint("translation", vector(axis), Law.constant(value))
+        for axis, value in zip(np.eye(3), by.tolist(), strict=True)
+        if value
+    )
+
+
+def turning(segment: Segment) -> tuple[int, int]:
+    """The slice of a segment's joints from its first driven turn to its last.
+
+    Raises SubjectInvalid: none of them turns.
+    """
+    driven = [k for k, j in enumerate(segment.joints) if j.kind == "rotation" and not j.law.is_constant]
+    if not driven:
+        raise SubjectInvalid(
+            f"the model's '{segment.joint_name}' does not turn",
+            field="model",
+            remedy="Leave out the bones, or give a model whose legs move",
+        )
+    return driven[0], driven[-1] + 1
+
+
+def axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
+    """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
+    first, _ = turning(segment)
+    rotation, _ = follow(segment.joints[:first], values)
+    axis: Array = rotation @ np.array(segment.joints[first].axis)
+    return axis
+
+
+def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames) -> None:
+    """Size the pelvis by the distance of the hip centres, and lay it between them.
+
+    ``image``: the frame of the spines, as :func:`pelvis_frame`, in the image. It gives the turn about the
+        line of the hips, for which the model's own spines are marked; without marks its x axis serves.
+    """
+    name = segment_of(found.model, "pelvis", "")
+    assert name is not None
+    seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
+    ours = _hips(found.model, name)
+    if len(seen) < 2:  # half a pelvis: the other hip is its mirror image
+        ((side, at),) = seen.items()
+        mirrored = image.to_local(at)[0] * (1.0, 1.0, -1.0)
+        seen["l" if side == "r" else "r"] = image.to_ground(mirrored)[0]
+    ratio = np.linalg.norm(seen["r"] - seen["l"]) / np.linalg.norm(ours["r"] - ours["l"])
+    forward = _model_forward(found.model, name)
+    found.resize({name: float(ratio)})
+    rotation = _axes(seen["r"] - seen["l"], image.rotation[0, :, 0]) @ _axes(ours["r"] - ours["l"], forward).T
+    middle = 0.5 * (ours["r"] + ours["l"]) * ratio
+    found.poses[name] = ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
+
+
+def _hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
+    return {side: joint_ends(model, "hip", side)[pelvis] for side in "rl"}
+
+
+def _model_forward(model: BodyModel, pelvis: str) -> Array:
+    """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
+    marks = {canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
+    back = [marks[name] for name in ("RPSIS", "LPSIS") if name in marks] or [marks.get("SACR")]
+    if not {"RASIS", "LASIS"} <= marks.keys() or back[0] is None:
+        return np.array([1.0, 0.0, 0.0])
+    middle = np.mean(back, axis=0)
+    return pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+
+
+def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
+    """Size a thigh and a shank, lay them into the image, and move knee axis and ankle to what it shows.
+
+    ``lateral``: (3,), from the left to the right epicondyle or near it, in the image.
+    """
+    centres = {joint: np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle")}
+    femur, tibia = (str(segment_of(found.model, role, side)) for role in ("femur", "tibia"))
+    lengths = {
+        femur: np.linalg.norm(centres["hip"] - centres["knee"]),
+        tibia: np.linalg.norm(centres["knee"] - centres["ankle"]),
+    }
+    ends = _leg_ends(found.model, femur, tibia, side)
+    found.resize({name: float(lengths[name] / np.linalg.norm(np.subtract(*ends[name]))) for name in ends})
+    ends = _leg_ends(found.model, femur, tibia, side)
+    values = straight_values(found.model)
+    axis = evidence.axes.get(f"knee_{side}")
+    flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
+    knee, carried = _turning_in(chain_between(found.model, femur, tibia), values)
+    model_axis = carried @ axis_in_parent(knee, values)
+    rightward = model_axis * np.sign(model_axis[2])
+    hip_at, knee_at = ends[femur]
+    rotation = (
+        _axes_along(centres["hip"] - centres["knee"], flexion) @ _axes_along(hip_at - knee_at, rightward).T
+    )
+    thigh = ImagePose(rotation, centres["hip"] - rotation @ hip_at)
+    found.poses[femur] = thigh
+    onto = carried.T @ rotation.T @ flexion
+    found.turn(knee, onto / np.linalg.norm(onto) * np.sign(model_axis[2]), values)
+    _register_shank(found, femur, tibia, thigh, centres["ankle"], ends[tibia])
+    _move_ankle(found, evidence, tibia, side, centres["ankle"])
+
+
+def _leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
+    """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
+    hip, knee, ankle = (joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
+    return {femur: (hip[femur], knee[femur]), tibia: (knee[tibia], ankle[tibia])}
+
+
+def _register_shank(
+    found: Registration,
+    femur: str,
+    tibia: str,
+    thigh: ImagePose,
+    ankle: Array,
+    ends: tuple[Array, Array],
+) -> None:
+    """The shank where the model's knee carries it: bent until its ankle comes nearest to the image's.
+
+    What bending does not reach, a leg that is straighter or more bowed in the frontal plane than the model's,
+    is a turn of the shank against the joint about the knee's centre, so that the whole shank follows.
+
+    ``ends``: centres of knee and ankle in the shank's frame.
+    """
+    knee_at, ankle_at = ends
+    chain = chain_between(found.model, femur, tibia)
+    values = straight_values(found.model)
+    knee, _ = _turning_in(chain, values)
+    terms = knee.joints[turning(knee)[0]].law.terms
+    coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
+    joints = [j for s in chain for j in s.joints]
+    target = thigh.to_local(ankle)
+
+    def place(angle: float) -> Frame:
+        return follow(joints, {**values, coordinate: angle})
+
+    def gap(angle: float) -> float:
+        turn, origin = place(angle)
+        return float(np.linalg.norm(origin + turn @ ankle_at - target))
+
+    angle = float(
+        minimize_scalar(gap, bounds=(-MOST_BENT, MOST_BENT), method="bounded", options={"xatol": 1e-9}).x
+    )
+    if abs(angle) > 0.99 * MOST_BENT:
+        raise SubjectInvalid(
+            f"the knee in the image is bent by {np.degrees(abs(angle)):.0f} deg or more against the thigh",
+            field="bones",
+            remedy="Check that femur and tibia are of one side and in one image frame",
+        )
+    turn, origin = place(angle)
+    ours, theirs = ankle_at - knee_at, turn.T @ (target - origin) - knee_at
+    found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
+    joints = [j for s in chain_between(found.model, femur, tibia) for j in s.joints]
+    turn, origin = place(angle)
+    found.poses[tibia] = ImagePose(thigh.rotation @ turn, thigh.origin + thigh.rotation @ origin)
+
+
+def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
+    """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
+    foot = segment_of(found.model, "foot", side)
+    if foot is None:
+        return
+    pose, chain = found.poses[tibia], chain_between(found.model, tibia, foot)
+    found.shift(chain[0], pose.to_local(ankle) - joint_ends(found.model, "ankle", side)[tibia])
+    axis = evidence.axes.get(f"ankle_{side}")
+    if axis is not None:
+        values = straight_values(found.model)
+        joint, carried = _turning_in(chain_between(found.model, tibia, foot), values)
+        onto = carried.T @ pose.rotation.T @ np.array(axis)
+        found.turn(joint, onto * np.sign(onto @ axis_in_parent(joint, values)), values)
+
+
+def _turning_in(chain: list[Segment], values: Mapping[str, float]) -> tuple[Segment, Array]:
+    """The first segment of a chain that turns, and the rotation, (3, 3), that leads to its parent."""
+    before: list[Joint] = []
+    for segment in chain:
+        if any(j.kind == "rotation" and not j.law.is_constant for j in segment.joints):
+            return segment, follow(before, values)[0]
+        before += segment.joints
+    turning(chain[-1])
+    return chain[-1], follow(before, values)[0]
+
+
+def mirror_knee(found: Registration, imaged: str, other: str) -> None:
+    """Turn the knee's axes of the leg that was not imaged as the imaged one's, mirrored.
+
+    ``imaged``, ``other``: their shanks.
+    """
+    values = straight_values(found.model)
+    ours, theirs = (found.model.segment(name) for name in (imaged, other))
+    first, _ = turning(ours)
+    move = found.moves.get(ours.joint_name, JointMove())
+    # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
+    now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
+    angle = float(np.linalg.norm(now))
+    if angle == 0.0:
+        return
+    mirrored = now * (-1.0, -1.0, 1.0)
+    axis = axis_in_parent(theirs, values)
+    onto = axis * np.cos(angle) + np.cross(mirrored / angle, axis) * np.sin(angle)
+    found.turn(theirs, onto, values)
+
+
+def _turn_onto(start: Array, end: Array) -> Array:
+    """The smallest rotation, as a vector, that points one direction along another."""
+    cross = np.cross(start, end)
+    sine = float(np.linalg.norm(cross))
+    return np.zeros(3) if sine == 0.0 else cross / sine * np.arctan2(sine, start @ end)
+
+
+def _axes(z: Array, forward: Array) -> Array:
+    """The frame, (3, 3), whose z points along one direction and whose x lies nearest to another."""
+    z = z / np.linalg.norm(z)
+    y = np.cross(z, forward)
+    y /= np.linalg.norm(y)
+    return np.stack([np.cross(y, z), y, z], axis=1)
+
+
+def _axes_along(y: Array, rightward: Array) -> Array:
+    """The frame, (3, 3), whose y points along one direction and whose z lies nearest to another."""
+    y = y / np.linalg.norm(y)
+    x = np.cross(y, rightward)
+    x /= np.linalg.norm(x)
+    return np.stack([x, y, np.cross(x, y)], axis=1)

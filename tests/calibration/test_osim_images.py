@@ -1,0 +1,123 @@
+"""An OpenSim model brought onto a person's bones: its joints lie where the bones show them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
+from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
+from scaling_service.model.body import BodyModel
+from scaling_service.model.parameters import axis_of
+from scaling_service.model.results import Calibration
+from scaling_service.model.trial import ImageEvidence
+from tests.calibration.people import Person, imaged, person
+from tests.jobs.recorded import walker_document
+
+TILTS_DEG = {"knee_r": (3.0, -5.0, 0.0), "knee_l": (-4.0, 2.0, 0.0)}
+SIZES = {"pelvis": (1.06,) * 3, "femur_r": (1.05,) * 3, "femur_l": (1.03,) * 3, "tibia_r": (0.96,) * 3}
+
+
+def as_osim(who: Person, evidence: ImageEvidence) -> Calibration:
+    subject = replace(who.session.subject, model="own.osim")
+    return calibrate(replace(who.session, subject=subject, images=evidence), "EB")
+
+
+def centres_in_image(found: Calibration) -> dict[str, np.ndarray]:
+    """Every centre as each imaged segment that knows it has it, m."""
+    return {
+        f"{joint}_{side} {segment}": pose.rotation @ at + pose.origin
+        for joint in ("hip", "knee", "ankle")
+        for side in "rl"
+        for segment, at in joint_ends(found.model, joint, side).items()
+        if (pose := found.image_poses.get(segment)) is not None
+    }
+
+
+def test_a_person_imaged_whole_comes_back() -> None:
+    who = person(41, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.005, seconds=3.0)
+    evidence = imaged(who, TILTS_DEG)
+    found = as_osim(who, evidence)
+    for name, at in centres_in_image(found).items():
+        assert at == pytest.approx(evidence.centres[name.split()[0]], abs=1e-6)
+    for name, length in segment_lengths(who.truth).items():
+        assert segment_lengths(found.model)[name] == pytest.approx(length, abs=1e-6)
+    motion = inverse_kinematics(found.model, who.session.evaluation[0])
+    assert float(motion.distances.max()) < 0.001  # the thigh's turn about its long axis is another convention
+
+
+def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
+    who = person(44, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.002, seconds=3.0)
+    found = as_osim(who, imaged(who, TILTS_DEG, "r"))
+    assert found.scale_factors["femur_r"][0] == pytest.approx(1.05, abs=1e-6)
+    assert found.scale_factors["femur_l"][0] == pytest.approx(1.03, abs=0.02)
+    assert any("not imaged" in note and "femur_l" in note for note in found.warnings)
+    x, y = np.radians(TILTS_DEG["knee_r"][:2])
+    model = found.model
+    axes = {s: axis_in_parent(model.segment(f"tibia_{s}"), straight_values(model)) for s in "rl"}
+    assert axes["r"][:2] == pytest.approx(-axes["l"][:2], abs=1e-9)
+    assert abs(axes["r"][1]) == pytest.approx(abs(axis_of((x, y))[1]), abs=1e-6)
+
+
+@pytest.fixture(
+    scope="module", params=["rajagopal_walk/Rajagopal2016", "opencap_squat/unscaled_generic", "gait2354"]
+)
+def real(request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory):
+    """A real person's bones of the right leg, talus included, and a public model: its session and EB."""
+    bones = {
+        name: str(shared_data / "jia_mri" / "bones" / f"{name}.stl")
+        for name in ("femur_r", "tibia_r", "talus_r")
+    }
+    document = walker_document(shared_data) | {
+        "subject": {"id": "imaged"},
+        "model": str(shared_data / f"{request.param}.osim"),
+        "bones": bones
+        | {"units": "mm", "pelvis": str(shared_data / "jia_mri" / "bones" / "pelvis_no_sacrum.stl")},
+        "image_markers": str(shared_data / "jia_mri" / "image_markers.csv"),
+    }
+    document.pop("extra_markers", None)
+    if request.param == "gait2354":
+        folder = shared_data / "gait2354"
+        document |= {
+            "model": str(folder / "gait2354_simbody.osim"),
+            "marker_set": str(folder / "gait2354_Scale_MarkerSet.xml"),
+        }
+    file = tmp_path_factory.mktemp("osim") / "subject.yaml"
+    file.write_text(json.dumps(document))
+    session = open_subject(file, Settings()).session
+    return session, calibrate(session, "EB")
+
+
+def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
+    session, found = real
+    evidence = session.images
+    assert {"pelvis", "femur_r", "tibia_r"} == found.image_poses.keys()
+    for name, at in centres_in_image(found).items():
+        assert 1e3 * np.linalg.norm(at - evidence.centres[name.split()[0]]) < 1.0, name
+    for joint, parent, child in (("knee_r", "femur_r", "tibia_r"), ("ankle_r", "tibia_r", "talus_r")):
+        model: BodyModel = found.model
+        axis = axis_in_parent(model.segment(child), straight_values(model))
+        shown = found.image_poses[parent].rotation.T @ np.array(evidence.axes[joint])
+        assert np.degrees(np.arccos(min(1.0, abs(float(axis @ shown))))) < 0.1
+    assert any("without a bone" in note and "calcn_r" in note for note in found.warnings)
+    source, path = Path(session.subject.model), tmp_path / "model.osim"
+    write_osim(
+        path,
+        found.model,
+        source=source,
+        factors=found.scale_factors,
+        joint_moves=found.joint_moves,
+        marker_set=session.subject.marker_set,
+    )
+    assert path.read_text().count("PathPoint name=") == source.read_text().count("PathPoint name=")
+    written = segment_lengths(read_osim(path))
+    assert written == pytest.approx(segment_lengths(found.model), abs=1e-6)

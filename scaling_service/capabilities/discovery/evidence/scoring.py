@@ -40,7 +40,8 @@ class ScoredCandidate:
         Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time
         cannot pay for the whole catalogue, however much it explains.
         """
-        held_out = 1.0 if self.held_out.folds else self.held_out.p
+        alone = not self.held_out.folds and self.held_out.outweighs_noise
+        held_out = self.held_out.p if alone else 1.0
         return min(1.0, count * min(self.fitted.p / _OF_FIT, held_out / (1.0 - _OF_FIT)))
 
     def does_good(self, level: float) -> bool:

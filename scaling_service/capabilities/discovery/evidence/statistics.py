@@ -188,6 +188,7 @@ class HeldOut:
     gain: float  # share of their whitened sum of squares that it takes off
     p: float  # of as consistent a gain by chance
     folds: bool  # whether these were blocks of time of the same trial, for want of another one
+    outweighs_noise: bool = False  # whether the gain is more than all squares of noise there
 
 
 def try_held_out(
@@ -200,9 +201,10 @@ def try_held_out(
     always tell the nuisances from it.
 
     Where the blocks are few, gains stray by how much of the effect each shows, and their spread says little:
-    then noise alone is asked, too, whether it could bring the sum of them. Its variance is four times the
-    squares that the candidate predicts, times ``overdispersion``: how much more scores stray than white noise
-    of the floors would make them, as in the fit, and at least as what is left of these blocks.
+    of a gain that outweighs the noise there, noise alone is asked, too, whether it could bring the sum of them.
+    Its variance is four times the squares that the candidate predicts, times ``overdispersion``: how much more
+    scores stray than white noise of the floors would make them, as in the fit, and at least as what is left of
+    these blocks.
     """
     here = [s for s in evidence.blocks if candidate.holds_in(s.trial)]
     fitting = [s for s in here if s.role == "fit"]
@@ -220,13 +222,13 @@ def try_held_out(
         freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    p = p_above_zero(every)
-    if len(every) < _FEW and np.isfinite(overdispersion) and freedom:
+    p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
+    if len(every) < _FEW and np.isfinite(overdispersion) and outweighs:
         left = max(square - float(every.sum()), 0.0) / freedom
         noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
         alone = float(scipy.special.ndtr(-every.sum() / np.sqrt(noise))) if noise > 0.0 else 1.0
         p = min(1.0, 2.0 * min(p, alone))
-    return HeldOut(share, p, len(rounds) > 1)
+    return HeldOut(share, p, len(rounds) > 1, outweighs)
 
 
 def p_above_zero(values: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from scaling_service.capabilities.discovery.effects._columns import DEG, MM
@@ -17,10 +18,13 @@ from scaling_service.capabilities.discovery.laws.loads import (
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
+from scaling_service.numerics.multibody.laws import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 _MOST_BIAS = (300.0,) * 3 + (30.0,) * 3
 """Chosen: about the mean centre of pressure, 300 N some 0.1 m beside it."""
+
+_LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
 _MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
 
@@ -74,8 +78,20 @@ def plate_rotations(scene: Scene) -> Iterator[Candidate]:
         )
         for trials in scene.scopes_with_forces:
             yield Candidate("plate_rotation", (plate,), vertical, trials=trials)
-            yield Candidate("plate_rotation", (plate,), elsewhere, trials=trials, note="about another point")
+            yield Candidate(
+                "plate_rotation",
+                (plate,),
+                elsewhere,
+                trials=trials,
+                note="about another point",
+                together=_turns,
+            )
             yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
+
+
+def _turns(size: Array) -> bool:
+    """Whether a turn with a shift is more than a shift."""
+    return bool(abs(size[0]) >= _LEAST_TURN)
 
 
 def force_delays(scene: Scene) -> Iterator[Candidate]:

@@ -201,10 +201,10 @@ def try_held_out(
     always tell the nuisances from it.
 
     Where the blocks are few, gains stray by how much of the effect each shows, and their spread says little:
-    of a gain that outweighs the noise there, noise alone is asked, too, whether it could bring the sum of them.
-    Its variance is four times the squares that the candidate predicts, times ``overdispersion``: how much more
-    scores stray than white noise of the floors would make them, as in the fit, and at least as what is left of
-    these blocks.
+    of a gain that outweighs the noise there, noise alone is asked, too, whether it could bring the sum.
+    Its variance is four times the squares that the candidate predicts, times ``overdispersion``: how much
+    more scores stray than white noise of the floors would make them, as in the fit, and at least as what is
+    left of these blocks.
     """
     here = [s for s in evidence.blocks if candidate.holds_in(s.trial)]
     fitting = [s for s in here if s.role == "fit"]

@@ -35,6 +35,13 @@ no two of mm, cm and m can both be right."""
 UNITS: Mapping[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}  # metres in a unit
 
 _JOINT_GAP_M = 0.02  # chosen: a head sits within 5 mm of its socket, posed images included
+_OTHER_FRAME_M = 0.06  # chosen: beyond it, head and socket are no joint whatever the pose
+_HEAD_IN_SOCKET = (0.65, 1.05)
+"""Chosen: radius of a head over its socket's; 0.85 and 0.91 on two persons. Outside, they do not fit."""
+_KNEE_GAP = (1.1, 2.0, 3.5)
+"""Chosen: from the middle of the condyles to that of the plateaus over the condyles' radius, 1.55 to 1.6 on
+three persons: below the first or above the second there is a word, above the third they are no knee."""
+_CONDYLE_M = 0.02  # chosen: an adult's, where no sphere was fitted
 
 
 def find_unit(extents: Mapping[str, float]) -> str:
@@ -155,14 +162,71 @@ def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
 
 
 def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
-    """A word where the head does not sit in its socket."""
+    """A word where the head does not sit in its socket, or is not of its size."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     if pelvis is None or femur is None or "hip_centre" not in femur.points:
         return
-    apart = float(np.linalg.norm(femur.points["hip_centre"] - pelvis.points[f"acetabulum_{side}"]))
+    warnings = list(femur.warnings)
+    apart = _hip_gap(found, side) or 0.0
     if apart > _JOINT_GAP_M:
-        warning = f"its head lies {1e3 * apart:.0f} mm from the socket of the pelvis: other poses or images"
-        found[f"femur_{side}"] = replace(femur, warnings=(*femur.warnings, warning))
+        warnings.append(
+            f"its head lies {1e3 * apart:.0f} mm from the socket of the pelvis: other poses or images"
+        )
+    head, socket = femur.spheres.get("head"), pelvis.spheres.get(f"acetabulum_{side}")
+    if head is not None and socket is not None:
+        low, high = _HEAD_IN_SOCKET
+        if not low <= head.radius / socket.radius <= high:
+            warnings.append(
+                f"its head has a radius of {1e3 * head.radius:.0f} mm, the socket of the pelvis one of "
+                f"{1e3 * socket.radius:.0f} mm: check that the bones are of one person and in one unit"
+            )
+    found[f"femur_{side}"] = replace(femur, warnings=tuple(warnings))
+
+
+def _hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
+    """From the socket to the femur's head, m; None where not both were found."""
+    pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
+    socket = None if pelvis is None else pelvis.points.get(f"acetabulum_{side}")
+    head = None if femur is None else femur.points.get("hip_centre")
+    return None if socket is None or head is None else float(np.linalg.norm(head - socket))
+
+
+def _knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[float, float] | None:
+    """From the middle of the condyles to that of the plateaus, m, and over the condyles' radius."""
+    femur, tibia = found.get(f"femur_{side}"), found.get(f"tibia_{side}")
+    if femur is None or tibia is None or "knee_centre" not in femur.points:
+        return None
+    plateaus = [tibia.points[name] for name in ("plateau_medial", "plateau_lateral") if name in tibia.points]
+    if len(plateaus) < 2:
+        return None
+    gap = float(np.linalg.norm(np.mean(plateaus, axis=0) - femur.points["knee_centre"]))
+    radii = [s.radius for name, s in femur.spheres.items() if name.startswith("condyle")]
+    return gap, gap / (float(np.mean(radii)) if radii else _CONDYLE_M)
+
+
+def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
+    """Whether bones meet in their joints, as they do in one image of one person.
+
+    ``found``: bone to its landmarks. Returns a word on each knee that is too wide or too narrow. Raises
+    MeshRefused: a femur's head is nowhere near its socket, or a tibia nowhere near its femur.
+    """
+    notes = []
+    remedy = "Export all bones in the frame of one image of one person, not each in its own"
+    for side in "rl":
+        gap = _hip_gap(found, side)
+        if gap is not None and gap > _OTHER_FRAME_M:
+            problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"
+            raise MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
+        knee = _knee_gap(found, side)
+        if knee is None:
+            continue
+        narrow, wide, apart = _KNEE_GAP
+        said = f"its plateau lies {1e3 * knee[0]:.0f} mm from the middle of the condyles of femur_{side}"
+        if knee[1] > apart:
+            raise MeshRefused(said, field=f"tibia_{side}", remedy=remedy)
+        if not narrow <= knee[1] <= wide:
+            notes.append(f"tibia_{side}: {said}: other poses, images or persons")
+    return tuple(notes)
 
 
 _CENTRES = {"femur": {"hip_centre": "hip", "knee_centre": "knee"}, "tibia": {"ankle_centre": "ankle"}}

@@ -14,9 +14,10 @@ from scaling_service.capabilities.scaling.methods.osim_image_based import axis_i
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
-from scaling_service.model.body import BodyModel
+from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.parameters import axis_of
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
@@ -66,6 +67,30 @@ def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
     axes = {s: axis_in_parent(model.segment(f"tibia_{s}"), straight_values(model)) for s in "rl"}
     assert axes["r"][:2] == pytest.approx(-axes["l"][:2], abs=1e-9)
     assert abs(axes["r"][1]) == pytest.approx(abs(axis_of((x, y))[1]), abs=1e-6)
+
+
+@pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
+def test_bones_that_do_not_fit_the_markers_are_refused_or_told(model: str) -> None:
+    who = person(45, seconds=2.0)
+    evidence = imaged(who, {"knee_r": (0.0,) * 3, "knee_l": (0.0,) * 3})
+
+    def with_size(factor: float) -> Calibration:
+        def grown(point: Vector) -> Vector:
+            return vector(factor * np.array(point))
+
+        sized = replace(
+            evidence,
+            centres={name: grown(at) for name, at in evidence.centres.items()},
+            landmarks={name: grown(at) for name, at in evidence.landmarks.items()},
+            markers={name: (segment, grown(at)) for name, (segment, at) in evidence.markers.items()},
+        )
+        subject = replace(who.session.subject, model=model)
+        return calibrate(replace(who.session, subject=subject, images=sized), "EB")
+
+    assert not any("by the markers" in note for note in with_size(1.05).warnings)
+    assert any("femur_r is" in note and "by the markers" in note for note in with_size(1.2).warnings)
+    with pytest.raises(SubjectInvalid, match=r"by the bones and .* by the markers.*of one person"):
+        with_size(1.4)
 
 
 @pytest.fixture(

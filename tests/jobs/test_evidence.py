@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.subject.loading import gather_images
@@ -72,6 +73,27 @@ def test_bones_of_the_wrong_side_are_refused_by_name(document: dict[str, object]
     bones = {"femur_l": known.bones["femur_r"]}
     with pytest.raises(InputError, match="femur_l"):
         gather_images(replace(known, bones=bones), MODEL)
+
+
+def moved(document: dict[str, object], folder: Path, bone: str, by_mm: list[float]) -> Subject:
+    """The subject with one bone elsewhere in the image."""
+    known = subject(document, folder)
+    mesh = trimesh.load_mesh(known.bones[bone])
+    mesh.apply_translation(by_mm)
+    mesh.export(folder / f"{bone}.stl")
+    return replace(known, bones={**known.bones, bone: folder / f"{bone}.stl"})
+
+
+def test_bones_in_frames_of_their_own_are_refused(document: dict[str, object], tmp_path: Path) -> None:
+    for bone, by_mm in (("tibia_r", [0.0, 0.0, -500.0]), ("femur_r", [200.0, 0.0, 0.0])):
+        with pytest.raises(InputError, match=r"lies .* mm from .* frame of one image") as caught:
+            gather_images(moved(document, tmp_path, bone, by_mm), MODEL)
+        assert caught.value.field == f"bones.{bone}"
+
+
+def test_a_knee_that_gapes_is_told(document: dict[str, object], tmp_path: Path) -> None:
+    _, told = gather_images(moved(document, tmp_path, "tibia_r", [0.0, 0.0, -15.0]), MODEL)
+    assert any("tibia_r" in note and "other poses, images or persons" in note for note in told)
 
 
 def test_bones_are_left_alone_with_other_models(document: dict[str, object], tmp_path: Path) -> None:

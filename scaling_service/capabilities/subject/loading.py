@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import UNITS, evidence_of, find_landmarks
+from scaling_service.bones.whole import UNITS, check_joined, evidence_of, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.reading import blamed_on, input_hashes, load_subject, recordings
@@ -251,15 +251,15 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     shapes = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
     try:
         found = find_landmarks(shapes)
+        notes = check_joined(found)
     except MeshRefused as error:
         file = subject.bones.get(error.field or "")
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
     bones = {name: Bone(*shape) for name, shape in shapes.items()}
     evidence = evidence_of(found, _image_markers(subject, model), bones)
-    return evidence, tuple(
-        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone))
-    )
+    said = (f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone)))
+    return evidence, (*said, *notes)
 
 
 def _refused(bone: BoneLandmarks) -> Iterator[str]:

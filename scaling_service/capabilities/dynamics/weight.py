@@ -61,6 +61,12 @@ class Weight:
         return off > max(NOTICED * self.declared_kg, 1.96 * self.sd_kg)
 
     @property
+    def disagree(self) -> bool:
+        """Whether recordings differ among themselves by more than clothes."""
+        kilograms = self.by_trial.values()
+        return max(kilograms) - min(kilograms) > 2 * NOTICED * self.declared_kg
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """What a person should know; none where declaration, plates and recordings agree."""
         said = []
@@ -69,8 +75,7 @@ class Weight:
                 f"The plates bear {self.plates_kg:.1f} kg (standard deviation {self.sd_kg:.1f}), the model "
                 f"weighs {self.declared_kg:.1f} kg: check subject.mass_kg, shoes and what the person carried."
             )
-        kilograms = self.by_trial.values()
-        if len(self.by_trial) > 1 and max(kilograms) - min(kilograms) > 2 * NOTICED * self.declared_kg:
+        if self.disagree:
             each = few([f"{kg:.1f} kg in {name}" for name, kg in self.by_trial.items()])
             said.append(f"Recordings disagree about the weight: the plates bear {each}.")
         return tuple(said)

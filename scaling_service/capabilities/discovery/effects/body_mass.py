@@ -25,7 +25,8 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     """The declared mass as an effect, if the plates clearly contradict it and no other effect is the cause.
 
     Another one is, where it explains nearly all that the forces disagree by: a load in the hand weighs as
-    much as a heavier body, but its moments tell where it is.
+    much as a heavier body, but its moments tell where it is. Where recordings disagree about the weight, each
+    is taken with its own from then on: what plates miss in one of them is no load of the body.
     """
     weight = balance_weight(fit)
     if weight is None or not weight.differs:
@@ -33,8 +34,11 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     above = fit.settings.whole_cause * WRENCH.above_noise(fit)
     if any(WRENCH.shows(one.candidate) and one.fitted.gain > above for one in scored):
         return None
-    change = Reweighed(weight.factor, weight.sd_kg / weight.declared_kg)
-    candidate = Candidate("body_mass", ("body",), (), change=change)
+    own = weight.by_trial if weight.disagree else {}
+    factors = tuple((trial, kg / weight.declared_kg) for trial, kg in own.items())
+    change = Reweighed(weight.factor, weight.sd_kg / weight.declared_kg, factors)
+    note = ", ".join(f"{kg:.1f} kg in {trial}" for trial, kg in own.items())
+    candidate = Candidate("body_mass", ("body",), (), note=note, change=change)
     after = WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(candidate, np.zeros(0))))
     gain = {role: _square(fit, role) - _square(after, role) for role in ("fit", "held_out")}
     chance = 2.0 * float(scipy.stats.norm.sf(abs(weight.factor - 1.0) / change.sd))

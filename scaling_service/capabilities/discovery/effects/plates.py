@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from scaling_service.capabilities.discovery.effects._columns import DEG, MM
@@ -17,10 +18,13 @@ from scaling_service.capabilities.discovery.laws.loads import (
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
+from scaling_service.numerics.multibody.laws import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 _MOST_BIAS = (300.0,) * 3 + (30.0,) * 3
 """Chosen: about the mean centre of pressure, 300 N some 0.1 m beside it."""
+
+_LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
 _MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
 
@@ -57,16 +61,37 @@ def plate_positions(scene: Scene) -> Iterator[Candidate]:
 
 
 def plate_rotations(scene: Scene) -> Iterator[Candidate]:
-    """Every loaded plate, about the vertical and leaning, in all recordings and in each."""
+    """Every loaded plate, about the vertical and leaning, in all recordings and in each.
+
+    Readings without the plate's place do not tell about which point it is turned: about the vertical one is
+    tried, too, that also shifts, the shift being that of the ground's origin.
+    """
     for plate in scene.plates:
         vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),)
+        elsewhere = (
+            Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0),
+            *(Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k)) for k in (0, 2)),
+        )
         leaning = tuple(
             Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
             for k, letter in ((0, "x"), (2, "z"))
         )
         for trials in scene.scopes_with_forces:
             yield Candidate("plate_rotation", (plate,), vertical, trials=trials)
+            yield Candidate(
+                "plate_rotation",
+                (plate,),
+                elsewhere,
+                trials=trials,
+                note="about another point",
+                together=_turns,
+            )
             yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
+
+
+def _turns(size: Array) -> bool:
+    """Whether a turn with a shift is more than a shift."""
+    return bool(abs(size[0]) >= _LEAST_TURN)
 
 
 def force_delays(scene: Scene) -> Iterator[Candidate]:

@@ -150,7 +150,7 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
     here = [s for s in fit.estimates if s.candidate.holds_in(item.name)]
     made = WrenchFit(
         item,
-        with_inertial_changes(fit.model_in(item.name), here),
+        with_inertial_changes(fit.model_in(item.name), here, item.name),
         replace(contacts, ground=corrected_forces(contacts.ground, item.trial.times, here)),
         gravity_of(here),
         tuple(loads_of(here, Wobbling)),

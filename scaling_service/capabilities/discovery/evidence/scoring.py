@@ -21,6 +21,8 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
+_OF_FIT = 0.9  # share of the level that the fit may spend (chosen: most effects are decided there)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredCandidate:
@@ -31,6 +33,16 @@ class ScoredCandidate:
     gains: Array | None  # (n_blocks,), or None: what it takes off each block that fits it
     held_out: HeldOut
     equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
+
+    def p_family(self, count: int) -> float:
+        """Of as much by chance in a catalogue of so many: in the fit, or in recordings that fitted nothing.
+
+        Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time
+        cannot pay for the whole catalogue, however much it explains.
+        """
+        alone = not self.held_out.folds and self.held_out.outweighs_noise
+        held_out = self.held_out.p if alone else 1.0
+        return min(1.0, count * min(self.fitted.p / _OF_FIT, held_out / (1.0 - _OF_FIT)))
 
     def does_good(self, level: float) -> bool:
         """Whether it surely lowers what recordings that did not fit it disagree."""
@@ -64,7 +76,8 @@ def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[Scor
     found = []
     for k, fitted in _likely(evidence, choice):
         gains = explain(evidence, k, fitting_blocks(evidence.blocks, choice[k])).gains
-        found.append(ScoredCandidate(choice[k], fitted, gains, try_held_out(evidence, k, choice[k])))
+        held_out = try_held_out(evidence, k, choice[k], fitted.by_chance / max(len(fitted.size), 1))
+        found.append(ScoredCandidate(choice[k], fitted, gains, held_out))
     return found
 
 

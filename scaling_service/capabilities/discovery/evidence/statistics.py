@@ -20,6 +20,10 @@ from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.numerics.multibody.laws import Array
 
+_FEW = 6
+"""Blocks below which the spread of gains is that of the effect's own course (chosen: a walk across two plates
+has three, each with another share of the load)."""
+
 _FEWEST = 3
 """Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
 
@@ -143,15 +147,24 @@ def explain(evidence: Evidence, index: int, blocks: Sequence[Block]) -> Explaine
 
 def gains_of(evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]) -> Array:
     """What a candidate takes off blocks beyond what nuisances by themselves do, (n_blocks,)."""
+    return _gains_and_squares(evidence, index, found, blocks)[0]
+
+
+def _gains_and_squares(
+    evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]
+) -> tuple[Array, Array]:
+    """Gains, and the squares of what the candidate predicts, (n_blocks,) each."""
     count, rows = evidence.nuisances, evidence.groups[index]
     chosen = np.r_[0:count, rows.start : rows.stop]
     change = np.concatenate([found.along, found.size])
 
-    def gain(s: Block) -> float:
+    def gain(s: Block) -> tuple[float, float]:
         own = s.own[np.ix_(chosen, chosen)]
-        return float(change @ (2.0 * (s.scores[chosen] - own[:, :count] @ found.step) - own @ change))
+        square = float(change @ own @ change)
+        return float(2.0 * change @ (s.scores[chosen] - own[:, :count] @ found.step)) - square, square
 
-    return np.array([gain(s) for s in blocks])
+    both = np.array([gain(s) for s in blocks]).reshape(-1, 2)
+    return both[:, 0], both[:, 1]
 
 
 def p_of_lead(best: Array, other: Array, penalty: float) -> float:
@@ -175,14 +188,23 @@ class HeldOut:
     gain: float  # share of their whitened sum of squares that it takes off
     p: float  # of as consistent a gain by chance
     folds: bool  # whether these were blocks of time of the same trial, for want of another one
+    outweighs_noise: bool = False  # whether the gain is more than all squares of noise there
 
 
-def try_held_out(evidence: Evidence, index: int, candidate: Candidate) -> HeldOut:
+def try_held_out(
+    evidence: Evidence, index: int, candidate: Candidate, overdispersion: float = 1.0
+) -> HeldOut:
     """Try a candidate on what did not fit it.
 
     One that is in trials to fit and in held-out ones is fitted to those and tried on these; any other is
     fitted to every other block where it is and tried on those between. Trials to fit in which it is not
     always tell the nuisances from it.
+
+    Where the blocks are few, gains stray by how much of the effect each shows, and their spread says little:
+    of a gain that outweighs the noise there, noise alone is asked, too, whether it could bring the sum.
+    Its variance is four times the squares that the candidate predicts, times ``overdispersion``: how much
+    more scores stray than white noise of the floors would make them, as in the fit, and at least as what is
+    left of these blocks.
     """
     here = [s for s in evidence.blocks if candidate.holds_in(s.trial)]
     fitting = [s for s in here if s.role == "fit"]
@@ -190,14 +212,23 @@ def try_held_out(evidence: Evidence, index: int, candidate: Candidate) -> HeldOu
     others = [s for s in evidence.blocks if s.role == "fit" and not candidate.holds_in(s.trial)]
     halves = [(here[0::2], here[1::2]), (here[1::2], here[0::2])]
     rounds = [(fitting, held)] if fitting and held else halves
-    gains, square = [], 0.0
+    gains, squares, square, freedom = [], [], 0.0, 0.0
     for known, new in rounds:
         found = explain(evidence, index, [*others, *known])
-        gains.append(gains_of(evidence, index, found, new))
+        gain, predicted = _gains_and_squares(evidence, index, found, new)
+        gains.append(gain)
+        squares.append(predicted)
         square += sum(s.square for s in new)
+        freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    return HeldOut(share, p_above_zero(every), len(rounds) > 1)
+    p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
+    if len(every) < _FEW and np.isfinite(overdispersion) and outweighs:
+        left = max(square - float(every.sum()), 0.0) / freedom
+        noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
+        alone = float(scipy.special.ndtr(-every.sum() / np.sqrt(noise))) if noise > 0.0 else 1.0
+        p = min(1.0, 2.0 * min(p, alone))
+    return HeldOut(share, p, len(rounds) > 1, outweighs)
 
 
 def p_above_zero(values: Array) -> float:

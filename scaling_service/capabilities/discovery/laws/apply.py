@@ -97,7 +97,7 @@ def corrected_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
     return trial if markers is trial.markers else replace(trial, markers=markers)
 
 
-def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate]) -> BodyModel:
+def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: str = "") -> BodyModel:
     """The model with masses, centres and tensors changed."""
     declared = inertias_of(model).parameters()
     numbers = declared.copy()
@@ -105,7 +105,7 @@ def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate]) -> Body
     for effect in effects:
         whole = effect.candidate.change
         if isinstance(whole, Reweighed):
-            numbers += (whole.factor - 1.0) * declared
+            numbers += (whole.factor_in(trial) - 1.0) * declared
             changed = True
         for segment, change in _inertial_changes(effect):
             numbers[model.segment_names.index(segment)] += change

@@ -112,6 +112,11 @@ class Reweighed:
 
     factor: float  # true over declared mass
     sd: float
+    of_trials: tuple[tuple[str, float], ...] = ()  # where recordings disagree: trial to its own factor
+
+    def factor_in(self, trial: str) -> float:
+        """What the plates of one recording bear over the declared mass."""
+        return dict(self.of_trials).get(trial, self.factor)
 
 
 @dataclass(frozen=True, slots=True)

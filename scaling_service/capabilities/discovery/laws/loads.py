@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -110,14 +110,15 @@ class PlateGain:
 
 @dataclass(frozen=True, slots=True)
 class PlateTurn:
-    """A plate is turned about an axis through its middle: rad, true minus taken."""
+    """A plate is turned about an axis: rad, true minus taken."""
 
     plate: str
     axis: int
+    about: Literal["middle", "ground"] = "middle"  # of the plate in each trial, or the ground's origin
 
     def column(self, fit: WrenchFit) -> Array:
         """Minus what turning its wrench would add, (n, 6)."""
-        wrench, centre = fit.plate(self.plate), fit.centre(self.plate)
+        wrench, centre = fit.plate(self.plate), self._point(fit.centre(self.plate))
         about = wrench[:, 3:] - np.cross(centre, wrench[:, :3])
         turned = -np.cross(_UNIT[self.axis], wrench[:, :3])
         moment = np.cross(centre, turned) - np.cross(_UNIT[self.axis], about)
@@ -125,10 +126,13 @@ class PlateTurn:
 
     def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
-        turn = rotation_about(_UNIT[self.axis], size)
-        about = plate.moment - np.cross(plate.middle, plate.force)
+        turn, point = rotation_about(_UNIT[self.axis], size), self._point(plate.middle)
+        about = plate.moment - np.cross(point, plate.force)
         turned = plate.force @ turn.T
-        return turned, about @ turn.T + np.cross(plate.middle, turned)
+        return turned, about @ turn.T + np.cross(point, turned)
+
+    def _point(self, middle: Array) -> Array:
+        return middle if self.about == "middle" else np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True)

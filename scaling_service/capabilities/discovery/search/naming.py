@@ -41,7 +41,7 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         effect,
         scored.fitted.spread,
         scored.fitted,
-        min(1.0, scored.fitted.p * among.count),
+        scored.p_family(among.count),
         scored.held_out,
         smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
         equivalents,

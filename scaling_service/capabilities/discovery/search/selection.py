@@ -100,7 +100,7 @@ def select(
 
 def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
     level = fit.settings.level
-    likely = one.fitted.p * among.count <= level and one.fitted.expected > 0.0
+    likely = max(one.p_family(among.count), one.fitted.p) <= level and one.fitted.expected > 0.0
     return likely and one.does_good(level) and not _passing_fault(one, fit)
 
 

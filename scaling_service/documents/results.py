@@ -120,6 +120,9 @@ class ClinicalDocument(Part):
     reason: str = Field(description="Why there is no gait cycle; empty where there is one.")
 
 
+SegmentSource = Literal["bone", "bone of the other leg", "movement", "markers", "persons alike"]
+
+
 class MethodResult(Part):
     """One method's model and how well it follows the recordings."""
 
@@ -136,6 +139,10 @@ class MethodResult(Part):
     length_estimates: dict[str, LengthEstimate] = Field(
         default={},
         description="Of lengths that distances and anthropometry gave; fitted ones have parameters.",
+    )
+    segment_sources: dict[str, SegmentSource] = Field(
+        default={},
+        description="What sized each segment: its own bone, the other leg's, markers or persons alike.",
     )
     joint_centres_mm: dict[str, JointCentre]
     person_centres: dict[str, PersonCentre] = Field(

@@ -126,5 +126,7 @@ class Calibration:
     """Segment to its estimated size, where markers and anthropometry gave it."""
     centres: Mapping[str, EstimatedCentre] = field(default_factory=dict)
     """``hip_r`` … to how the person's joint centre was found."""
+    bone_sized: Mapping[str, str] = field(default_factory=dict)
+    """Segment to whose bone sizes it, for those that images size: ``own`` or ``other leg``."""
     joint_moves: Mapping[str, JointMove] = field(default_factory=dict)
     """Joint to how images moved it, for OpenSim models; ``axis_tilts`` come after these turns."""

@@ -62,6 +62,11 @@ def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
     assert found.scale_factors["femur_r"][0] == pytest.approx(1.05, abs=1e-6)
     assert found.scale_factors["femur_l"][0] == pytest.approx(1.03, abs=0.02)
     assert any("not imaged" in note and "femur_l" in note for note in found.warnings)
+    assert found.bone_sized == {"pelvis": "own"} | {
+        f"{bone}_{side}": whose
+        for bone in ("femur", "tibia")
+        for side, whose in (("r", "own"), ("l", "other leg"))
+    }
     x, y = np.radians(TILTS_DEG["knee_r"][:2])
     model = found.model
     axes = {s: axis_in_parent(model.segment(f"tibia_{s}"), straight_values(model)) for s in "rl"}

@@ -44,6 +44,7 @@ from scaling_service.documents.results import (
     PersonCentre,
     Provenance,
     ScalingDocument,
+    SegmentSource,
     TrialError,
     TruthDocument,
     VerdictDocument,
@@ -209,6 +210,7 @@ def method_document(
         else round(held_out.mean / fitted.mean, 4),
         segment_lengths_mm={name: _mm(length) for name, length in shape.lengths.items()},
         length_estimates=_length_estimates(calibration, shape.lengths),
+        segment_sources=_segment_sources(calibration),
         joint_centres_mm={
             name: JointCentre(frame=frame, xyz=_mm3(at)) for name, (frame, at) in shape.joint_centres.items()
         },
@@ -243,6 +245,24 @@ def method_document(
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
+
+
+_BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
+
+
+def _segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
+    """What sized each segment; the size of one that nothing was measured of is that of persons alike."""
+    fitted = {p.target for p in calibration.parameters if p.group == "length"}
+    found: dict[str, SegmentSource] = {}
+    for name in calibration.model.segment_names:
+        size = calibration.sizes.get(name)
+        if name in calibration.bone_sized:
+            found[name] = _BONES[calibration.bone_sized[name]]
+        elif name in fitted:
+            found[name] = "movement"
+        else:
+            found[name] = "markers" if size is None or size.own else "persons alike"
+    return found
 
 
 def _length_estimates(calibration: Calibration, lengths: Mapping[str, float]) -> dict[str, LengthEstimate]:

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.scaling.methods.osim_image_based import Registration, axis_in_parent
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim import read_osim, write_osim
 from scaling_service.model.body import BodyModel, Joint, Law, Marker
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.compile import compile_model
+from scaling_service.model.poses import model_values
 from scaling_service.model.scaling import scaled
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.files.osim.hand_made import X, Y, hand_made
@@ -124,6 +126,25 @@ def test_tilts_of_joints_of_fixed_kind(oracle, agrees, tmp_path, kind, reverse):
     with pytest.raises(ModelRefused) as caught:
         write_osim(path, model, source=source, axis_tilts={"root": (0.1, 0.1)})
     assert caught.value.field == "root"
+
+
+@pytest.mark.parametrize("kind", ["PinJoint", "GimbalJoint"])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse):
+    source, path = tmp_path / "source.osim", tmp_path / "moved.osim"
+    joints = [
+        {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"},
+        {"kind": kind, "name": "j", "parent": "a", "child": "b", "reversed": reverse},
+    ]
+    oracle({"operation": "build", "file": str(source), "joints": joints, "nested": "b"})
+    found = Registration(read_osim(source))
+    found.shift(found.model.segment("b"), np.array([0.01, -0.02, 0.03]))
+    values = model_values(found.model)
+    found.turn(found.model.segment("b"), np.array([0.6, 0.0, 0.8]), values)
+    found.turn_child(found.model.segment("b"), np.array([0.1, 0.05, -0.2]), np.array([0.0, 0.1, 0.02]))
+    assert axis_in_parent(found.model.segment("b"), values) == pytest.approx([0.6, 0.0, 0.8])
+    write_osim(path, found.model, source=source, joint_moves=found.moves)
+    agrees(path, found.model)
 
 
 LINE = {"kind": "LinearFunction", "values": [1.0, 0.0]}

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
+from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
+from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths, straight_values
 from scaling_service.model.body import GROUND, BodyModel, Marker, Vector
 from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.results import Array, Calibration, Motion
 from scaling_service.numerics.multibody.tree import marker_positions
 
@@ -37,9 +39,25 @@ def geometry(calibration: Calibration) -> Geometry:
     return Geometry(
         segment_lengths(calibration.model),
         joint_centres(calibration.model),
-        {_side(joint): tilt for joint, tilt in calibration.axis_tilts.items()},
+        {_side(joint): tilt for joint, tilt in _knee_tilts(calibration).items()},
         marker_shifts(calibration),
     )
+
+
+def _knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
+    """The turns of each knee's axis from z of the thigh.
+
+    An OpenSim model's joint has a frame of its own, turned against the thigh: where images moved the joint,
+    the turns are those of the axis itself.
+    """
+    tilts = dict(calibration.axis_tilts)
+    values = straight_values(calibration.model)
+    for segment in calibration.model.segments:
+        move = calibration.joint_moves.get(segment.joint_name)
+        if segment.parent.startswith("femur") and move is not None and any(move.turn):
+            axis = axis_in_parent(segment, values)
+            tilts[segment.joint_name] = tilt_of(axis if axis[2] > 0.0 else -axis)
+    return tilts
 
 
 def marker_shifts(calibration: Calibration) -> dict[str, float]:

@@ -219,6 +219,7 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
     register_pelvis(found, evidence, pelvis)
     for side in sides:
         register_leg(found, evidence, side, _rightward(evidence, side))
+    imaged_bones = frozenset(found.ratios)
     others = [s for s in "rl" if s not in sides and None not in names[s]]
     for side in others:
         found.resize(_ratios_like_imaged(found.model, names[side], evidence, pelvis, side, standing))
@@ -240,8 +241,9 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
         model,
         start.generic,
         factors,
-        warnings=(*start.warnings, *_osim_notes(found, sides, legs, placed)),
+        warnings=(*start.warnings, *_osim_notes(found, sides, imaged_bones, placed)),
         image_poses=found.poses,
+        bone_sized={name: "own" if name in imaged_bones else "other leg" for name in found.ratios},
         joint_moves=found.moves,
         sizes={name: size for name, size in start.sizes.items() if name not in found.ratios},
     )
@@ -282,11 +284,11 @@ _WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 
 def _osim_notes(
-    found: Registration, sides: list[str], others: frozenset[str], placed: Mapping[str, Vector]
+    found: Registration, sides: list[str], own: frozenset[str], placed: Mapping[str, Vector]
 ) -> list[str]:
     """Which segments lie on bones, what scaling could not do, and what is not from images.
 
-    ``others``: segments of a leg that was not imaged.
+    ``own``: segments that their own bone sized.
     """
     words = {"r": "right", "l": "left"}
     notes = [f"EB: on bones: {', '.join(found.poses)}"]
@@ -300,7 +302,7 @@ def _osim_notes(
         said = [words.format(size) for size, words in sizes if size >= _WORTH_SAYING]
         if said:
             notes.append(f"EB: beyond scaling, the image moves {joint}: {', '.join(said)}")
-    like = [name for name in found.ratios if name in others]
+    like = [name for name in found.ratios if name not in own]
     if like:
         notes.append(
             f"EB: sized as the bones of the {' and '.join(words[s] for s in sides)} leg: {few(like)} "
@@ -432,6 +434,11 @@ class ImageBased:
             warnings=tuple(notes),
             image_poses={
                 name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
+            },
+            bone_sized={
+                name: "own" if name in frames else "other leg"
+                for name in model.segment_names
+                if name in frames or name.startswith(("femur", "tibia"))
             },
         )
 

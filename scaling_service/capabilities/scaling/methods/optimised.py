@@ -248,6 +248,7 @@ class Optimised:
             start.image_poses,
             {} if self.freedom.lengths else start.sizes,
             start.centres,
+            start.bone_sized,
             start.joint_moves,
         )
 

@@ -819,6 +819,7 @@ export interface MethodResult {
   held_out_ratio: number | null;
   segment_lengths_mm: Record<string, number>;
   length_estimates: Record<string, LengthEstimate>;
+  segment_sources: Record<string, "bone" | "bone of the other leg" | "movement" | "markers" | "persons alike">;
   joint_centres_mm: Record<string, JointCentre>;
   person_centres: Record<string, PersonCentre>;
   knee_axis_deg: Record<string, KneeAxis>;
@@ -1112,6 +1113,7 @@ export interface ScalingDocument {
   held_out_ratio: number | null;
   segment_lengths_mm: Record<string, number>;
   length_estimates: Record<string, LengthEstimate>;
+  segment_sources: Record<string, "bone" | "bone of the other leg" | "movement" | "markers" | "persons alike">;
   joint_centres_mm: Record<string, JointCentre>;
   person_centres: Record<string, PersonCentre>;
   knee_axis_deg: Record<string, KneeAxis>;

@@ -26,6 +26,8 @@ much for hysteresis)."""
 FAR_OFF = 1.5
 """Ratio of the masses beyond which one of them must be wrong (chosen: no person errs so about a weight)."""
 
+_LASTING = 2.0  # chosen: single blocks then rarely show nothing of what the median is off by
+
 NOTICED = 0.015
 """Share of the mass by which plates and declaration must differ to be told (chosen: clothes and shoes)."""
 
@@ -38,6 +40,7 @@ class Weight:
     plates_kg: float
     sd_kg: float  # of plates_kg: spread of blocks of time, disagreement of recordings, the plates' gain
     by_trial: Mapping[str, float]  # kg, by the recordings' names
+    spread: float = 0.0  # robust standard deviation of single blocks of time, as a share of the mass
 
     @property
     def factor(self) -> float:
@@ -59,6 +62,11 @@ class Weight:
         """Whether the declared mass is wrong beyond what plates and clothes explain."""
         off = abs(self.plates_kg - self.declared_kg)
         return off > max(NOTICED * self.declared_kg, 1.96 * self.sd_kg)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether about as much is missing at all times: not in the steps on one of the plates only."""
+        return abs(self.factor - 1.0) > _LASTING * self.spread
 
     @property
     def disagree(self) -> bool:
@@ -116,7 +124,11 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
     among = float(shares**2 @ np.square(np.array(list(each.values())) - middle))
     sd = float(np.sqrt(standing**2 + among + PLATES_SHARE**2))
     return Weight(
-        declared_kg, middle * declared_kg, sd * declared_kg, {n: r * declared_kg for n, r in each.items()}
+        declared_kg,
+        middle * declared_kg,
+        sd * declared_kg,
+        {n: r * declared_kg for n, r in each.items()},
+        spread,
     )
 
 

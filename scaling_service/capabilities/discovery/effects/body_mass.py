@@ -29,7 +29,7 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     is taken with its own from then on: what plates miss in one of them is no load of the body.
     """
     weight = balance_weight(fit)
-    if weight is None or not weight.differs:
+    if weight is None or not (weight.differs and weight.lasting):
         return None
     above = fit.settings.whole_cause * WRENCH.above_noise(fit)
     if any(WRENCH.shows(one.candidate) and one.fitted.gain > above for one in scored):

@@ -35,7 +35,7 @@ class Effect:
         column can stand for it.
     question : callable, optional
         Asked before the search, of the fit and of what was scored: the effect where the answer is yes. It
-        stays, whatever is named later.
+        stays, unless it is asked again without it, once all is named, and the answer is no.
     seen_in : 'markers' or 'wrench'
         What that search looks at.
     details : callable, optional
@@ -97,6 +97,12 @@ def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[Score
         found = effect.question(fit, scored) if effect.question is not None else None
         if found is not None:
             yield found
+
+
+def is_answered(effect: Estimate, without: Fit) -> bool:
+    """Whether a question's answer is not needed any more in a fit without it; False for other effects."""
+    question = known_effects()[effect.candidate.kind].question
+    return question is not None and question(without, []) is None
 
 
 def details(effect: Estimate, after: Fit) -> Mapping[str, float]:

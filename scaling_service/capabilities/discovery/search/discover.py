@@ -29,6 +29,7 @@ from scaling_service.capabilities.discovery.search.elimination import (
     drop_predictable,
     eliminate_backward,
     settle,
+    withdraw_answers,
 )
 from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
@@ -174,6 +175,7 @@ class Search:
             name = partial(name_tuned, among=scored)
             self.named, self.fit = replace_by_plate_pair(self.named, self.fit, name, scored.count)
         given = {n.key for n in self.named}
+        self.named, self.fit = withdraw_answers(self.named, self.fit)
         self.named, self.fit = eliminate_backward(self.named, self.fit)
         dropped = given - {n.key for n in self.named}
         self.refused |= dropped

@@ -11,8 +11,8 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
-from scaling_service.capabilities.scaling.methods.table import calibrate
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
+from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim import read_osim, write_osim
@@ -151,3 +151,26 @@ def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     assert path.read_text().count("PathPoint name=") == source.read_text().count("PathPoint name=")
     written = segment_lengths(read_osim(path))
     assert written == pytest.approx(segment_lengths(found.model), abs=1e-6)
+
+
+def test_a_model_of_one_leg_is_brought_onto_its_bones() -> None:
+    who = person(46, factors=SIZES, tilts_deg=TILTS_DEG, seconds=2.0)
+    start = calibrate(replace(who.session, subject=replace(who.session.subject, model="own.osim")), "MB")
+    right = tuple(s for s in start.model.segments if not s.name.endswith("_l"))
+    kept = {s.name for s in right}
+    used = {t.coordinate for s in right for j in s.joints for t in j.law.terms}
+    model = replace(
+        start.model,
+        segments=right,
+        coordinates=tuple(c for c in start.model.coordinates if c.name in used),
+        markers=tuple(m for m in start.model.markers if m.segment in kept),
+    )
+    evidence = imaged(who, TILTS_DEG, "r")
+    subject = replace(who.session.subject, model="own.osim")
+    session = replace(who.session, model=model, subject=subject, images=evidence)
+    found = METHODS["EB"].calibrate(session, replace(start, model=model, generic=model), PAPER, None)
+    for name, at in centres_in_image(found).items():
+        assert at == pytest.approx(evidence.centres[name.split()[0]], abs=1e-6)
+    footless = model.with_markers(tuple(m for m in model.markers if m.name[-3:] not in ("AJC", "RLM", "RMM")))
+    with pytest.raises(SubjectInvalid, match="no ankle"):
+        METHODS["EB"].calibrate(session, replace(start, model=footless, generic=footless), PAPER, None)

@@ -9,11 +9,17 @@ images, and everything beside the legs, stays as the marker-based model has it.
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods.image_points import (
+    doubt_sizes,
+    find_epicondyles,
+    imaged_pelvis,
+    marked_length,
+)
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     Registration,
     mirror_knee,
@@ -29,9 +35,8 @@ from scaling_service.capabilities.scaling.methods.placement import (
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import few
-from scaling_service.model.anatomy.frames import Frames, femur_frame, pelvis_frame
+from scaling_service.model.anatomy.frames import Frames, femur_frame
 from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
-from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import BodyModel, Marker, Vector, vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
@@ -41,7 +46,6 @@ from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
 
-_PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
 
@@ -56,19 +60,10 @@ class _Leg:
     tilt: Tilt
 
 
-def _pelvis(evidence: ImageEvidence) -> Frames | None:
-    """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
-    skin = {canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
-    for points in (skin, evidence.landmarks):
-        if all(name in points for name in _PELVIS):
-            return pelvis_frame(*(points[name] for name in _PELVIS))
-    return None
-
-
 def _leg(evidence: ImageEvidence, side: str) -> _Leg:
     hip, knee, ankle = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle"))
     axis = evidence.axes.get(f"knee_{side}")
-    lateral, medial = _epicondyles(evidence, side, knee)
+    lateral, medial = find_epicondyles(evidence, side, knee)
     femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     femur = _turn_through(femur, hip, knee)
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
@@ -76,24 +71,6 @@ def _leg(evidence: ImageEvidence, side: str) -> _Leg:
     tibia = _carry_shank(femur, knee, ankle, tilt)
     local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
     return _Leg(femur, tibia, _vector(local[0]), _vector(local[1]), tilt)
-
-
-def _epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array, Array]:
-    """The epicondyles, lateral first; where they are not known, points on the flexion axis in their stead."""
-    names = [f"{side.upper()}{name}" for name in ("LFE", "MFE")]
-    if all(name in evidence.landmarks for name in names):
-        lateral, medial = (np.array(evidence.landmarks[name]) for name in names)
-        return lateral, medial
-    axis, pelvis = evidence.axes.get(f"knee_{side}"), _pelvis(evidence)
-    if axis is None or pelvis is None:
-        raise SubjectInvalid(
-            f"neither the epicondyles nor the flexion axis of knee_{side} are known",
-            field=f"bones.femur_{side}",
-            remedy="Give the femur with its condyles",
-        )
-    right = pelvis.rotation[0, :, 2]
-    outward = np.array(axis) * np.sign(np.array(axis) @ (right if side == "r" else -right))
-    return knee + outward, knee - outward
 
 
 def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
@@ -151,62 +128,16 @@ def _with_other_leg(
     model = with_centre(model, f"femur_{side}", hips[side])
     lengths = segment_lengths(model)
     for name, segment in (("femur", "femur"), ("shank", "tibia")):
-        theirs, ours = (_marker_length(name, s, hips[s], standing) for s in (imaged, side))
+        theirs, ours = (marked_length(name, s, hips[s], standing) for s in (imaged, side))
         if theirs is not None and ours is not None:
             factor = lengths[f"{name}_{imaged}"] * ours / theirs / lengths[f"{name}_{side}"]
             model = scaled(model, {f"{segment}_{side}": (factor, factor, factor)})
     return model
 
 
-def _marker_length(name: str, side: str, hip: Vector, standing: Trial | None) -> float | None:
-    """A thigh or shank as markers show it in the standing trial (m), None if they do not."""
-    if standing is None:
-        return None
-    shown = {canonical(label): standing.position(label) for label in standing.labels}
-    ends = [[f"{side.upper()}{point}" for point in pair] for pair in (("LFE", "MFE"), ("LM", "MM"))]
-    if not all(point in shown for point in (*_PELVIS, *ends[0], *ends[1])):
-        return None
-    knee, ankle = (0.5 * (shown[a] + shown[b]) for a, b in ends)
-    centre = pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
-    distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
-    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
-
-
-_DOUBTFUL, _IMPOSSIBLE = 0.15, 0.30
-"""Chosen: how far a bone may be from its length by markers, before there is a word, and a refusal. Femurs by
-markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019, section 3.1), hips by up to 10 %."""
-
-
-def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[str]) -> list[str]:
-    """A word on every bone whose length does not fit the markers.
-
-    ``imaged``: segments whose bones were imaged. Raises SubjectInvalid: a length is out by so much that bones
-    and recordings cannot be of one person, or the unit of either is wrong.
-    """
-    marked, shown = segment_lengths(by_markers), segment_lengths(by_image)
-    parts = {"inter_hip": segment_of(by_image, "pelvis", "")}
-    for side in "rl":
-        parts |= {f"femur_{side}": segment_of(by_image, "femur", side)}
-        parts |= {f"shank_{side}": segment_of(by_image, "tibia", side)}
-    notes = []
-    for name in marked.keys() & shown.keys() & parts.keys():
-        off = shown[name] / marked[name] - 1.0
-        bone, skin = 1e3 * shown[name], 1e3 * marked[name]
-        said = f"{name} is {bone:.0f} mm by the bones and {skin:.0f} mm by the markers"
-        if parts[name] in imaged and abs(off) > _IMPOSSIBLE:
-            raise SubjectInvalid(
-                said,
-                field="bones",
-                remedy="Check that bones and recordings are of one person, and the unit of the bones",
-            )
-        if parts[name] in imaged and abs(off) > _DOUBTFUL:
-            notes.append(f"EB: {said}: check that they are of one person, and the unit of the bones")
-    return sorted(notes)
-
-
 def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
-    pelvis, parts = _pelvis(evidence), segment_of(start.model, "pelvis", "")
+    pelvis, parts = imaged_pelvis(evidence), segment_of(start.model, "pelvis", "")
     names = {s: tuple(segment_of(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     sides = [s for s in evidence.sides() if None not in names[s]]
     if not sides or pelvis is None or parts is None:
@@ -251,7 +182,7 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
 
 def _rightward(evidence: ImageEvidence, side: str) -> Array:
     """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
-    lateral, medial = _epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
+    lateral, medial = find_epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
     return lateral - medial if side == "r" else medial - lateral
 
 
@@ -274,7 +205,7 @@ def _ratios_like_imaged(
     hips = {imaged: (x, y, z), side: (x, y, -z) if own is None else vector(pelvis.to_local(own)[0])}
     lengths, ratios = segment_lengths(model), {}
     for length, segment in zip(("femur", "shank"), names, strict=True):
-        theirs, ours = (_marker_length(length, s, hips[s], standing) for s in (imaged, side))
+        theirs, ours = (marked_length(length, s, hips[s], standing) for s in (imaged, side))
         if segment is not None and theirs is not None and ours is not None:
             ratios[segment] = lengths[f"{length}_{imaged}"] * ours / theirs / lengths[f"{length}_{side}"]
     return ratios
@@ -394,7 +325,7 @@ class ImageBased:
             doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
             return replace(onto, warnings=(*onto.warnings, *doubts), wall_s=time.perf_counter() - clock)
         model, notes = start.model, [*start.warnings]
-        pelvis = _pelvis(evidence)
+        pelvis = imaged_pelvis(evidence)
         sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
         if not sides or pelvis is None or "pelvis" not in model.segment_names:
             raise SubjectInvalid(

@@ -146,14 +146,29 @@ def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames)
 
 
 def _hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
-    return {side: joint_ends(model, "hip", side)[pelvis] for side in "rl"}
+    """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
+    found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := joint_ends(model, "hip", side))}
+    for side, other in ("rl", "lr"):
+        if other in found:
+            found.setdefault(side, found[other] * (1.0, 1.0, -1.0))
+    if not found:
+        raise _no_joint("hip", pelvis)
+    return found
+
+
+def _no_joint(joint: str, segment: str) -> SubjectInvalid:
+    return SubjectInvalid(
+        f"the model has no {joint} on its '{segment}', which the bones could be brought to",
+        field="model",
+        remedy="Give a model whose pelvis, thigh, shank and foot hang on one another, or leave out `bones:`",
+    )
 
 
 def _model_forward(model: BodyModel, pelvis: str) -> Array:
     """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
     marks = {canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
-    back = [marks[name] for name in ("RPSIS", "LPSIS") if name in marks] or [marks.get("SACR")]
-    if not {"RASIS", "LASIS"} <= marks.keys() or back[0] is None:
+    back = [marks[name] for name in ("RPSIS", "LPSIS", "SACR") if name in marks][:2]
+    if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
     return pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
@@ -194,6 +209,9 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
 def _leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
     hip, knee, ankle = (joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
+    for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
+        if segment not in ends:
+            raise _no_joint(joint, segment)
     return {femur: (hip[femur], knee[femur]), tibia: (knee[tibia], ankle[tibia])}
 
 

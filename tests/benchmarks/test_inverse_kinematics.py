@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.files.osim import read_ik_tasks, read_osim
+from scaling_service.files.osim import read_osim
 from scaling_service.files.trc import read_trc
+from tests.peers.ik_tasks import read_ik_tasks
 from tests.peers.nimble_ik import interpreter, run_nimble_ik
 from tests.peers.opensim_ik import run_opensim_ik, time_opensim_ik_tool
 from tests.peers.scaled_models import scaled_gait2354, scaled_rajagopal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.bones.femur import _twins
+from scaling_service.bones.femur import _are_twins
 from scaling_service.bones.fits import SphereOnBone
 from scaling_service.bones.surface import prepare
 from tests.bones import bones
@@ -28,4 +28,4 @@ def test_condyles_stand_on_both_sides_of_the_shaft(
         SphereOnBone(np.array([0.2 + along, aside, 0.0]), 0.021, 1e-4, 0.5, np.zeros(0))
         for along, aside in (first, second)
     ]
-    assert _twins(shaft, *balls) is condyles
+    assert _are_twins(shaft, *balls) is condyles

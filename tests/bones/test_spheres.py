@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.ndimage import uniform_filter
 
-from scaling_service.bones.fits import _with_neighbours, refine_sphere
+from scaling_service.bones.fits import _add_neighbours, refine_sphere
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.numerics.multibody.laws import Array
 
@@ -62,4 +62,4 @@ def test_vertices_further_away_have_no_part(
 
 def test_votes_of_neighbouring_cells_are_counted() -> None:
     votes = np.random.default_rng(1).random((9, 7, 8))
-    np.testing.assert_allclose(_with_neighbours(votes), 27.0 * uniform_filter(votes, 3, mode="constant"))
+    np.testing.assert_allclose(_add_neighbours(votes), 27.0 * uniform_filter(votes, 3, mode="constant"))

@@ -205,7 +205,7 @@ def test_an_interruption_writes_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tasks, "load", interrupted)
+    monkeypatch.setattr(tasks, "open_subject", interrupted)
     assert main(["scale", str(subject_file), "--out", str(tmp_path / "out")]) == 130
     assert "interrupted" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -217,7 +217,7 @@ def test_a_defect_is_no_input_error(
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(tasks, "load", broken)
+    monkeypatch.setattr(tasks, "open_subject", broken)
     with pytest.raises(ZeroDivisionError):
         main(["scale", str(subject_file), "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()

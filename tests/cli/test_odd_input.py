@@ -72,14 +72,14 @@ def test_a_model_that_cannot_be_used(name: str, folder: Path, capsys: pytest.Cap
 def test_a_request_to_terminate_ends_as_an_interruption(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    original = tasks.load
+    original = tasks.open_subject
 
     def asked(*arguments: object) -> object:
         os.kill(os.getpid(), signal.SIGTERM)
         return original(*arguments)
 
     handler = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(tasks, "load", asked)
+    monkeypatch.setattr(tasks, "open_subject", asked)
     before = set(folder.rglob("*"))
     assert main(["scale", str(folder / "S01.yaml"), "--out", str(folder / "out")]) == 130
     assert capsys.readouterr().err == "scaling-service: interrupted; nothing was written\n"

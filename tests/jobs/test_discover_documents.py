@@ -19,6 +19,7 @@ from tests.jobs.hidden_case import found
 CONTRACT = {"verdict", "disagreements", "effects", "gap", "tried", "unexplained"}
 EFFECT = {"kind", "where", "driver", "name", "parameters", "confusable_with", "would_separate", "evidence"}
 KINDS = {
+    "body_mass",
     "marker_offset", "marker_swap", "soft_tissue_artefact", "skin_wobble", "segment_length",
     "joint_centre_offset", "joint_axis_tilt", "missing_dof", "coupled_motion", "capture_scale", "force_delay",
     "plate_position", "plate_bias", "plate_gain", "plate_rotation", "segment_mass", "segment_com",

@@ -13,6 +13,7 @@ def test_every_package_has_its_notice(visit: Visit, url: str) -> None:
     visitor = visit(url)
     visitor.go()
     visitor.follow("Licences of what this page is made of")
+    visitor.page.wait_for_function("document.body.innerText.includes('Permission is hereby granted')")
     text = visitor.page.locator("body").inner_text()
     named = json.loads((WEB / "package.json").read_text(encoding="utf-8"))["dependencies"]
     for package, version in named.items():

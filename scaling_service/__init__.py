@@ -65,7 +65,7 @@ __all__ = [
     "scale",
 ]
 
-_HOMES = {
+HOMES = {  # public name: its module, under this package
     "CalibrationSettings": "capabilities.shared.settings",
     "DiscoverSettings": "capabilities.discovery.options",
     "DynamicsSettings": "capabilities.dynamics.settings",
@@ -98,9 +98,9 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in HOMES:
         raise AttributeError(f"module 'scaling_service' has no attribute '{name}'")
-    return getattr(import_module(f"scaling_service.{_HOMES[name]}"), name)
+    return getattr(import_module(f"scaling_service.{HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -90,10 +90,11 @@ class Knee:
         return min(self.low.covered, self.high.covered)
 
 
-def find_knee(surface: Surface, distal_end: float) -> Knee | str:
+def find_knee(surface: Surface, distal_end: float, rightward: Array | None = None) -> Knee | str:
     """Spheres on both condyles at one end of the bone, or why there are none.
 
-    ``distal_end``: 1 for the end of largest x, -1 for the other.
+    ``distal_end``: 1 for the end of largest x, -1 for the other. ``rightward``: (3,), roughly to the
+    subject's right, of a bone whose shaft is missing; else the shaft tells front from back.
     """
     up = np.array([-distal_end, 0.0, 0.0])
     height = surface.smooth @ up
@@ -105,10 +106,13 @@ def find_knee(surface: Surface, distal_end: float) -> Knee | str:
     if not 0.05 <= width <= 0.12:  # bicondylar breadth 78.5 (3.0) to 88.6 (4.2) mm; a child's to a giant's
         return f"the distal end is {1e3 * width:.0f} mm wide; condyles are 50-120 mm"
     shaft = (height > 1.5 * DISTAL_M) & (height < min(0.6 * float(height.max()), 0.25))
-    if int(shaft.sum()) < 50:
+    if rightward is None and int(shaft.sum()) < 50:
         return "there is too little shaft above the condyles to tell front from back"
     x = np.cross(up, z)
-    ahead = float((surface.middle(shaft) - block.middle()) @ x)
+    if rightward is not None:
+        ahead = float(np.cross(up, rightward) @ x)
+    else:
+        ahead = float((surface.middle(shaft) - block.middle()) @ x)
     x = x * np.sign(ahead)
     z = np.cross(x, up)
     if abs(ahead) < 3e-3:

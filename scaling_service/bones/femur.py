@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
 from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
-from scaling_service.bones.pieces import require_long, require_one_bone
+from scaling_service.bones.pieces import find_ends, require_long, require_one_bone
 from scaling_service.bones.results import (
     BoneLandmarks,
     Cylinder,
@@ -40,9 +40,12 @@ def find_femur_landmarks(
     Modenese & Renault 2021 (description only).
     """
     surface = prepare(vertices, faces)
+    refused: dict[str, str] = {}
+    ends = find_ends(surface)
+    if ends is not None:
+        return _find_on_ends(ends, named_side, refused)
     surface, notes = require_one_bone(surface, "femur")
     require_long(surface, "femur")
-    refused: dict[str, str] = {}
     head = find_head(surface, refused)
     knee, reason = _find_knee_end(surface, head)
     if knee is None:
@@ -57,6 +60,28 @@ def find_femur_landmarks(
         )
     side, side_from = _tell_side(surface, head, knee, named_side)
     return _collect(surface, head, knee, (side, side_from), refused, notes)
+
+
+def _find_on_ends(surface: Surface, named_side: Side | None, refused: dict[str, str]) -> BoneLandmarks:
+    """Landmarks of a femur without its shaft: its head stands medial of its trochanter, and it has a name."""
+    require_long(surface, "femur")
+    head = find_head(surface, refused, shaft=False)
+    if head is None or named_side is None:
+        raise MeshRefused(
+            f"it is two pieces that are not the ends of a femur: {refused['hip_centre']}"
+            if head is None
+            else "both ends of a femur without its shaft do not tell left from right",
+            remedy="Name it femur_r or femur_l, and give head and condyles in one image frame",
+        )
+    upper = np.sign(surface.smooth[:, 0]) == np.sign(head.centre[0])
+    medial = (head.centre - surface.middle(upper)) * (0.0, 1.0, 1.0)
+    rightward = -medial if named_side == "r" else medial
+    found = find_knee(surface, -float(np.sign(head.centre[0])), rightward)
+    if isinstance(found, str):
+        refused["knee_centre"] = found
+    knee = None if isinstance(found, str) else found
+    notes = ["the shaft is missing: left and right are as the bone is called, not seen on it"]
+    return _collect(surface, head, knee, (named_side, "name"), refused, notes)
 
 
 def _find_knee_end(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
@@ -184,8 +209,11 @@ STRADDLING = 0.45
 a trochanter sits on the shaft, a head 24-38 mm beside it."""
 
 
-def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
-    """The best covered sphere near an end of the bone, or None and the reason."""
+def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) -> SphereOnBone | None:
+    """The best covered sphere near an end of the bone, or None and the reason.
+
+    ``shaft``: whether there is one, that a neck sets the head off from.
+    """
     ends = surface.smooth[:, 0].min(), surface.smooth[:, 0].max()
     found = [
         ball
@@ -208,7 +236,7 @@ def find_head(surface: Surface, refused: dict[str, str]) -> SphereOnBone | None:
         refused["hip_centre"] = "there are two balls alike side by side, as condyles"
         return None
     offset = _measure_offset(surface, best)
-    if offset < SET_OFF_M:
+    if shaft and offset < SET_OFF_M:
         refused["hip_centre"] = (
             f"the ball stands {1e3 * offset:.0f} mm beside the shaft; a neck sets a head off by 30-50 mm"
         )

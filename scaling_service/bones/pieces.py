@@ -42,6 +42,23 @@ def require_one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
     return (surface.part(surface.shell == 0), notes) if inner or outer else (surface, [])
 
 
+GAP_M = 0.05
+"""Least length of shaft that an image leaves out between two ends of a bone: chosen, a crack is shorter."""
+
+
+def find_ends(surface: Surface) -> Surface | None:
+    """Both ends of a long bone whose shaft is missing; None of any other surface."""
+    _, outer = sort_pieces(surface)
+    areas = [float(surface.areas[surface.shell == k].sum()) for k in (0, *outer)]
+    ends = [k for k, area in zip((0, *outer), areas, strict=True) if area > SECOND_BONE * areas[0]]
+    if len(ends) != 2:
+        return None
+    spans = sorted((surface.smooth[surface.shell == k, 0] for k in ends), key=lambda x: float(x.min()))
+    if float(spans[1].min() - spans[0].max()) < GAP_M:
+        return None
+    return surface.part(np.isin(surface.shell, ends))
+
+
 def sort_pieces(surface: Surface) -> tuple[list[int], list[int]]:
     """Numbers of the shells inside the largest one, and of those outside it."""
     inner: list[int] = []

@@ -14,7 +14,7 @@ import typer
 
 from scaling_service.capabilities import modules_named
 from scaling_service.capabilities.cohort.command import Interrupted
-from scaling_service.cli import demo, service
+from scaling_service.cli import demo, guide, service
 from scaling_service.core.errors import InputError
 from scaling_service.studies import command as studies
 
@@ -26,6 +26,8 @@ EXIT_INTERRUPTED = 130
 
 _FIRST = [
     "demo",
+    "example",
+    "guide",
     "proof",
     "scale",
     "compare",
@@ -48,7 +50,7 @@ def _program_of_all() -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    modules = [*modules_named("command"), demo, studies, service]
+    modules = [*modules_named("command"), demo, guide, studies, service]
     commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
     names = (*_FIRST, *(command.__name__ for command in commands))
     for command in sorted(commands, key=lambda command: names.index(command.__name__)):

@@ -1,4 +1,4 @@
-"""The command that shows the program on a built-in person: comparison of methods, or search."""
+"""The commands on a built-in person: a demonstration, and recordings to try every command on."""
 
 from __future__ import annotations
 
@@ -44,4 +44,42 @@ def demo(
     show(document, out)
 
 
-COMMANDS = (demo,)
+def example(
+    out: Out,
+    persons: Annotated[
+        int, typer.Option(min=1, metavar="N", help="More than one get a folder each, and no bones.")
+    ] = 1,
+    plates: Annotated[
+        bool, typer.Option("--plates", help="Instead, one person who stands on two force plates.")
+    ] = False,
+) -> None:
+    """Write a virtual person's recordings and subject file, to try every command on.
+
+    Standing, hip and knee movements and walking (TRC), bones (STL). In the recordings two things are hidden
+    that `discover` can find.
+
+    [bold]Examples[/bold]: scaling-service example --out lab
+
+    scaling-service example --persons 3 --out cohort
+
+    scaling-service example --plates --out plates
+    """
+    with running(out) as progress:
+        from scaling_service.capabilities.shared.screen import console_of_results
+        from scaling_service.virtual.example import write_example
+        from scaling_service.virtual.plates import write_plates_example
+
+        folders = [out / f"person_{k + 1}" for k in range(persons)] if persons > 1 and not plates else [out]
+        for k, folder in enumerate(folders):
+            progress("recording a virtual person", k / len(folders))
+            folder.mkdir(parents=True, exist_ok=True)
+            if plates:
+                write_plates_example(folder)
+            else:
+                alone = persons == 1
+                write_example(folder, "example" if alone else folder.name, seed=k, imaged=alone)
+    for folder in folders:
+        console_of_results().print(f"Written: {folder / 'subject.json'}", highlight=False, soft_wrap=True)
+
+
+COMMANDS = (demo, example)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from threading import Lock
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
@@ -10,6 +12,10 @@ Progress = Callable[[str, float], None]
 
 def silent(what: str, share: float = 0.0) -> None:
     """No progress is shown, whether it is told with a share or by names alone."""
+
+
+def idle() -> None:
+    """No steps are told."""
 
 
 def part_of(progress: Progress, start: float, length: float) -> Progress:
@@ -22,3 +28,33 @@ def part_of(progress: Progress, start: float, length: float) -> Progress:
     fitting 0.75
     """
     return lambda what, share: progress(what, start + length * share)
+
+
+_STRIDE = 0.04
+"""Share of the way to the next mark that a step takes (chosen: half way after seventeen steps)."""
+
+
+@dataclass(slots=True, eq=False)
+class Steps:
+    """Progress of work of which nobody knows how many steps it takes: nearer to a mark with each, never back.
+
+    Any thread may take a step.
+    """
+
+    report: Progress
+    what: str = ""
+    share: float = 0.0
+    mark: float = 0.0
+    _lock: Lock = field(default_factory=Lock)
+
+    def begin(self, what: str, share: float, mark: float) -> None:
+        """Begin a part that goes from a share of the whole towards another."""
+        with self._lock:
+            self.what, self.share, self.mark = what, max(self.share, share), mark
+            self.report(self.what, self.share)
+
+    def advance(self) -> None:
+        """Take a step."""
+        with self._lock:
+            self.share += _STRIDE * max(self.mark - self.share, 0.0)
+            self.report(self.what, self.share)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -206,11 +206,20 @@ def _suggestion(path: Sequence[str]) -> str:
     return f"Did you mean '{close[0]}'?" if close else f"Keys here are {', '.join(known)}"
 
 
-def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
+def _keys_at(document: type[BaseModel], path: Sequence[str]) -> list[str]:
+    """Keys of the mapping that stands at ``path``, which may lead through lists and free keys."""
+    model: type[BaseModel] = document
+    annotation: Any = document
     for part in path:
-        annotation = model.model_fields[part].annotation
-        inner = [
-            a for a in (annotation, *get_args(annotation)) if isinstance(a, type) and issubclass(a, BaseModel)
-        ]
-        model = inner[0]
+        # An index or a free key names no field: what it holds is sought further in.
+        if part in model.model_fields:
+            annotation = model.model_fields[part].annotation
+        model = next(_models_in(annotation), model)
     return list(model.model_fields)
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _models_in(inner)

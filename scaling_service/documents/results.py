@@ -219,6 +219,55 @@ class VerdictDocument(Part):
     trust: list[TrustNote]
 
 
+MuscleQuantity = Literal["moment arm", "length", "joint moment"]
+
+
+class MuscleDifference(Part):
+    """Where one method's muscle or joint differs most from another's, over the trials compared."""
+
+    method: str
+    against: str
+    quantity: MuscleQuantity
+    muscle: str = Field(description="Empty for a joint moment.")
+    coordinate: str = Field(description="Empty for a length of muscle and tendon.")
+    trial: str
+    time_s: float
+    angle_deg: float | None = Field(description="Of the coordinate then, by the method; null of none.")
+    value: float = Field(description="By the method, in ``unit``.")
+    reference: float
+    difference: float
+    rms: float = Field(description="Of the difference over that trial.")
+    unit: str
+
+    @property
+    def sentence(self) -> str:
+        """What a person reads."""
+        what = {
+            "moment arm": f"the moment arm of {self.muscle} about {self.coordinate}",
+            "length": f"the length of {self.muscle} with its tendon",
+            "joint moment": f"the moment at {self.coordinate}",
+        }[self.quantity]
+        place = "" if self.angle_deg is None else f" at {self.angle_deg:.0f} degrees"
+        size = f"{abs(self.difference):.1f} {self.unit}"
+        share = f" of {abs(self.reference):.1f}" if self.reference else ""
+        return (
+            f"{self.method} against {self.against} changes {what} by {size}{share}{place} "
+            f"({self.trial}, {self.time_s:.2f} s)."
+        )
+
+
+class MuscleDocument(Part):
+    """What the methods make of the muscles."""
+
+    reference: str = Field(description="The method that the others are held against.")
+    trials: list[str]
+    differences: list[MuscleDifference] = Field(
+        description="The largest of each method and quantity, in descending order."
+    )
+    summary: list[str] = Field(description="The largest differences in words.")
+    notes: list[str] = Field(description="What is not compared, and why.")
+
+
 class ComparisonDocument(Provenance):
     """``comparison.json``: all methods."""
 
@@ -229,6 +278,9 @@ class ComparisonDocument(Provenance):
     warnings: list[str]
     wall_s: float
     truth: TruthDocument | None = None
+    muscles: MuscleDocument | None = Field(
+        default=None, description="Lengths, moment arms and joint moments by method, where asked for."
+    )
 
     @property
     def all_warnings(self) -> list[str]:

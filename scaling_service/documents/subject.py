@@ -152,6 +152,26 @@ class Bones(_Strict):
         return {name: path for name, path in self.model_dump(exclude={"units"}).items() if path is not None}
 
 
+class Correction(_Strict):
+    """Labels of a recording that stand for each other for a while, and what they should be."""
+
+    labels: dict[Name, Name] = Field(description="A label as it stands in the file, to the right one.")
+    from_s: float = Field(description="First time at which they are wrong, by the recording's clock.")
+    to_s: float = Field(description="Last time at which they are wrong.")
+
+    @model_validator(mode="after")
+    def _exchange(self) -> Correction:
+        if len(self.labels) < 2 or set(self.labels) != set(self.labels.values()):
+            raise _wrong(
+                "labels are only exchanged with each other",
+                "Give each label of the exchange once on either side, such as {RLFE: RMFE, RMFE: RLFE}",
+                "labels",
+            )
+        if self.to_s < self.from_s:
+            raise _wrong("it ends before it begins", "Give the earlier time first", "to_s")
+        return self
+
+
 class SubjectDocument(_Strict):
     """The whole subject document.
 
@@ -166,6 +186,9 @@ class SubjectDocument(_Strict):
     extra_markers: dict[Name, Name] = Field(default={}, description="Further labels, and their segments.")
     trials: Trials
     forces: dict[Name, Name] = Field(default={}, description="A trial's file name to its file of forces.")
+    corrections: dict[Name, list[Correction]] = Field(
+        default={}, description="A trial's file name to labels that are exchanged in it for a while."
+    )
     bones: Bones | None = None
     image_markers: Name | None = Field(default=None, description="CSV: marker,segment,x_mm,y_mm,z_mm.")
     sizes: dict[Name, float] = Field(default={}, description="Measured by hand, such as knee_width_r_mm.")
@@ -185,7 +208,7 @@ class SubjectDocument(_Strict):
                     field,
                 )
         self._check_labels()
-        self._check_forces()
+        self._check_trials()
         self._check_sizes()
         return self
 
@@ -229,12 +252,13 @@ class SubjectDocument(_Strict):
                     f"{value:g} mm is not between {low:g} and {high:g} mm", "Give it in mm", f"sizes.{name}"
                 )
 
-    def _check_forces(self) -> None:
+    def _check_trials(self) -> None:
         names = [PurePath(path).name for path in self.trials.files]
-        for trial in self.forces:
-            if trial not in names:
-                raise _wrong(
-                    "no trial has this file name",
-                    f"Use the file name of a trial: {', '.join(names)}",
-                    f"forces.{trial}",
-                )
+        for field, trials in (("forces", self.forces), ("corrections", self.corrections)):
+            for trial in trials:
+                if trial not in names:
+                    raise _wrong(
+                        "no trial has this file name",
+                        f"Use the file name of a trial: {', '.join(names)}",
+                        f"{field}.{trial}",
+                    )

@@ -164,6 +164,8 @@ class Marker:
     weight: float = 1.0  # its weight in inverse kinematics
     anatomical: bool = True  # on a bony landmark (True) or a tracking marker on soft tissue (False)
     follows_size: bool = True  # whether its local coordinates follow the segment's scale factors
+    # standard deviation of its skin's displacement over the bone along an axis, m, where recordings showed it
+    skin_sd: float | None = None
 
     @classmethod
     def at(
@@ -195,6 +197,16 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
+class Expectation:
+    """What is known of a coordinate before markers are seen: Gaussian about a law of other coordinates."""
+
+    coordinate: str
+    law: Law  # rad or m
+    sd: float  # rad or m
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class BodyModel:
     """A body model as one frozen value.
 
@@ -208,6 +220,7 @@ class BodyModel:
     parameters: tuple[Parameter, ...] = ()
     couplers: tuple[Coupler, ...] = ()
     source: str = ""
+    expectations: tuple[Expectation, ...] = ()
 
     def __post_init__(self) -> None:
         known = {GROUND}

@@ -86,6 +86,30 @@ def law_value(law: Law, values: Mapping[str, Any]) -> Any:
     return total
 
 
+def law_values(law: Law, x: Array) -> Array:
+    """A law of one coordinate at all its values, (n_frames,).
+
+    ValueError where it holds a parameter.
+    """
+    return np.asarray(np.zeros_like(x) + law_value(law, dict.fromkeys(_leaders(law), x)))
+
+
+def law_slopes(law: Law, x: Array) -> Array:
+    """The slope of a law of one coordinate at all its values, (n_frames,); ValueError as above."""
+    _leaders(law)
+    slopes = np.zeros_like(x)
+    for term in law.terms:
+        if term.coordinate is not None:
+            slopes += term.gain * (1.0 if term.shape is None else piecewise(term.shape).evaluate(x)[1])
+    return slopes
+
+
+def _leaders(law: Law) -> set[str]:
+    if any(term.parameter is not None for term in law.terms):
+        raise ValueError("a coordinate follows another one only")
+    return {term.coordinate for term in law.terms if term.coordinate is not None}
+
+
 def shape_values(shape: Shape, x: ArrayLike) -> Array:
     """A piecewise polynomial, continued with its end slopes outside its breaks."""
     return piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]

@@ -156,6 +156,9 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
     for coupler in model.couplers:
         check(coupler.law, coupler.dependent)
         _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, file)
+    for expected in model.expectations:
+        _must_exist(expected.coordinate, coordinates, "coordinate", "expectations", file)
+        check(expected.law, expected.coordinate)
 
 
 def _check_joints(segment: Segment, segments: set[str], file: str | Path | None) -> None:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import ImageEvidence, Trial
+from scaling_service.model.trial import ImageEvidence, Relabelling, Trial
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 _NO_SIZES: Mapping[str, float] = MappingProxyType({})
@@ -35,6 +35,8 @@ class Subject:
     evaluation: tuple[Path, ...] = ()
     # A trial's file name to the file with its ground forces
     forces: Mapping[str, Path] = field(default_factory=dict)
+    # A trial's file name to labels that are exchanged in it
+    corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)  # Segment to mesh file, in ``bone_units``
     bone_units: Literal["mm", "m"] = "mm"
     image_markers: Path | None = None

@@ -103,6 +103,15 @@ class Repair:
     frames: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Relabelling:
+    """Labels that a person wants exchanged from one time to another, s: as they stand, to the right ones."""
+
+    labels: Mapping[str, str]
+    start_s: float
+    end_s: float
+
+
 def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
     """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
     counts = flags.sum(axis=0).tolist()

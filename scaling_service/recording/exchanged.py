@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, permutations
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Array, Relabelling, Repair, Trial
 from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.signals.filters import runs
 
@@ -55,6 +56,18 @@ def find_exchanged_sides(trial: Trial, roles: Mapping[str, str] | None = None) -
     """
     named = roles if roles is not None else {label: label for label in trial.labels}
     places = {named[label]: (label, trial.position(label)) for label in trial.labels if label in named}
+    texts = list(_check_sides(trial, places))
+    for labels, wrong in find_turned_limbs(trial, named):
+        said = f"{trial.name}: the labels {' and '.join(labels)} look exchanged"
+        texts += [f"{said} {span}: {_REMEDY}" for span in _describe_spans(wrong, trial)]
+    return tuple(texts)
+
+
+def find_turned_limbs(
+    trial: Trial, roles: Mapping[str, str]
+) -> Iterator[tuple[tuple[str, str], NDArray[np.bool_]]]:
+    """Labels of a lateral and a medial landmark, and the frames in which they look exchanged, (n_frames,)."""
+    places = {roles[label]: (label, trial.position(label)) for label in trial.labels if label in roles}
     pairs = [
         (f"{side}{lateral}", f"{side}{medial}")
         for side in "RL"
@@ -62,16 +75,13 @@ def find_exchanged_sides(trial: Trial, roles: Mapping[str, str] | None = None) -
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
     lines = {lateral: _rightward_line(places, lateral, medial) for lateral, medial in pairs}
-    texts = list(_check_sides(trial, places))
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
         rightwards = _rightwards(places, others) if lateral[1:] in _LEGS else None
-        labels = f"{places[lateral][0]} and {places[medial][0]}"
-        texts += [
-            f"{trial.name}: the labels {labels} look exchanged {span}: {_REMEDY}"
-            for span in _describe_spans(_find_wrong(lines[lateral], rightwards, trial.times), trial)
-        ]
-    return tuple(texts)
+        yield (
+            (places[lateral][0], places[medial][0]),
+            _find_wrong(lines[lateral], rightwards, trial.times),
+        )
 
 
 def _rightward_line(places: _Places, lateral: str, medial: str) -> Array:
@@ -195,11 +205,12 @@ _EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of m
 class Exchange:
     """Labels of one segment that stand for each other for a while.
 
-    ``difference_m``, ``left_m``: how far distances are from the usual ones as labelled, and with the labels
-    put right.
+    ``true``: what the markers labelled so are, in the same order. ``difference_m``, ``left_m``: how far
+    distances are from the usual ones as labelled, and with the labels put right.
     """
 
     labels: tuple[str, ...]  # those that are wrong
+    true: tuple[str, ...]
     start_s: float
     end_s: float
     difference_m: float
@@ -243,7 +254,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
         yield from _join_blocks(
             Exchange(
-                tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
+                *_find_wrong_labels(names, found[0]),
                 float(trial.times[start]),
                 float(trial.times[stop - 1]),
                 *found[1:],
@@ -275,6 +286,30 @@ def without_exchanges(
     return tuple(kept), tuple(said)
 
 
+_Kind = TypeVar("_Kind", bound=Trial)
+
+
+def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
+    """The trial with labels exchanged as a person decided, each change among its repairs.
+
+    Raises MarkerMissing: the trial has no such label.
+    """
+    for item in corrections:
+        half = 0.5 / trial.rate_hz  # times in documents are rounded
+        inside = (trial.times >= item.start_s - half) & (trial.times <= item.end_s + half)
+        wrong, right = (
+            np.array([trial.index(name) for name in names])
+            for names in zip(*item.labels.items(), strict=True)
+        )
+        markers = trial.markers.copy()
+        markers[np.ix_(inside, right)] = trial.markers[np.ix_(inside, wrong)]
+        span = f"from {item.start_s:.2f} to {item.end_s:.2f} s"
+        said = f"{' and '.join(item.labels)} exchanged {span}, as the subject file says"
+        made = Repair("labels_exchanged", ", ".join(item.labels), said, int(inside.sum()))
+        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+    return trial
+
+
 def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple[int, int]]:
     """Runs of changed frames, cut where a distance jumps."""
     with np.errstate(invalid="ignore"):
@@ -288,9 +323,10 @@ def _join_blocks(found: Iterable[Exchange]) -> Iterator[Exchange]:
     """Blocks in a row with the same labels wrong as one."""
     last: Exchange | None = None
     for item in found:
-        if last is not None and last.labels == item.labels and item.start_s - last.end_s < SHORTEST_S:
+        alike = last is not None and (last.labels, last.true) == (item.labels, item.true)
+        if last is not None and alike and item.start_s - last.end_s < SHORTEST_S:
             worst = max(last.difference_m, item.difference_m), max(last.left_m, item.left_m)
-            last = Exchange(last.labels, last.start_s, item.end_s, *worst)
+            last = Exchange(last.labels, last.true, last.start_s, item.end_s, *worst)
             continue
         if last is not None:
             yield last
@@ -319,6 +355,12 @@ def _find_better_order(
         return None
     renamed = dict(zip(seen, order, strict=True))
     return tuple(renamed.get(name, name) for name in names), before, misfit[order]
+
+
+def _find_wrong_labels(names: Sequence[str], order: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The labels that are wrong, and what they should be."""
+    wrong = [(a, b) for a, b in zip(names, order, strict=True) if a != b]
+    return tuple(a for a, _ in wrong), tuple(b for _, b in wrong)
 
 
 def _list_orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:

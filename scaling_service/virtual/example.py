@@ -135,23 +135,28 @@ R_OURS_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _MM = 1e3
 
 
-def write_example(folder: Path, name: str = "example", seed: int = 0) -> dict[str, Any]:
+def write_example(
+    folder: Path, name: str = "example", seed: int = 0, *, imaged: bool = True
+) -> dict[str, Any]:
     """Write a virtual person's files, and the document that names them as ``subject.json``.
 
     Functional movements fit, walking is held out; bones are imaged. In the recordings two things are hidden
     that a model does not have: a marker slides with the knee, and two labels are exchanged for a while.
 
-    ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person. Returns the
-    document.
+    ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person.
+    ``imaged``: whether there are bones. Returns the document.
     """
     session, person, _hidden = hidden_session(seed)
-    image = virtual_image(person)
     for trial in _trials(session):
         _write_recording(folder / f"{trial.name}.trc", trial)
-    for segment, bone in image.bones.items():
-        (folder / f"{segment}.stl").write_bytes(_stl(bone))
-    _write_markers(folder / IMAGE_MARKERS, image.markers)
-    document = _document(name, session, list(image.bones))
+    document = _document(name, session)
+    if imaged:
+        image = virtual_image(person)
+        for segment, bone in image.bones.items():
+            (folder / f"{segment}.stl").write_bytes(_stl(bone))
+        _write_markers(folder / IMAGE_MARKERS, image.markers)
+        document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
+        document["image_markers"] = IMAGE_MARKERS
     (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
     return document
 
@@ -177,7 +182,7 @@ def _write_markers(file: Path, markers: Mapping[str, tuple[str, Vector]]) -> Non
             rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
-def _document(name: str, session: Session, bones: list[str]) -> dict[str, Any]:
+def _document(name: str, session: Session) -> dict[str, Any]:
     known = session.subject
     return {
         "subject": {
@@ -192,8 +197,6 @@ def _document(name: str, session: Session, bones: list[str]) -> dict[str, Any]:
             "calibration": [f"{trial.name}.trc" for trial in session.calibration],
             "evaluation": [f"{trial.name}.trc" for trial in session.evaluation],
         },
-        "bones": {"units": "mm"} | {bone: f"{bone}.stl" for bone in bones},
-        "image_markers": IMAGE_MARKERS,
     }
 
 

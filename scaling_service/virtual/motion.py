@@ -201,7 +201,7 @@ def walking(
         angles[coordinate] = np.radians(sign * degrees + wander(rng, times, _WALK_DEG, _SWAY_HZ))
     _no_backward_knee(angles)
     _keep_apart(model, angles)
-    return _carried(model, angles, times, phase, stature_m)
+    return _carry_forward(model, angles, times, phase, stature_m)
 
 
 def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
@@ -277,7 +277,7 @@ def _position(model: BodyModel) -> list[int]:
     return [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
 
 
-def _carried(
+def _carry_forward(
     model: BodyModel, angles: Mapping[str, Array], times: Array, phase: Array, stature_m: float
 ) -> Array:
     q = _coordinates(model, angles)

@@ -73,7 +73,7 @@ def make(case: Case, subjects: Path, labels: Path) -> Path:
 
 def drawn(case: Case) -> Drawn:
     """The person, the body that the model says, and what is hidden."""
-    rng = _stream(case, 0)
+    rng = stream(case, 0)
     who = person(rng)
     body = (whole_body if case.forces else lower_limb)(who)
     if case.group in {"null", "check"}:
@@ -93,7 +93,7 @@ def recorded(
     clutter = clutter or _clutter(case)
     result = []
     for k, name in enumerate(_trial_names(case)):
-        rng = _stream(case, 2, k)
+        rng = stream(case, 2, k)
         motion, pressing = _motion(case, body, name, k, rng)
         here = tuple(h for h in hidden if h.trials is None or k in h.trials)
         result.append(record(body, motion, pressing, here, clutter, rng))
@@ -105,7 +105,7 @@ def _clutter(case: Case) -> Clutter:
         return NONE
     if case.group == "null":
         return NULLS[case.kinds[0]]
-    return Clutter().scaled(float(_stream(case, 1).uniform(0.7, 1.4)))
+    return Clutter().scaled(float(stream(case, 1).uniform(0.7, 1.4)))
 
 
 def _motion(
@@ -126,7 +126,7 @@ def _spread(rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(-0.3, 0.3)))
 
 
-def _stream(case: Case, *keys: int) -> np.random.Generator:
+def stream(case: Case, *keys: int) -> np.random.Generator:
     """Depends on the case alone, not on the order of making."""
     return np.random.default_rng([int(case.id[5:], 16), *keys])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from tests.blind.forces import RATE_HZ, Plates
 from tests.blind.hidden import Hidden, Scene
 from tests.blind.motions.motion import Motion
 from tests.blind.motions.planted import Pressing, feet_wrenches, upsampled
+from tests.blind.osim.engine import OsimEngine
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ def record(
     hidden: Sequence[Hidden],
     clutter: Clutter,
     rng: np.random.Generator,
+    *,
+    engine: Callable[[Body], Engine | OsimEngine] = Engine,
+    force_rate_hz: float = RATE_HZ,
 ) -> Recording:
     """Let a person move and record it.
 
@@ -56,15 +60,17 @@ def record(
         Where the feet press; without it no forces are recorded.
     hidden : sequence of Hidden
         Those that affect this trial.
+    engine : callable
+        What moves a body.
     """
     body = given
     for thing in hidden:
         body = thing.body(body)
         motion = thing.motion(motion, rng)
-    engine = Engine(body)
-    motion = motion.ordered(engine.coordinates)
-    scene = Scene(body, motion, engine.poses(motion.q))
-    markers = engine.markers(scene.poses)
+    moving = engine(body)
+    motion = motion.ordered(moving.coordinates)
+    scene = Scene(body, motion, moving.poses(motion.q))
+    markers = moving.markers(scene.poses)
     for thing in hidden:
         markers = thing.on_skin(scene, markers)
     for thing in hidden:
@@ -74,8 +80,8 @@ def record(
         markers = thing.labelled(motion.times, body.marker_names, markers)
     plates = None
     if pressing is not None:
-        total = engine.ground_wrench(motion.q, motion.qd, motion.qdd)
-        plates = _plates(scene, total, pressing, hidden, clutter, rng)
+        total = moving.ground_wrench(motion.q, motion.qd, motion.qdd)
+        plates = _plates(scene, total, pressing, hidden, clutter, rng, force_rate_hz)
     return Recording(motion.name, motion.times, body.marker_names, markers, plates)
 
 
@@ -86,13 +92,14 @@ def _plates(
     hidden: Sequence[Hidden],
     clutter: Clutter,
     rng: np.random.Generator,
+    rate_hz: float,
 ) -> Plates:
     for thing in hidden:
         for extra, factor in ((thing.shaken(scene), 1.0), (thing.borne_elsewhere(scene), -1.0)):
             total = total + factor * extra if extra is not None else total
     times = scene.times
-    n = round((times[-1] - times[0]) * RATE_HZ) + 1
-    fine = times[0] + np.arange(n) / RATE_HZ
+    n = round((times[-1] - times[0]) * rate_hz) + 1
+    fine = times[0] + np.arange(n) / rate_hz
     plates = Plates.from_wrenches(fine, feet_wrenches(upsampled(times, total, fine), pressing.at(fine)))
     for thing in hidden:
         plates = thing.measured(plates)

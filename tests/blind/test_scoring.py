@@ -14,7 +14,15 @@ import pytest
 from scaling_service.files.sto import Table, write_sto
 from tests.blind.run import run_one
 from tests.blind.score import main
-from tests.blind.scoring.matching import best, match, opposite, parameters_right, size, smallest_nameable
+from tests.blind.scoring.matching import (
+    best,
+    intervals_hold,
+    match,
+    opposite,
+    parameters_right,
+    size,
+    smallest_nameable,
+)
 from tests.blind.scoring.outcomes import Outcome, outcomes
 from tests.blind.scoring.records import joined, read_records, write_records
 from tests.blind.scoring.tables import confusion, detection, must_reach, remarks, upper_bound
@@ -51,6 +59,18 @@ def test_a_match_needs_kind_and_place() -> None:
     assert match(OFFSET, {**named(OFFSET), "kind": "skin_wobble"}) == "no"
     two = {"kind": "marker_swap", "where": ["A", "B"], "parameters": {}}
     assert match(two, {"kind": "marker_swap", "where": ["B", "A"]}) == "exact"
+
+
+def test_an_interval_holds_the_truth_within_two_sd() -> None:
+    assert intervals_hold(OFFSET, named(OFFSET, 1.1, sd=0.21)) == {"x_mm": True, "y_mm": True, "z_mm": True}
+    assert intervals_hold(OFFSET, named(OFFSET, 1.1, sd=0.18)) == {"x_mm": True, "y_mm": True, "z_mm": False}
+    assert not intervals_hold(OFFSET, named(OFFSET, 1.1))
+
+
+def test_a_floor_is_told_by_the_noise_that_was_put_in() -> None:
+    gap = {"fit": {"markers_mm": {"floor": 1.2}}}
+    assert outcome("null", [], {"gap": gap}, noise_left_mm=1.0).floor == pytest.approx(1.2)
+    assert outcome("null", [], {"gap": gap}).floor is None
 
 
 def test_a_declared_class_counts_up_to_three_members() -> None:

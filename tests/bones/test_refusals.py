@@ -79,6 +79,19 @@ def test_half_a_femur_gives_its_half() -> None:
     assert any("open" in warning for warning in bottom.warnings)
 
 
+@pytest.mark.parametrize(("side", "turned"), [("r", bones.femur()), ("l", bones.mirrored(bones.femur()))])
+def test_a_femur_without_its_shaft_gives_both_ends(side: str, turned: bones.Mesh) -> None:
+    """As where the field of an image ends above the knee and begins again below the hip."""
+    whole = find_landmarks({f"femur_{side}": bones.metres(turned)})[f"femur_{side}"]
+    both = bones.joined(bones.above(turned, 310.0), bones.above(turned, 110.0, -1.0))
+    ends = find_landmarks({f"femur_{side}": bones.metres(both)})[f"femur_{side}"]
+    assert ends.side_from == "name"
+    assert any("shaft is missing" in warning for warning in ends.warnings)
+    for point, at in whole.points.items():
+        assert np.linalg.norm(ends.points[point] - at) < 1e-3, point
+    assert abs(float(ends.axes["knee"] @ whole.axes["knee"])) > np.cos(np.deg2rad(1.0))
+
+
 def test_half_a_tibia_has_no_ankle() -> None:
     found = find_landmarks({"tibia_r": bones.metres(bones.above(bones.tibia(), -250.0))})["tibia_r"]
     assert "ankle_centre" not in found.points

@@ -6,7 +6,7 @@ import numpy as np
 
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, inertial_prior
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, dynamics_of
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import SegmentLoads

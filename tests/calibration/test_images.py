@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.parameters import after, axis_of, tilt_of
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
@@ -120,3 +121,27 @@ def test_turns_of_an_axis_compose() -> None:
     assert after(first, (0.0, 0.0)) == pytest.approx(first)
     assert after((0.0, 0.0), second) == pytest.approx(second)
     assert tilt_of(2.0 * axis_of(second)) == pytest.approx(second)
+
+
+@pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
+def test_a_femur_alone_sizes_its_segment_and_tells_of_the_rest(model: str) -> None:
+    who = person(47, factors={"femur_r": (1.06,) * 3, "tibia_r": (1.05,) * 3}, seconds=2.0)
+    whole = imaged(who, {"knee_r": (0.0,) * 3, "knee_l": (0.0,) * 3}, "r")
+    alone = ImageEvidence({name: whole.centres[name] for name in ("hip_r", "knee_r")}, whole.axes)
+    subject = replace(who.session.subject, model=model)
+    session = replace(who.session, subject=subject, images=alone)
+    markers, found = calibrate(session, "MB"), calibrate(session, "EB")
+    true, ours = segment_lengths(who.truth), segment_lengths(found.model)
+    assert ours["femur_r"] == pytest.approx(true["femur_r"], abs=0.002)
+    assert found.bone_sized == {"femur_r": "own"}
+    assert found.sizes["femur_r"].sd < 0.006
+    for segment in ("tibia_r", "femur_l"):
+        assert found.sizes[segment].sd < markers.sizes[segment].sd
+    assert any("other sizes are those of persons with such bones" in note for note in found.warnings)
+
+
+def test_bones_that_show_no_length_are_refused() -> None:
+    who = person(48, seconds=1.0)
+    alone = ImageEvidence({"ankle_r": (0.0, 0.0, 0.0)})
+    with pytest.raises(SubjectInvalid, match="nor a length of a bone"):
+        calibrate(replace(who.session, images=alone), "EB")

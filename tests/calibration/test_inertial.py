@@ -14,7 +14,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, inertial_prior
-from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of
+from scaling_service.capabilities.kinetics.inverse_dynamics import dynamics_of
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias

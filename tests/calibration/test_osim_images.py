@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.dynamics.saving import write_massive_model
+from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.optimised import tiltable_knees
 from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.shared.settings import PAPER, Settings
-from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
@@ -151,6 +154,30 @@ def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     assert path.read_text().count("PathPoint name=") == source.read_text().count("PathPoint name=")
     written = segment_lengths(read_osim(path))
     assert written == pytest.approx(segment_lengths(found.model), abs=1e-6)
+
+
+def test_knees_whose_axes_are_not_fitted_are_named(real) -> None:
+    session, found = real
+    kept = [s.joint_name for s in found.model.segments if s.name.startswith("tibia")]
+    tiltable = tiltable_knees(found.model)
+    fitted = calibrate(session, "EB_am", known={"EB": found})
+    said = " ".join(note for note in fitted.warnings if note.startswith("EB_am") and "turn in three" in note)
+    assert [joint for joint in kept if joint in said] == [joint for joint in kept if joint not in tiltable]
+    assert {p.target for p in fitted.parameters if p.group == "axis"} == set(tiltable)
+
+
+def test_identified_inertia_is_written_into_a_model_on_bones(real, tmp_path: Path) -> None:
+    session, found = real
+    shank = found.model.segment("tibia_r")
+    heavier = replace(shank, mass=shank.mass + 0.5, com=vector(np.add(shank.com, (0.0, -0.01, 0.0))))
+    segments = tuple(heavier if s.name == shank.name else s for s in found.model.segments)
+    model = replace(found.model, segments=segments)
+    prepared = Prepared(Loaded(session), "EB", "model", found.model, {}, {}, found)
+    assert write_massive_model(tmp_path, model, prepared, found.scale_factors) == ()
+    written = read_osim(tmp_path / "model.osim")
+    assert written.segment("tibia_r").mass == pytest.approx(heavier.mass, abs=1e-9)
+    assert written.segment("tibia_r").com == pytest.approx(heavier.com, abs=1e-9)
+    assert segment_lengths(written) == pytest.approx(segment_lengths(found.model), abs=1e-6)
 
 
 def test_a_model_of_one_leg_is_brought_onto_its_bones() -> None:

@@ -15,8 +15,9 @@ import pytest
 from scaling_service.cli import main
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.virtual.plates import write_forces
 from tests.files.c3d_writing import write_c3d
-from tests.jobs.force_laboratory import document, force_laboratory, write_forces, write_subject
+from tests.jobs.force_laboratory import document, force_laboratory, write_subject
 
 Spoil = Callable[[Path], None]
 NAMES = ("sway", "swing")
@@ -139,7 +140,7 @@ MISTAKES = {
     "a mass of 1000 kg": Mistake(person(mass_kg=1000.0), "S01.yaml", ("mass_kg", "1000 kg", "kilograms")),
     "no stature": Mistake(person(height_m=None), "S01.yaml", ("subject.height_m", "stature in m")),
     "a foot on no plate": Mistake(
-        with_plates(lambda p: p[:1]), "sway.trc", ("forces", "no frame has both", "stands on a plate")
+        with_plates(lambda p: p[:1]), "sway.trc", ("forces", "a plate is missing", "forces of all plates")
     ),
     "no load near a foot": Mistake(
         with_plates(lambda p: [q + np.array([0, 0, 0, 1.5, 0, 0, 0, 0, 0]) for q in p]),

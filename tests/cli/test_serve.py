@@ -16,10 +16,11 @@ import requests
 from scaling_service.cli import main
 from scaling_service.client import Client
 from scaling_service.documents.jobs import State
-from tests.cli.serving import COMMAND, ENVIRONMENT, ROOT, free_port, served, start
+from scaling_service.guide.pages import FOLDER
+from tests.cli.serving import COMMAND, ENVIRONMENT, free_port, served, start
 from tests.service.http.example import example_files, put_example
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGE = (FOLDER / "service.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -121,8 +122,8 @@ def test_an_open_event_stream_does_not_hold_up_the_end(data: Path, tmp_path: Pat
     process.stdout.close()
 
 
-def test_the_walk_through_of_the_readme(tmp_path: Path) -> None:
-    found = re.search(r"<!-- walk-through -->\n```sh\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+def test_the_walk_through_of_the_guide(tmp_path: Path) -> None:
+    found = re.search(r"<!-- walk-through -->\n```sh\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     assert found is not None
     example_files(tmp_path / "lab")
     (tmp_path / "scaling-service").write_text(f'#!/bin/sh\nexec {" ".join(COMMAND)} "$@"\n')

@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.disturbances import disturbance
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
-from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot
+from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot, WarpedSpot
 from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.model.trial import Trial
@@ -57,6 +57,38 @@ def test_a_marker_that_trembles_is_told_with_its_frequency() -> None:
     assert found.unexplained[0].where == ("RFH",)
     assert "RFH trembles at 11 Hz" in found.unexplained[0].law
     assert any("repair what it describes" in note for note in found.notes)
+
+
+def test_a_marker_that_comes_late_is_told_with_its_delay() -> None:
+    def late(trial: Trial) -> Array:
+        markers, k = trial.markers.copy(), trial.index("RFH")
+        for axis in range(3):
+            markers[:, k, axis] = np.interp(trial.times - 0.04, trial.times, trial.markers[:, k, axis])
+        return markers
+
+    found = changed(late)
+    assert not found.named
+    assert found.unexplained[0].where == ("RFH",)
+    assert "RFH comes 4" in found.unexplained[0].law
+    assert "ms late" in found.unexplained[0].law
+
+
+def test_a_volume_warped_to_one_side_is_told() -> None:
+    def warped(trial: Trial) -> Array:
+        markers = trial.markers.copy()
+        x, y, z = np.moveaxis(trial.markers - [0.3, 0.9, 0.1], -1, 0)
+        markers += np.stack([0.05 * y**2 + 0.03 * x * y, -0.04 * y * z, 0.06 * y**2], axis=-1)
+        return markers
+
+    found = changed(warped)
+    assert not found.named
+    assert found.unexplained[0].where == ("markers",)
+    assert "warped" in found.unexplained[0].law
+
+
+def test_a_product_of_coordinates_about_a_middle_moves_places_along_one_axis() -> None:
+    moved = WarpedSpot((1.0, 0.0, 2.0), (0, 2), 1).field(np.array([[[3.0], [5.0], [7.0]]]))
+    np.testing.assert_allclose(moved[0, :, 0], [0.0, 10.0, 0.0])
 
 
 def test_a_marker_that_came_off_is_told_alone() -> None:

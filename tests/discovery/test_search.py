@@ -50,7 +50,11 @@ def test_a_hidden_effect_is_named(
 
 
 def test_nothing_is_named_where_nothing_is() -> None:
-    result = found(recorded(person(), person().model, seed=3))
+    shares: list[float] = []
+    recordings = recorded(person(), person().model, seed=3)
+    result = discover(person().model, recordings, progress=lambda _, share: shares.append(share))
+    assert shares == sorted(shares)
+    assert len(set(shares)) > 5  # it moves within a round
     assert not result.findings.named
     assert result.findings.verdict == "nothing"
 

@@ -206,6 +206,13 @@ _CONTENT = st.recursive(
 )
 
 
+def test_an_unknown_key_inside_a_list_of_a_free_key_names_its_neighbours() -> None:
+    with pytest.raises(SubjectInvalid) as caught:
+        check_document(LEAST | {"corrections": {"walk.c3d": [{"lables": ["A", "B"]}]}})
+    assert caught.value.field == "corrections.walk.c3d.0.lables"
+    assert caught.value.remedy == "Did you mean 'labels'?"
+
+
 @settings(deadline=None)
 @given(content=st.dictionaries(_KEYS, _CONTENT))
 def test_whatever_is_given_is_a_document_or_an_input_error(content: dict[str, Any]) -> None:

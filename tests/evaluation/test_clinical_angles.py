@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,14 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical_angles import SIDES, clinical_angles, clinical_cycles
+from scaling_service.capabilities.motion.clinical_angles import (
+    clinical_angles,
+    clinical_cycles,
+    clinical_landmarks,
+    clinical_rates,
+    track_landmarks,
+)
+from scaling_service.capabilities.motion.motion_files import write_clinical_angles
+from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.scaling.clinical_gait import clinical_gait
 from scaling_service.files.osim import read_osim
+from scaling_service.model.anatomy.conventional import ANGLES, conventional_angles
+from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.virtual.subject import VirtualSettings, demo_session
+from tests.capabilities.recorded import recorded
 
 SAME = {
     "hip_flexion": "hip_flexion",
@@ -207,3 +219,34 @@ def test_labels_of_a_trial_do_not_matter(walker) -> None:
     assert not gait.cycles
     assert gait.reason == "no marker of the pelvis is seen"
     assert np.isfinite(gait.recordings[trial.name].values["r"]["knee_flexion"]).all()
+
+
+def test_rates_are_those_of_the_angles() -> None:
+    """Central differences of the angles themselves, coordinate by coordinate."""
+    made = recorded("lower_limb_feet_18dof", 6, 3)
+    model, q = made.model, made.q
+    names, rates = clinical_rates(model)
+    assert set(names) == {(side, name) for side in SIDES for name in ANGLES}
+
+    def angles(values: np.ndarray) -> np.ndarray:
+        motion = moving(model, **dict(zip(model.coordinate_names, values.T, strict=True)))
+        points = track_landmarks(model, motion, clinical_landmarks(model))
+        return np.stack([conventional_angles(points, side)[name] for side, name in names], axis=1)
+
+    found, step = rates(q), 1e-5
+    for k in range(q.shape[1]):
+        ends = [angles(q + sign * step * np.eye(q.shape[1])[k]) for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(found[:, :, k], (ends[0] - ends[1]) / (2.0 * step), atol=1e-6)
+
+
+def test_a_hinges_deviation_is_that_of_its_coordinate(tmp_path: Path) -> None:
+    """Knee flexion is the model's own coordinate, so both are known equally well; and the file holds it."""
+    made = recorded("lower_limb_feet_18dof", 40, 3)
+    tracked = track(made.model, made.trial, angles=True)
+    assert tracked.angles is not None
+    own = tracked.uncertainty.sd[:, made.model.coordinate_names.index("knee_angle_r")]
+    np.testing.assert_allclose(tracked.angles.sd["r"]["knee_flexion"], own, rtol=1e-3)
+    write_clinical_angles(tmp_path, tracked.angles)
+    with next(tmp_path.glob("*_clinical.csv")).open() as file:
+        first = next(csv.DictReader(file))
+    assert float(first["knee_flexion_r_sd_deg"]) == pytest.approx(np.degrees(own[0]), abs=1e-3)

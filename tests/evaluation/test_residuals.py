@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import (
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
     evaluate_residuals,

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import evaluate_residuals, inverse_dynamics
 from scaling_service.capabilities.dynamics.uncertainty.linear import LAGS, wrench_jacobians
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
@@ -16,6 +15,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import (
     Reference,
     second_difference,
 )
+from scaling_service.capabilities.kinetics.inverse_dynamics import evaluate_residuals, inverse_dynamics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor

@@ -21,6 +21,22 @@ def walker_document(data: Path) -> dict[str, Any]:
     }
 
 
+def imaged_walker_document(data: Path) -> dict[str, Any]:
+    """The same person for Rajagopal's model, with bones of the right leg."""
+    bones = data / "jia_mri" / "bones"
+    return walker_document(data) | {
+        "model": str(data / "rajagopal_walk" / "Rajagopal2016.osim"),
+        "extra_markers": {},
+        "bones": {
+            "units": "mm",
+            "pelvis": str(bones / "pelvis_no_sacrum.stl"),
+            "femur_r": str(bones / "femur_r.stl"),
+            "tibia_r": str(bones / "tibia_r.stl"),
+        },
+        "image_markers": str(data / "jia_mri" / "image_markers.csv"),
+    }
+
+
 def squatter_document(data: Path) -> dict[str, Any]:
     """A person who squats, in TRC files, for an OpenSim model of the whole body."""
     folder = data / "opencap_squat"

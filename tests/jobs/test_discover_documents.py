@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.document import DiscoveryDocument, Q
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.result import discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.text import meaning, shown
+from scaling_service.capabilities.discovery.text import format_quantity, meaning
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -79,7 +79,7 @@ def test_a_load_has_a_place() -> None:
 def test_effects_without_columns_have_their_own_numbers() -> None:
     locked, touch = (effect["parameters"] for effect in written(LOCKED, TOUCH)["effects"])
     assert locked["axis"]["value"] == [0.0, 1.0, 0.0]
-    assert locked["rms_deg"] == {"value": 4.0, "sd": None}
+    assert locked["rms_deg"] == {"value": 4.0, "sd": None, "usual": [0.0, 15.0], "at_bound": False}
     assert locked.keys() == {"axis", "rms_deg"}
     assert {name: touch[name]["value"] for name in ("start_s", "end_s", "rms_N")} == {
         "start_s": 0.5, "end_s": 1.5, "rms_N": 40.0,
@@ -94,7 +94,7 @@ def test_every_kind_has_a_meaning() -> None:
 
 
 def test_a_mass_has_its_unit_once() -> None:
-    assert shown("kg", QuantityDocument(value=7.79, sd=None)) == "7.79 kg"
+    assert format_quantity("kg", QuantityDocument(value=7.79, sd=None)) == "7.79 kg"
 
 
 @pytest.mark.parametrize(
@@ -106,4 +106,4 @@ def test_a_mass_has_its_unit_once() -> None:
     ],
 )
 def test_a_number_is_shown_to_what_is_known_of_it(value: float, sd: float | None, said: str) -> None:
-    assert shown("x_mm_per_deg", QuantityDocument(value=value, sd=sd), spread=True) == said
+    assert format_quantity("x_mm_per_deg", QuantityDocument(value=value, sd=sd), spread=True) == said

@@ -22,12 +22,14 @@ from scaling_service.capabilities.discovery.models import (
     write_corrected_osim,
 )
 from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.scaling.methods.osim_image_based import Registration
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.model.anatomy.lengths import straight_values
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.results import Array
+from scaling_service.model.results import Array, Calibration
 from scaling_service.numerics.multibody.tree import marker_positions
 from tests.jobs.hidden_case import session
 
@@ -133,6 +135,31 @@ def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
     assert write_corrected_osim(tmp_path / "model.osim", what, prepared(generic, source)) == ()
     read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
+    np.testing.assert_allclose(
+        placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
+    )
+
+
+@NEEDS_OPENSIM
+def test_joints_that_an_image_moved_stay_moved(tmp_path: Path) -> None:
+    """What was found comes on top of an image-based model, in the file that it was made from."""
+    source = tmp_path / "source.osim"
+    write_osim(source, MODEL)
+    generic = read_osim(source)
+    found = Registration(generic)
+    found.resize({"femur_r": 1.05, "tibia_r": 0.97})
+    found.shift(found.model.segment("tibia_r"), np.array([0.004, 0.002, -0.003]))
+    values = straight_values(found.model)
+    found.turn(found.model.segment("tibia_r"), np.array([0.1, -0.05, 0.99]), values)
+    found.turn_child(found.model.segment("tibia_r"), np.array([0.05, 0.0, -0.02]), np.array([0.0, 0.01, 0.0]))
+    factors = {name: (ratio,) * 3 for name, ratio in found.ratios.items()}
+    imaged = Calibration("EB", found.model, generic, factors, joint_moves=found.moves)
+    before = replace(prepared(generic, source), calibration=imaged, model=found.model)
+    what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=found.model)
+    assert osim_plan(what, before).amended
+    assert write_corrected_osim(tmp_path / "model.osim", what, before) == ()
+    read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
+    q = np.random.default_rng(2).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
     np.testing.assert_allclose(
         placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
     )

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.forces import trial_forces
 from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import prepare
+from scaling_service.capabilities.kinetics.forces import trial_forces
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim import read_osim
@@ -22,8 +22,9 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
 from scaling_service.model.trial import Repair
 from scaling_service.recording.orientation import Orientation
+from scaling_service.virtual.plates import record_on_plates
 from tests.calibration.forced import other_person
-from tests.jobs.force_laboratory import document, force_laboratory, recorded, write_subject
+from tests.jobs.force_laboratory import document, force_laboratory, write_subject
 from tests.jobs.recorded import walker_document
 
 UP = np.array([[0.0, 1.0, 0.0]])
@@ -160,7 +161,7 @@ def test_a_scaled_model_takes_the_inertia_of_a_table(tmp_path: Path) -> None:
 
 def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
     """The corners of the plates have the unit of the markers, which was found to be wrong."""
-    person = recorded()
+    person = record_on_plates()
     repaired = person.trial.with_markers(
         person.trial.markers, Repair("unit", person.trial.name, "positions said to be in m are in mm", 250)
     )

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.motion.motion_files import law_values, write_motion
+from scaling_service.capabilities.motion.motion_files import write_motion
 from scaling_service.files.sto import read_sto
 from scaling_service.model.body import BodyModel, Coordinate, Coupler, Joint, Law, Segment, Shape, Term
+from scaling_service.model.compile import law_values
 from scaling_service.model.results import Motion
 
 GLIDE = Law((Term(0.02, coordinate="knee", shape=Shape((0.0, 1.0, 2.0), ((1.0, 0.0), (2.0, 1.0)))),))

@@ -17,8 +17,8 @@ from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates
 from scaling_service.model.trial import Array, Trial
+from scaling_service.virtual.plates import record_on_plates, write_forces
 from tests.calibration.people import movement, trial
-from tests.jobs.force_laboratory import recorded, write_forces
 
 BARE = {"subject": {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}}
 FEET = builtin("lower_limb_feet_18dof")
@@ -132,7 +132,7 @@ def test_one_movement_is_left_to_judge_by(tmp_path: Path, names: list[str], held
 def test_forces_go_to_movements_by_time_where_names_do_not_decide(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     folder.mkdir()
-    made = {name: recorded(name=name, seed=k) for k, name in enumerate(("first", "second"))}
+    made = {name: record_on_plates(name=name, seed=k) for k, name in enumerate(("first", "second"))}
     shift = {"first": 0.0, "second": 7.0}
     for name, one in made.items():
         times = one.trial.times + shift[name]
@@ -148,7 +148,7 @@ def test_forces_go_to_movements_by_time_where_names_do_not_decide(tmp_path: Path
 def test_forces_of_another_time_are_told(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     folder.mkdir()
-    one = recorded(name="squat")
+    one = record_on_plates(name="squat")
     write_trc(folder / "squat.trc", one.trial, "mm")
     write_forces(folder / "squat_grf.mot", one.trial.times[60:], tuple(p[60:] for p in one.plates))
     found = prove(folder, BARE, tmp_path / "out")
@@ -158,7 +158,7 @@ def test_forces_of_another_time_are_told(tmp_path: Path) -> None:
 def plates_at(folder: Path, extra: Array | None) -> ProofDocument:
     """A person whose feet are on two plates, and a third one that reads what is given."""
     folder.mkdir()
-    one = recorded(name="squat")
+    one = record_on_plates(name="squat")
     plates = one.plates if extra is None else (*one.plates, extra)
     write_trc(folder / "squat.trc", one.trial, "mm")
     write_forces(folder / "squat_grf.mot", one.trial.times, plates)

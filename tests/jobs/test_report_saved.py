@@ -18,7 +18,7 @@ from tests.report.reading import data, read
 
 @pytest.fixture
 def no_osim(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
+    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
 
 
 @pytest.mark.usefixtures("no_osim")

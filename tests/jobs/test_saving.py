@@ -30,7 +30,7 @@ needs_opensim = pytest.mark.skipif(
 @pytest.fixture
 def no_osim(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the slow writing of .osim files where they do not matter."""
-    monkeypatch.setattr(saving, "write_osim", lambda path, *_, **__: path.write_text("<model/>"))
+    monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
 
 
 def everything(folder: Path) -> set[str]:
@@ -105,12 +105,12 @@ def test_a_folder_in_use_keeps_what_is_not_ours(results: Results, tmp_path: Path
 
 
 def test_a_failure_leaves_nothing(results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path, model: object, **_: object) -> None:
-        if path.parent.name == "MB_am":
+    def refuse(calibration: Calibration, _session: object) -> str:
+        if calibration is results.scalings["MB_am"].calibration:
             raise ModelRefused("it cannot be written", field="knee_r", remedy="Do without")
-        path.write_text("<model/>", encoding="utf-8")
+        return "<model/>"
 
-    monkeypatch.setattr(saving, "write_osim", refuse)
+    monkeypatch.setattr(saving, "render_scaled", refuse)
     with pytest.raises(ModelRefused):
         save(results, tmp_path / "out")
     assert everything(tmp_path) == set()
@@ -119,10 +119,10 @@ def test_a_failure_leaves_nothing(results: Results, tmp_path: Path, monkeypatch:
 def test_without_opensim_the_rest_is_written_and_said(
     results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def absent(path: Path, model: object, **_: object) -> None:
+    def absent(*_: object) -> str:
         raise DependencyMissing("no opensim", remedy="Install it with `pip install scaling-service[opensim]`")
 
-    monkeypatch.setattr(saving, "write_osim", absent)
+    monkeypatch.setattr(saving, "render_scaled", absent)
     document = save(results, tmp_path)
     for method in document.methods.values():
         assert any("model.osim was not written" in w and "[opensim]" in w for w in method.warnings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import dynamics_of, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import dynamics_of, rated_motion
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import compile_model, parameter_values

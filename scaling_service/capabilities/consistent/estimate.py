@@ -30,7 +30,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, dynamics_of
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, dynamics_of
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.progress import silent
 from scaling_service.model.body import BodyModel

@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_marker, free_scale
+from scaling_service.numerics.least_squares.border import minimise_within
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward, jacobian, positions
 
@@ -94,10 +94,8 @@ def identify_geometry(
         normal[np.diag_indices_from(normal)] += prior.weights(freed)
     normal[np.diag_indices_from(normal)] += _EVEN * np.trace(normal) / len(normal)
     values, vectors = np.linalg.eigh(normal)
-    root = np.sqrt(np.maximum(values, 1e-15 * values[-1]))
-    step = lsq_linear(
-        root[:, None] * vectors.T, (vectors.T @ slope) / root, (lower - start, upper - start), method="bvls"
-    ).x
+    values = np.maximum(values, 1e-15 * values[-1])
+    step = minimise_within(values, vectors, vectors.T @ slope, lower - start, upper - start)
     return _fold_in(model, freed, start + step, lower, upper)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.splines_band import Quadratic, Step, banded, solve_band
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.dynamics.start import Prepared, movement_forces, with_inertia
+from scaling_service.capabilities.dynamics.start import Prepared, with_inertia
+from scaling_service.capabilities.kinetics.forces import movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded

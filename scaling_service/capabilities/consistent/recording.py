@@ -20,8 +20,8 @@ from scaling_service.capabilities.consistent.problem import (
 )
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.parameters import inertial_prior
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.capabilities.dynamics.uncertainty.reference import trees_of
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.body import GROUND, BodyModel, Joint, Segment

@@ -23,6 +23,9 @@ UNSCALED_M = 0.035
 """The same for a model that is taken as it is, m: two standard deviations above that mean error. A model of
 another person's size would be given a dozen effects."""
 
+MISFIT_M = 0.04
+"""The same for a model that was scaled here, m: three standard deviations above that mean error."""
+
 SUSPECT_M = 0.02
 """From here on it is asked whether left and right are exchanged, m (chosen: below it, they are not)."""
 
@@ -88,6 +91,15 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
                 file=trial.name,
                 field="model",
                 remedy="Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
+            )
+        if scaled and MISFIT_M < away <= LARGEST_M:
+            raise TrialUnusable(
+                f"the scaled model does not follow this recording: half of the markers are more than "
+                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
+                file=trial.name,
+                field="model",
+                remedy="Look at the scaling first (`scale`), at the labels under `markers:`, and at whether "
+                "the static trial is of this person and day",
             )
         if away > LARGEST_M:
             raise TrialUnusable(

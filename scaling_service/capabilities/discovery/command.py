@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
@@ -30,6 +32,9 @@ def discover(
     chosen: DiscoverSettings,
     settings: Annotated[Settings, Only("up", "forward", "seed")] = AS_MEASURED,
     report: Report = True,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Show the smaller things that improve the fit, too.")
+    ] = False,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
 
@@ -64,7 +69,7 @@ def discover(
 
         results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
-    show(document, out)
+    show(document, out, everything=everything)
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
@@ -78,8 +83,11 @@ def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     show(document, out)
 
 
-def show(document: DiscoveryDocument, out: Path) -> None:
-    """The table of effects, the gap, the verdict in a sentence, and what it leaves open."""
+def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) -> None:
+    """The table of effects, the gap, the verdict in a sentence, and what it leaves open.
+
+    ``everything``: the smaller things that improve the fit, too, which are a line else.
+    """
     from scaling_service.capabilities.discovery import text
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
@@ -87,9 +95,17 @@ def show(document: DiscoveryDocument, out: Path) -> None:
     print_subject(console, document, text.describe_model(document))
     if document.effects:
         print_table(console, text.tabulate_effects(document))
+        if document.smaller and everything:
+            print_table(console, text.tabulate_effects(document, carries=False))
     print_table(console, text.tabulate_gaps(document))
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    say(console, "Class", "cyan", text.describe_classes(document.effects))
+    if document.smaller and not everything:
+        say(console, "Beside", "dim", [f"{document.smaller} (--all shows them)."])
+    shown = [effect for effect in document.effects if effect.carries or everything]
+    say(console, "Sure", "green", text.list_beliefs(shown))
+    say(console, "Doubt", "yellow", text.list_cautions(shown))
+    say(console, "Class", "cyan", text.describe_classes(shown))
+    say(console, "Bones", "cyan", text.describe_bones(document))
     if document.unexplained:
         print_table(console, text.tabulate_unexplained(document, _MOST_LEFT))
     say(console, "Note", "yellow", document.notes)

@@ -59,6 +59,17 @@ class QuantityDocument(Part):
 
     value: Number | tuple[Number, Number, Number]
     sd: Known = Field(description="Standard deviation; null where it cannot be known.")
+    usual: tuple[Number, Number] | None = Field(
+        default=None, description="What laboratories meet, lowest and highest; null where that is not known."
+    )
+    at_bound: bool = Field(default=False, description="Whether it stands at a bound of the search.")
+
+    @property
+    def implausible(self) -> bool:
+        """Whether it lies outside of what laboratories meet."""
+        if self.usual is None or isinstance(self.value, tuple):
+            return False
+        return not self.usual[0] <= self.value <= self.usual[1]
 
 
 class EvidenceDocument(Part):
@@ -74,10 +85,25 @@ class EvidenceDocument(Part):
     summary: str = Field(default="", description="The same in sentences.")
 
 
+class BeliefDocument(Part):
+    """How far an effect may be believed, in probabilities; those of sign and size hold if it is there."""
+
+    effect: Number = Field(description="That it is no chance: at most, as likely as not beforehand.")
+    member: Number = Field(description="That it is this one of its class.")
+    sign: Known = Field(description="That it points this way; null where it has no direction.")
+    size: Known = Field(description="That its size is one that laboratories meet; null where none is known.")
+    summary: str = Field(description="The same in a sentence.")
+    cautions: list[str] = Field(description="Sizes that are implausible or stand at a bound.")
+
+
 class EffectDocument(PlacedEffect):
     """An effect that was named and added to the model, or taken out of the recordings."""
 
     name: str = Field(description="What it is, in plain English.")
+    carries: bool = Field(
+        default=True,
+        description="Whether it carries the gap; else it is a smaller thing beside.",
+    )
     parameters: dict[str, QuantityDocument]
     smallest_nameable: dict[str, Number] = Field(
         description="Parameter to the size from which it would be named nine times in ten."
@@ -87,6 +113,7 @@ class EffectDocument(PlacedEffect):
     )
     would_separate: str | None = Field(description="The ordinary movement that would tell them apart.")
     evidence: EvidenceDocument
+    belief: BeliefDocument | None = Field(default=None, description="Null in results of earlier versions.")
 
 
 class LevelDocument(Part):
@@ -143,6 +170,34 @@ class UnexplainedDocument(Part):
     floor: Known
 
 
+class ExpectationDocument(Part):
+    """What is known of a coordinate before markers are seen."""
+
+    coordinate: str
+    at_rest_deg: Number = Field(description="Its mean with the coordinates that it follows at zero.")
+    follows: list[str] = Field(description="Coordinates that its mean follows.")
+    sd_deg: Number
+    source: str
+
+
+class BonesDocument(Part):
+    """What `model.json` holds of the bones beside the effects; `ik` takes all of it."""
+
+    skin_mm: dict[str, Number] = Field(
+        description="Marker to the standard deviation of its displacement over the bone along an axis, where "
+        "pins, through joints, showed it."
+    )
+    expectations: list[ExpectationDocument]
+    undetermined: list[str] = Field(
+        description="Segments of which nothing shows what their skin does as a whole over the bone: its size "
+        "is the published one, and no law of it is named."
+    )
+    left_out: list[str] = Field(
+        description="Named movements that are not in `model.json`: more than these moves the same markers, "
+        "so the recordings do not show where they take the bones."
+    )
+
+
 class HiddenDocument(PlacedEffect):
     """What was hidden in the recordings of a virtual person."""
 
@@ -154,12 +209,14 @@ class DiscoveryDocument(Provenance):
 
     verdict: Literal["found", "nothing", "unexplained"]
     headline: str = Field(default="", description="The verdict in one sentence.")
+    smaller: str = Field(default="", description="In a line, what improves the fit beside that.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]
     gap: BothGaps
     tried: list[TriedDocument]
     unexplained: list[UnexplainedDocument]
+    bones: BonesDocument | None = Field(default=None, description="Null in results of earlier versions.")
     start: str = Field(description="The method that scaled the model, or 'none'.")
     fitted_trials: list[str]
     held_out_trials: list[str] = Field(description="Empty where blocks of time stood in for them.")

@@ -69,13 +69,13 @@ def heat_maps(results: DiscoverResults) -> Iterator[HeatMap]:
     ranking = [d.where for d in results.findings.disagreements]
     wrenches = {item.name: item for item in results.before.wrenches}
     corrected = {item.name: item for item in results.after.wrenches}
-    for before, after in _shown(results):
+    for before, after in _choose_recordings(results):
         yield _of_markers(before, after, ranking)
         if before.name in wrenches and before.name in corrected:
             yield _of_wrench(wrenches[before.name], corrected[before.name])
 
 
-def _shown(results: DiscoverResults) -> list[tuple[TrackedTrial, TrackedTrial]]:
+def _choose_recordings(results: DiscoverResults) -> list[tuple[TrackedTrial, TrackedTrial]]:
     """A few recordings, at least one of each role, in the order in which they were given."""
     given = list(zip(results.before.tracked, results.after.tracked, strict=True))
 

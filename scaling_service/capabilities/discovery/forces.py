@@ -6,10 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, band_hz
-from scaling_service.capabilities.dynamics.forces import TrialForces, feet_of
-from scaling_service.capabilities.dynamics.start import assign_forces, read_movement_forces
+from scaling_service.capabilities.kinetics.forces import (
+    TrialForces,
+    assign_forces,
+    feet_of,
+    read_movement_forces,
+)
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import few
@@ -23,6 +29,9 @@ NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
 _NOTED = ("two_feet", "no_foot", "force_sign", "not_recorded")
 """Repairs of forces that bear on what the search may say."""
+
+_READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)
+_RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gone by then
 
 Mask = NDArray[np.bool_]
 
@@ -38,15 +47,28 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
     lacking = _lacking(model)
     if lacking:
         return {}, (f"{lacking}: {NOT_TRIED}",)
-    found = assign_forces(loaded, read, lambda trial: band_hz(trial.rate_hz))
-    without = [trial.name for trial in loaded.session.dynamic if trial.name not in found]
+    found, unusable = assign_forces(loaded, read, lambda trial: band_hz(trial.rate_hz))
+    recorded = {path.stem for path in read}
+    without = [trial.name for trial in loaded.session.dynamic if trial.name not in recorded]
     notes = [f"{few(without)}: no forces, so only markers were compared"] if without else []
-    return found, (*notes, *_notes_on_repairs(found))
+    return found, (*notes, *unusable, *_notes_on_repairs(found))
 
 
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
     """Forces with the frames in which they are all that touches the body."""
-    return ContactAssignment(forces.ground, usable_frames(forces.ground, forces.contacts), cutoff_hz)
+    usable = usable_frames(forces.ground, forces.contacts)
+    return ContactAssignment(forces.ground, usable, cutoff_hz, _unloaded(forces.ground, forces.contacts))
+
+
+def _unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
+    """Where a plate is read with nobody on it, and long before and after, (n, n_plates).
+
+    A load that was given to nobody, for its fault moves the pressure off the foot, is more than any bias.
+    """
+    least = np.linalg.norm(ground.force, axis=2) < MOST_BIAS_N
+    free = (ground.readings > _READ) & (contacts.foot == NOBODY) & least
+    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(ground.times))))) if len(free) > 1 else 1
+    return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
 
 
 def _lacking(model: BodyModel) -> str:

@@ -19,7 +19,7 @@ from scaling_service.capabilities.discovery.laws.loads import (
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.start import Prepared
-from scaling_service.capabilities.dynamics.forces import read_trial_forces
+from scaling_service.capabilities.kinetics.forces import read_trial_forces
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
 from scaling_service.model.forces import GroundForces

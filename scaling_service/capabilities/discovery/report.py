@@ -30,6 +30,7 @@ from scaling_service.report.blocks import (
     Bullets,
     Callout,
     Cell,
+    Details,
     Grid,
     Heading,
     Row,
@@ -52,7 +53,7 @@ def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Pag
     maps = list(heat_maps(results))
     scene = draw_largest_change(results) if document.effects else None
     held = f"; held out: {', '.join(document.held_out_trials)}" if document.held_out_trials else ""
-    hidden = text.describe_hidden(document)
+    hidden, bones = text.describe_hidden(document), list(text.describe_bones(document))
     return Page(
         f"What is missing in the model of {document.subject}",
         [
@@ -60,6 +61,7 @@ def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Pag
             Section("1. Where: model and recordings before", list(_where(document, maps))),
             Section("2. What: the effects that explain it", list(_what(document)), new_page=True),
             Section("3. After: with what was named", list(_after(document, maps, scene)), new_page=True),
+            *([Section("Bones under the skin", [Bullets(bones)])] if bones else []),
             Section("4. On unseen data", list(_unseen(document)), new_page=True),
             *([Section("What had been hidden in this virtual person", [Bullets(hidden)])] if hidden else []),
             Section("Where it comes from", list(_provenance(document))),
@@ -71,8 +73,11 @@ def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Pag
 
 
 def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
-    blocks: list[Block] = [Bullets([effect.name for effect in document.effects], numbered=True)]
-    classes = list(text.describe_classes(document.effects))
+    main = [effect for effect in document.effects if effect.carries]
+    blocks: list[Block] = [Bullets([_sentence(effect) for effect in main], numbered=True)]
+    cautions, classes = text.list_cautions(main), list(text.describe_classes(main))
+    if cautions:
+        blocks.append(Callout("Sizes to doubt", [Bullets(cautions)], "fair"))
     if classes:
         blocks.append(Bullets(classes))
     if document.unexplained:
@@ -83,9 +88,15 @@ def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
     yield Callout(document.headline, blocks, _TONES[document.verdict])
     if document.effects:
         yield text.tabulate_effects(document)
+    if document.smaller:
+        yield Details(f"{document.smaller}.", [text.tabulate_effects(document, carries=False)])
     if document.notes:
         yield Heading("What was not tried, or cannot be decided")
         yield Bullets(document.notes)
+
+
+def _sentence(effect: EffectDocument) -> str:
+    return f"{effect.name} ({effect.belief.summary})" if effect.belief else effect.name
 
 
 def _provenance(document: DiscoveryDocument) -> Iterator[Block]:
@@ -148,15 +159,24 @@ def _share(value: float | None) -> Cell:
 def _what(document: DiscoveryDocument) -> Iterator[Block]:
     if not document.effects:
         yield Text(f"No effect was named: {document.reason}.")
-    for number, effect in enumerate(document.effects, start=1):
+    for number, effect in enumerate([e for e in document.effects if e.carries], start=1):
         yield Heading(f"{number}. {placed(effect)}")
-        yield Text(f"{text.meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
-        yield _tabulate_numbers(effect)
-        yield from _alike(effect)
+        yield from _chapter(effect)
+    for effect in document.effects:
+        if not effect.carries:
+            yield Details(f"Smaller: {placed(effect)}", list(_chapter(effect)))
     if document.effects or document.tried:
         yield draw_candidates(document)
     if document.effects:
         yield Text(f"The search then stopped: {document.reason}.", quiet=True)
+
+
+def _chapter(effect: EffectDocument) -> Iterator[Block]:
+    yield Text(f"{text.meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
+    if effect.belief is not None:
+        yield Text(f"How sure: {effect.belief.summary}.")
+    yield _tabulate_numbers(effect)
+    yield from _alike(effect)
 
 
 def _tabulate_numbers(effect: EffectDocument) -> Table:
@@ -165,13 +185,15 @@ def _tabulate_numbers(effect: EffectDocument) -> Table:
         value = quantity.value
         said = ", ".join(f"{v:.2f}" for v in value) if isinstance(value, tuple) else figures(value)
         smallest = figures(effect.smallest_nameable.get(name))
-        rows.append(Row(name, [said, text.interval(quantity), smallest]))
+        usual = "–" if quantity.usual is None else " to ".join(map(figures, quantity.usual))
+        shown = Cell(said, tone="fair" if quantity.implausible or quantity.at_bound else "plain")
+        rows.append(Row(name, [shown, text.interval(quantity), usual, smallest]))
     return Table(
         "Its numbers",
-        ["", "value", "95 % interval", "named from"],
+        ["", "value", "95 % interval", "met", "named from"],
         rows,
-        "The unit is in the name. True minus modelled, or measured over true for a factor. Named from: the "
-        "size, in the same proportions, that is named nine times in ten.",
+        "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in "
+        "laboratories. Named from: the size, in the same proportions, that is named nine times in ten.",
     )
 
 

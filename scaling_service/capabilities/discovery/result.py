@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from scaling_service.capabilities.discovery import text
+from scaling_service.capabilities.discovery.belief import (
+    Range,
+    bounds_of,
+    carrying,
+    probability_of_effect,
+    probability_of_sign,
+    usual_sizes,
+)
+from scaling_service.capabilities.discovery.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.document import (
+    BeliefDocument,
+    BonesDocument,
     BothGaps,
     DisagreementDocument,
     DiscoveryDocument,
     EffectDocument,
     EvidenceDocument,
+    ExpectationDocument,
     GapDocument,
     HiddenDocument,
     LevelDocument,
@@ -42,6 +56,9 @@ from scaling_service.capabilities.discovery.search.findings import (
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import provenance, repair_notes
+from scaling_service.core.tables import ResultTable
+from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import law_value
 from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
@@ -52,7 +69,7 @@ _FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
 _MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class DiscoverResults:
     """What a search made of a subject's recordings."""
 
@@ -63,8 +80,32 @@ class DiscoverResults:
     findings: Findings
     before: Fit  # before, after: without and with what was named
     after: Fit
+    lasting: Fit  # after, without movements that skin as a whole could as well be
+    left_out: tuple[str, ...]  # the names of these
+    bones: BoneKnowledge
     wall_s: float = 0.0
     hidden: Sequence[HiddenDocument] | None = None  # of a virtual person: what should have been found
+
+    @property
+    def document(self) -> DiscoveryDocument:
+        """``discovery.json`` of it."""
+        return discovery_document(self)
+
+    @property
+    def effects(self) -> ResultTable:
+        """Every number of every effect that was named; its name holds the unit."""
+        rows = tuple(
+            (effect.kind, ", ".join(effect.where), name, number.value, number.sd)
+            for effect in self.document.effects
+            for name, number in effect.parameters.items()
+        )
+        return ResultTable("The missing effects", ("kind", "where", "parameter", "value", "sd"), rows)
+
+    def __repr__(self) -> str:
+        return f"{self.document.headline}\n{self.effects!r}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.document.headline)}</p>{self.effects._repr_html_()}"
 
 
 def discovery_document(
@@ -75,19 +116,21 @@ def discovery_document(
     fitted, held_out = (
         [name for name, role in prepared.roles.items() if role == of] for of in ("fit", "held_out")
     )
+    carries = carrying(found.named)
+    effects = [_effect(n, prepared.model, c) for n, c in zip(found.named, carries, strict=True)]
     gap = BothGaps(fit=_gap(found.fit), held_out=_gap(found.held_out))
     return DiscoveryDocument(
         **_provenance(results),
         verdict=found.verdict,
-        headline=text.headline(
-            found.verdict, len(found.named), gap.held_out.whitened, held_out=bool(held_out)
-        ),
+        headline=text.headline(found.verdict, effects, gap.held_out.whitened, held_out=bool(held_out)),
+        smaller=text.describe_smaller(effects),
         reason=found.reason,
         disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
-        effects=[_effect(named) for named in found.named],
+        effects=effects,
         gap=gap,
         tried=[TriedDocument(**_place(o.candidate), gain=o.held_out.gain) for o in found.tried],
         unexplained=[UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained],
+        bones=_bones(results),
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
@@ -96,6 +139,25 @@ def discovery_document(
         files=list(files),
         wall_s=round(results.wall_s, 3),
         hidden=None if results.hidden is None else list(results.hidden),
+    )
+
+
+def _bones(results: DiscoverResults) -> BonesDocument:
+    known = results.bones
+    return BonesDocument(
+        skin_mm={name: _MM * sd for name, sd in known.skin.items()},
+        expectations=[
+            ExpectationDocument(
+                coordinate=e.coordinate,
+                at_rest_deg=math.degrees(law_value(e.law, defaultdict(float))),
+                follows=[t.coordinate for t in e.law.terms if t.coordinate is not None],
+                sd_deg=math.degrees(e.sd),
+                source=e.source,
+            )
+            for e in known.expectations
+        ],
+        undetermined=list(known.undetermined),
+        left_out=list(results.left_out),
     )
 
 
@@ -127,13 +189,14 @@ def _place(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _effect(named: NamedEffect) -> EffectDocument:
-    candidate, numbers = named.effect.candidate, quantities(named)
+def _effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocument:
+    candidate, numbers = named.effect.candidate, _judged(named, model)
     return EffectDocument(
         **_place(candidate),
         name=text.describe_effect(
             candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
         ),
+        carries=carries,
         parameters=numbers,
         smallest_nameable={name: size for name, size in named.smallest.items() if math.isfinite(size)},
         confusable_with=[PlacedEffect(**_place(other)) for other in named.equivalents],
@@ -145,6 +208,38 @@ def _effect(named: NamedEffect) -> EffectDocument:
             by_blocks=named.held_out.folds,
             summary=text.describe_evidence(named),
         ),
+        belief=_belief(named, numbers),
+    )
+
+
+def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:
+    """Every number beside what laboratories meet and what the search allows."""
+    usual, bounds, found = usual_sizes(named, model), bounds_of(named), {}
+    for name, quantity in quantities(named).items():
+        if not isinstance(quantity.value, tuple):
+            known, bound = usual(name), bounds.get(name)
+            ends = None if known is None else (known.low, known.high)
+            at_bound = bound is not None and bound.at_end(quantity.value)
+            quantity = QuantityDocument(value=quantity.value, sd=quantity.sd, usual=ends, at_bound=at_bound)
+        found[name] = quantity
+    return found
+
+
+def _belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) -> BeliefDocument:
+    sizes = [
+        Range(*q.usual).chance(q.value, q.sd or 0.0)
+        for q in numbers.values()
+        if q.usual is not None and not isinstance(q.value, tuple)
+    ]
+    effect, member = probability_of_effect(named), named.member
+    sign, size = probability_of_sign(named.effect.size, named.covariance), min(sizes, default=None)
+    return BeliefDocument(
+        effect=effect,
+        member=member,
+        sign=sign,
+        size=size,
+        summary=text.describe_belief(effect, member, sign, size),
+        cautions=list(text.describe_cautions(named.candidate, numbers)),
     )
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from scaling_service.capabilities.discovery.bones import learn_bones, without_undetermined
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.models import corrected_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
@@ -80,6 +82,8 @@ def run(
             progress=part_of(report, _PREPARING, 1.0 - _PREPARING),
             notes=prepared.notes,
         )
+        fit, left_out = without_undetermined(found.after, found.findings)
+        bones = learn_bones(corrected_model(fit), fit)
     report("done", 1.0)
     return DiscoverResults(
         prepared=prepared,
@@ -89,5 +93,8 @@ def run(
         findings=found.findings,
         before=found.before,
         after=found.after,
+        lasting=fit,
+        left_out=left_out,
+        bones=bones,
         wall_s=time.perf_counter() - clock,
     )

@@ -14,8 +14,9 @@ from scaling_service.capabilities.discovery.forces import assign_contacts, read_
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.options import DiscoverSettings
-from scaling_service.capabilities.dynamics.forces import TrialForces
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
+from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
+from scaling_service.capabilities.kinetics.forces import TrialForces
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import OWN
@@ -93,10 +94,17 @@ def prepare(
         )
         for trial in session.dynamic
     )
+    unmeasured = [
+        said
+        for trial in session.dynamic
+        if (own := forces.get(trial.name)) is not None
+        for said in describe_unmeasured(massive.model, trial, own.loads, own.contacts, chosen.cutoff_hz)
+    ]
     of_inertia = (_OWN_INERTIA,) if unknown and scaled else massive.notes
     notes = (
         *start.warnings,
         *(f"{said}: the model was scaled without them" for said in exchanged if scaled),
+        *unmeasured,
         *(of_inertia if forces else ()),
         *notes,
         *describe_limits(used, block_s),

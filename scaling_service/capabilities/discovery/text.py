@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from scaling_service.capabilities.discovery.belief import source_of_sizes
 from scaling_service.capabilities.discovery.document import (
     DiscoveryDocument,
     EffectDocument,
@@ -14,9 +15,10 @@ from scaling_service.capabilities.discovery.document import (
     QuantityDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Reweighed
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.core.text import few
-from scaling_service.report.blocks import Row, Table
+from scaling_service.report.blocks import Cell, Row, Table
 from scaling_service.report.methods import words
 
 LEVELS = (
@@ -67,7 +69,7 @@ def describe_effect(
     """
     following = f", here {few([words(d) for d in driver])}" if driver else ""
     only = f", in {few(trials)} only" if trials else ""
-    sizes = ", ".join(shown(name, quantity) for name, quantity in parameters.items())
+    sizes = ", ".join(format_quantity(name, quantity) for name, quantity in parameters.items())
     return f"{few(where)}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
 
 
@@ -90,7 +92,9 @@ def describe_model(document: DiscoveryDocument) -> str:
     return "model as given" if document.start == "none" else f"model scaled by {document.start}"
 
 
-def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_out: bool) -> str:
+def headline(
+    verdict: str, effects: Sequence[EffectDocument], level: LevelDocument | None, *, held_out: bool
+) -> str:
     """The verdict in one sentence; ``level``: of all together, on what was held out if anything was."""
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
@@ -98,22 +102,81 @@ def headline(verdict: str, effects: int, level: LevelDocument | None, *, held_ou
         return f"Nothing stands above the noise{left}"
     if verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
-    things = "One missing effect was" if effects == 1 else f"{effects} missing effects were"
+    count = sum(effect.carries for effect in effects)
+    things = "One missing effect was" if count == 1 else f"{count} missing effects were"
+    doubtful = sum(effect.carries and has_doubtful_size(effect) for effect in effects)
+    whose = "" if count == 1 else f"{doubtful} of them "
+    doubt = f", {whose}of a size to doubt" if doubtful else ""
     if level is None:
-        return f"{things} found"
+        return f"{things} found{doubt}"
     fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
-    return f"{things} found; the gap on {unseen} {fall}"
+    return f"{things} found{doubt}; the gap on {unseen} {fall}"
+
+
+def describe_smaller(effects: Sequence[EffectDocument]) -> str:
+    """In a line, what improves the fit beside what carries the gap; empty where there is nothing."""
+    small = [placed(effect) for effect in effects if not effect.carries]
+    things = "One smaller thing improves" if len(small) == 1 else f"{len(small)} smaller things improve"
+    return f"{things} the fit: {few(small)}" if small else ""
+
+
+def describe_belief(effect: float, member: float, sign: float | None, size: float | None) -> str:
+    """How far an effect may be believed: that it is there, of its class this one, its sign and size.
+
+    Examples
+    --------
+    >>> describe_belief(0.9999, 0.5, 0.98, 0.01)
+    'not by chance: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
+    """
+    told = (
+        ("not by chance", effect),
+        ("this one of its class", member if member < 1.0 else None),
+        ("its sign", sign),
+        ("a size that laboratories meet", size),
+    )
+    return "; ".join(f"{what}: {percent(value)}" for what, value in told if value is not None)
+
+
+def describe_cautions(candidate: Candidate, parameters: Mapping[str, QuantityDocument]) -> Iterator[str]:
+    """Numbers of an effect that are implausible, and those that stand at a bound of the search."""
+    for name, quantity in parameters.items():
+        said = f"{few(candidate.where)}: {format_quantity(name, quantity)}"
+        if quantity.at_bound:
+            yield f"{said} is a bound of the search, not an estimate"
+        elif quantity.usual is not None and quantity.implausible:
+            met = " to ".join(map(figures, quantity.usual))
+            yield f"{said} is implausible: {met} is met ({source_of_sizes(candidate.kind)})"
+
+
+def list_beliefs(effects: Sequence[EffectDocument]) -> list[str]:
+    """How far each effect may be believed."""
+    return [f"{placed(e)}: {e.belief.summary}" for e in effects if e.belief is not None]
+
+
+def list_cautions(effects: Sequence[EffectDocument]) -> list[str]:
+    """All cautions about the sizes of effects."""
+    return [said for e in effects if e.belief is not None for said in e.belief.cautions]
+
+
+def has_doubtful_size(effect: EffectDocument) -> bool:
+    """Whether a number of an effect is implausible or stands at a bound."""
+    return effect.belief is not None and bool(effect.belief.cautions)
 
 
 def describe_evidence(named: NamedEffect) -> str:
     """What speaks for an effect."""
+    family = (
+        f"The chance of naming anything in the whole catalogue where nothing is: {chance(named.p_family)}."
+    )
+    if isinstance(named.candidate.change, Reweighed):
+        return (
+            f"The momentum balance of all recordings with forces says so; none was held out from it. {family}"
+        )
     held_out = named.held_out
     unseen = "blocks of time that did not fit it" if held_out.folds else "recordings that did not fit it"
     gain = f"{held_out.gain:.0%}" if math.isfinite(held_out.gain) else "an unknown share"
-    return (
-        f"It takes {gain} off the squared disagreement of {unseen} (by chance: {chance(held_out.p)}). The "
-        f"chance of naming anything in the whole catalogue where nothing is: {chance(named.p_family)}."
-    )
+    by_chance = chance(held_out.p)
+    return f"It takes {gain} off the squared disagreement of {unseen} (by chance: {by_chance}). {family}"
 
 
 def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
@@ -124,6 +187,36 @@ def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
             more = f" and {len(others) - _MOST_ALIKE} more" if len(others) > _MOST_ALIKE else ""
             apart = f". To separate: {effect.would_separate}" if effect.would_separate else ""
             yield f"{placed(effect)} cannot be told here from {'; '.join(others[:_MOST_ALIKE])}{more}{apart}"
+
+
+def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
+    """What the model has of bones beside the effects, and what these recordings do not show of them."""
+    known = document.bones
+    if known is None:
+        return
+    for expected in known.expectations:
+        follows = f", following {few([words(f) for f in expected.follows])}" if expected.follows else ""
+        yield (
+            f"{words(expected.coordinate)} is expected about the posture in which the markers were placed"
+            f"{follows}, ± {figures(expected.sd_deg, 2)} deg ({expected.source})"
+        )
+    if known.skin_mm:
+        least, most = min(known.skin_mm.values()), max(known.skin_mm.values())
+        yield (
+            f"How far skin moves over the bone was learnt at {few(list(known.skin_mm))}: {figures(least, 2)} "
+            f"to {figures(most, 2)} mm along an axis"
+        )
+    if known.undetermined:
+        yield (
+            f"What the skin of {few(known.undetermined)} does as a whole over the bone, its turn about the "
+            "long axis above all, is not determined by these recordings: it is not named, and counts with "
+            "its published size in standard deviations"
+        )
+    if known.left_out:
+        yield (
+            f"Named but left out of model.json: {few(known.left_out)}. More moves the same markers, so these "
+            "recordings do not show where it takes the bones"
+        )
 
 
 def describe_hidden(document: DiscoveryDocument) -> list[str]:
@@ -137,24 +230,29 @@ def describe_hidden(document: DiscoveryDocument) -> list[str]:
 # Tables
 
 
-def tabulate_effects(document: DiscoveryDocument) -> Table:
-    """Effect, where, size, and the gap of its places on what was not fitted."""
+def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Table:
+    """Effect, where, size, and the gap of its places on what was not fitted; or the smaller things."""
     unseen = "held-out gap" if document.held_out_trials else "gap"
-    rows = []
+    rows: list[Row] = []
     for effect in document.effects:
+        if effect.carries != carries:
+            continue
         following = f"\nwith {', '.join(effect.driver)}" if effect.driver else ""
         only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
-        sizes = [shown(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
+        sizes = [format_quantity(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
         more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []
         levels = document.gap.held_out.places
         gaps = [
             f"{name} {figures(level.before)} → {figures(level.after)} ({figures(level.floor)}) {level.unit}"
             for name, level in ((name, levels[name]) for name in effect.where if name in levels)
         ]
-        cells = [", ".join(effect.where) + following + only, "\n".join([*sizes[:_MOST_NUMBERS], *more])]
-        rows.append(Row(effect.kind.replace("_", " "), [*cells, "\n".join(gaps)]))
+        size = "\n".join([*sizes[:_MOST_NUMBERS], *more])
+        shown = Cell(size, tone="fair" if has_doubtful_size(effect) else "plain")
+        cells: list[str | Cell] = [", ".join(effect.where) + following + only, shown, "\n".join(gaps)]
+        rows.append(Row(effect.kind.replace("_", " "), cells))
     columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
-    return Table("The missing effects", columns, rows, words=True)
+    caption = "The missing effects" if carries else "Smaller things that improve the fit"
+    return Table(caption, columns, rows, words=True)
 
 
 def gaps_of(document: DiscoveryDocument) -> dict[str, GapDocument]:
@@ -220,14 +318,25 @@ def chance(p: float | None) -> str:
     return "< 0.001" if p < 1e-3 else f"{p:.2f}" if p >= 0.01 else f"{p:.3f}"
 
 
-def shown(name: str, quantity: QuantityDocument, *, spread: bool = False) -> str:
+def percent(probability: float) -> str:
+    """A probability as shown.
+
+    Examples
+    --------
+    >>> percent(0.4), percent(0.9999), percent(1e-9)
+    ('40 %', '> 99 %', '< 1 %')
+    """
+    return "> 99 %" if probability > 0.99 else "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def format_quantity(name: str, quantity: QuantityDocument, *, spread: bool = False) -> str:
     """A number of an effect with its unit, and its standard deviation where asked for.
 
     Examples
     --------
-    >>> shown("x_mm_per_deg", QuantityDocument(value=0.2013, sd=0.011), spread=True)
+    >>> format_quantity("x_mm_per_deg", QuantityDocument(value=0.2013, sd=0.011), spread=True)
     'x 0.201 ± 0.011 mm/deg'
-    >>> shown("delay_s", QuantityDocument(value=0.02, sd=None))
+    >>> format_quantity("delay_s", QuantityDocument(value=0.02, sd=None))
     'delay 0.02 s'
     """
     suffix, unit = next(((s, u) for s, u in _SUFFIXES if name.endswith(s)), ("", ""))

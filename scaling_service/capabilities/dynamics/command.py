@@ -51,7 +51,8 @@ def dynamics(
 
 def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
-    from scaling_service.capabilities.dynamics.report import inertial_tables, merge_warnings, residual_tables
+    from scaling_service.capabilities.dynamics.document import merge_warnings
+    from scaling_service.capabilities.dynamics.report import inertial_tables, residual_tables
 
     console, inertial = console_of_results(), document.inertial
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"

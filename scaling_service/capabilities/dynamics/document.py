@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from scaling_service.core.text import few
 from scaling_service.documents.base import Part
 from scaling_service.documents.results import Provenance
 
@@ -84,7 +85,12 @@ class TrialDynamicsDocument(Part):
     slopes_per_cm: Six = Field(description="Kinematic uncertainty of dr per cm of reconstruction error.")
     r2: Six = Field(description="Of the lines through zero with these slopes.")
     calibration_supported: Yes = Field(
-        description="Whether dr exceeds its uncertainty, so that inertia may be blamed for it."
+        description="Whether dr exceeds its uncertainty and the plates measure all that bears the person, "
+        "so that inertia may be blamed for it."
+    )
+    unmeasured: list[str] = Field(
+        default=[],
+        description="Flight, and when a chair, a step or a missing plate bears the person.",
     )
     warnings: list[str]
 
@@ -149,6 +155,7 @@ class WeightDocument(Part):
     declared_kg: Number
     plates_kg: Number
     sd_kg: Number
+    differs: bool = Field(default=False, description="Whether the declared mass is wrong beyond doubt.")
     by_trial_kg: dict[str, Number] = Field(description="What the plates bear in each recording.")
 
 
@@ -166,3 +173,12 @@ class DynamicsDocument(Provenance):
     warnings: list[str]
     files: list[str] = Field(description="What was written beside this document.")
     wall_s: float
+
+
+def merge_warnings(document: DynamicsDocument) -> list[str]:
+    """The recordings' warnings, what holds of several of them told once."""
+    where: dict[str, list[str]] = {}
+    for name, trial in document.trials.items():
+        for warning in trial.warnings:
+            where.setdefault(warning.removeprefix(f"{name}: "), []).append(name)
+    return [f"{few(names)}: {said}" for said, names in where.items()]

@@ -13,9 +13,9 @@ from scaling_service.capabilities.dynamics.document import (
     IdentificationDocument,
     InertialChange,
     TrialDynamicsDocument,
+    merge_warnings,
 )
-from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS, HICKS
-from scaling_service.core.text import few
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS, HICKS
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import (
     Block,
@@ -42,6 +42,11 @@ _HEADLINES: tuple[tuple[str, Tone], ...] = (
     ("These recordings can tell this person's inertia", "good"),
 )
 """For no component of any recording, some, or all."""
+
+_WRONG_MASS: tuple[str, Tone] = (
+    "The declared mass is wrong: until it is right, nothing is told of the inertia",
+    "fair",
+)
 
 _DARKEST = 3.0
 """Prior standard deviations of the darkest cell (chosen: beyond it a change is told as a surprise)."""
@@ -72,18 +77,9 @@ def dynamics_page(document: DynamicsDocument, curves: Curves) -> Page:
     )
 
 
-def merge_warnings(document: DynamicsDocument) -> list[str]:
-    """The recordings' warnings, what holds of several of them told once."""
-    where: dict[str, list[str]] = {}
-    for name, trial in document.trials.items():
-        for warning in trial.warnings:
-            where.setdefault(warning.removeprefix(f"{name}: "), []).append(name)
-    return [f"{few(names)}: {said}" for said, names in where.items()]
-
-
 def _verdict(document: DynamicsDocument) -> Iterator[Block]:
     supported = [yes for trial in document.trials.values() for yes in trial.calibration_supported]
-    headline, tone = _HEADLINES[any(supported) + all(supported)]
+    headline, tone = _WRONG_MASS if document.weight.differs else _HEADLINES[any(supported) + all(supported)]
     yield Callout(headline, [Text(document.verdict), Bullets(merge_warnings(document))], tone)
 
 

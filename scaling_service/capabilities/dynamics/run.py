@@ -5,19 +5,31 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.forces import TrialForces
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.inverse_dynamics import (
+from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.dynamics.uncertainty.total import (
+    Recording,
+    UncertaintySettings,
+    WrenchUncertainty,
+    propagate,
+)
+from scaling_service.capabilities.dynamics.unmeasured import Unmeasured, find_unmeasured, frames_of
+from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
+from scaling_service.capabilities.kinetics.forces import TrialForces
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
     COMPONENTS,
     HICKS,
     InverseDynamics,
@@ -27,18 +39,11 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     inverse_dynamics,
     judged_frames,
 )
-from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
-from scaling_service.capabilities.dynamics.start import Prepared, prepare
-from scaling_service.capabilities.dynamics.uncertainty.total import (
-    Recording,
-    UncertaintySettings,
-    WrenchUncertainty,
-    propagate,
-)
-from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
@@ -60,10 +65,17 @@ class TrialDynamics:
     frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
     residuals: Residuals  # over these frames
     uncertainty: WrenchUncertainty  # of the residual, over the same frames
+    # flight, and what bears the person that no plate measures
+    unmeasured: tuple[Unmeasured, ...] = ()
     warnings: tuple[str, ...] = ()  # plain sentences
 
+    @property
+    def calibration_supported(self) -> NDArray[np.bool_]:
+        """Components (6,) whose residual inertia may be blamed for; none where plates do not measure all."""
+        return np.asarray(self.uncertainty.calibration_supported & (not self.unmeasured))
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DynamicsResults:
     """Dynamics of all of a subject's recordings that have forces."""
 
@@ -76,6 +88,19 @@ class DynamicsResults:
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
     warnings: tuple[str, ...] = ()  # what concerns all recordings
     wall_s: float = 0.0
+
+    @property
+    def residuals(self) -> ResultTable:
+        """RMS of the residual wrench of every recording, N and N m."""
+        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in COMPONENTS]
+        rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
+        return ResultTable("RMS of the residual", ("trial", *units), rows)
+
+    def __repr__(self) -> str:
+        return f"{self.residuals!r}\n{self.verdict}"
+
+    def _repr_html_(self) -> str:
+        return f"{self.residuals._repr_html_()}<p>{escape(self.verdict)}</p>"
 
 
 def dynamics(
@@ -94,12 +119,18 @@ def dynamics(
     report = progress or silent
     loaded = open_subject(subject, settings)
     prepared = prepare(loaded, chosen, settings, progress=part_of(report, 0.0, _PREPARING))
-    trials = {}
+    trials: dict[str, TrialDynamics] = {}
+    refused: dict[str, TrialUnusable] = {}
     with loaded.blamed():
         for k, name in enumerate(prepared.motions):
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
-            trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
+            try:
+                trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
+            except TrialUnusable as error:
+                refused[name] = error
+        if not trials:
+            raise next(iter(refused.values()))
         weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
         assert weight is not None  # a recording without a frame that counts is refused
         weight.check()
@@ -111,7 +142,7 @@ def dynamics(
         settings,
         trials,
         weight,
-        verdict_of(trials, weight),
+        verdict_of(trials, weight, refused),
         inertial,
         (*prepared.warnings, *told),
         time.perf_counter() - clock,
@@ -136,7 +167,7 @@ def _identify(
     if not fitted:
         fitted = [next(iter(trials))]
         notes = (f"no calibration trial has forces: inertia is identified from {fitted[0]}",)
-    supported = np.any([trials[name].uncertainty.calibration_supported for name in fitted], axis=0)
+    supported = np.any([trials[name].calibration_supported for name in fitted], axis=0)
     if not supported.any() and not chosen.despite_verdict:
         return None, (*notes, "inertia was not identified: the verdict is that it would fit noise")
     recordings = {name: ForceRecording(found.dynamics, found.frames) for name, found in trials.items()}
@@ -160,7 +191,19 @@ def trial_dynamics(
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
+    unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
     frames = judged_frames(found, forces.contacts, chosen.cutoff_hz)
+    weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
+    if weight is not None:
+        weight.check()
+    frames &= ~frames_of(unmeasured, found.motion.times)
+    if unmeasured and not (frames & found.known).any():
+        raise TrialUnusable(
+            f"the plates measure no frame of it whole: {'; '.join(one.sentence for one in unmeasured)}",
+            file=name,
+            field="forces",
+            remedy="Give the forces of all plates, or record without a chair or a hold",
+        )
     residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
     recording = Recording(prepared.model, motion, forces.loads, prepared.height_m, frames, chosen.cutoff_hz)
     uncertainty = propagate(
@@ -168,7 +211,7 @@ def trial_dynamics(
     )
     said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
-    return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, warnings)
+    return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, unmeasured, warnings)
 
 
 def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
@@ -184,9 +227,36 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
         yield f"{few(shaking)} tremble faster than joints do: markers hardly determine them, nor the residual"
 
 
-def verdict_of(trials: Mapping[str, TrialDynamics], weight: Weight) -> str:
-    """Whether the mass is right, inertia can be calibrated, and the residuals keep the limits."""
-    return " ".join([*weight.sentences, _calibration(trials), _gates(trials)])
+_WRONG_MASS = (
+    "Give the right mass first: until then the residual is that of the mass, and says nothing else of "
+    "the inertia or of the measurement."
+)
+_NOT_MEASURED = (
+    "Inertial parameters are not to be calibrated by {}: the plates do not measure all that bears the "
+    "person, or landings load them faster than the filter follows."
+)
+
+
+def verdict_of(
+    trials: Mapping[str, TrialDynamics],
+    weight: Weight,
+    refused: Mapping[str, TrialUnusable] = MappingProxyType({}),
+) -> str:
+    """What was left out; whether mass and plates are right, inertia is to be calibrated, limits are kept."""
+    said = [
+        f"In {name} {'; '.join(one.sentence for one in found.unmeasured)}."
+        for name, found in trials.items()
+        if found.unmeasured
+    ]
+    whole = {name: found for name, found in trials.items() if not found.unmeasured}
+    if len(whole) < len(trials):
+        said.append(_NOT_MEASURED.format(few([name for name in trials if name not in whole])))
+    if weight.differs:
+        said.append(_WRONG_MASS)
+    elif whole:
+        said.append(_calibration(whole))
+    left_out = (f"{name} is left out: {error.problem}." for name, error in refused.items())
+    return " ".join([*weight.sentences, *left_out, *said, _gates(trials)])
 
 
 def _calibration(trials: Mapping[str, TrialDynamics]) -> str:
@@ -194,7 +264,7 @@ def _calibration(trials: Mapping[str, TrialDynamics]) -> str:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
     for name, found in trials.items():
-        components = ", ".join(np.array(COMPONENTS)[found.uncertainty.calibration_supported])
+        components = ", ".join(np.array(COMPONENTS)[found.calibration_supported])
         if components:
             able.setdefault(components, []).append(name)
     if not able:

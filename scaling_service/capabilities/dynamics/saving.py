@@ -16,10 +16,10 @@ from scaling_service.capabilities.dynamics.document import (
     WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.report import dynamics_page
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
@@ -134,6 +134,7 @@ def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[st
             declared_kg=results.weight.declared_kg,
             plates_kg=results.weight.plates_kg,
             sd_kg=results.weight.sd_kg,
+            differs=results.weight.differs,
             by_trial_kg=dict(results.weight.by_trial),
         ),
         height_m=prepared.height_m,
@@ -172,7 +173,8 @@ def _trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocum
             "uncertainty": uncertainty,
             "slopes_per_cm": uncertainty.slopes_per_cm,
             "r2": uncertainty.r2,
-            "calibration_supported": uncertainty.calibration_supported.tolist(),
+            "calibration_supported": found.calibration_supported.tolist(),
+            "unmeasured": [one.sentence for one in found.unmeasured],
             "warnings": found.warnings,
         },
         from_attributes=True,

@@ -2,39 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
-from scaling_service.capabilities.dynamics.forces import (
-    TrialForces,
-    feet_of,
-    foot_markers,
-    read_trial_forces,
-    trial_forces,
-)
 from scaling_service.capabilities.dynamics.settings import (
     DEFAULT_TABLE,
     PLAIN_FORCES,
     UNSMOOTHED,
     ForceSettings,
 )
+from scaling_service.capabilities.kinetics.forces import (
+    TrialForces,
+    assign_forces,
+    feet_of,
+    movement_forces,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.inertia import apply_inertia_table
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
-from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +75,7 @@ def prepare(
                 remedy="Give the person's stature in m",
             )
         feet_of(session.model)
-        forces = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
+        forces, unusable = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
         start = scale_model(loaded, chosen.start, settings, progress=progress)
         massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
         trials = [trial for trial in session.dynamic if trial.name in forces]
@@ -94,51 +90,8 @@ def prepare(
         motions,
         forces,
         start.calibration,
-        (*start.warnings, *massive.notes, *left_out),
+        (*start.warnings, *massive.notes, *left_out, *unusable),
     )
-
-
-Plates = Mapping[Path, PlateRecording | TrialUnusable | None]
-"""Recording to what was read of its plates."""
-
-ReadForces = dict[Path, tuple[Path, GroundForces]]
-"""Recording to the file that its forces came from, and these as they stand."""
-
-
-def movement_forces(subject: Subject, plates: Plates) -> ReadForces:
-    """The forces of those movements that have some; refused where none has."""
-    read = read_movement_forces(subject, plates)
-    if not read:
-        raise TrialUnusable(
-            "no movement has forces: neither plates in its C3D file nor a file of forces",
-            field="forces",
-            remedy="Name each trial's file of forces under `forces:`, or record with force plates",
-        )
-    return read
-
-
-def read_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
-    """The forces of those movements that have some."""
-    moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
-    found = {
-        path: read_trial_forces(path, plates.get(path), subject.forces.get(path.name)) for path in moving
-    }
-    return {path: forces for path, forces in found.items() if forces is not None}
-
-
-def assign_forces(
-    loaded: Loaded, read: ReadForces, cutoff_hz: Callable[[Trial], float]
-) -> dict[str, TrialForces]:
-    """By each movement's stem, its forces in the session's axes, filtered and given to its feet."""
-    session, axes = loaded.session, loaded.orientation
-    assert axes is not None  # a session that was read has axes
-    trials = {trial.name: trial for trial in session.dynamic}
-    found = {}
-    for path, (source, forces) in read.items():
-        trial = trials[path.stem]
-        feet = foot_markers(session.model, trial, session.subject.extra_markers)
-        found[path.stem] = trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
-    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,13 +7,13 @@ the part of a recording in which a chair, or a foot beside the plates, bears som
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
+from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few
 from scaling_service.numerics.multibody.laws import Array
@@ -26,7 +26,9 @@ much for hysteresis)."""
 FAR_OFF = 1.5
 """Ratio of the masses beyond which one of them must be wrong (chosen: no person errs so about a weight)."""
 
-_LASTING = 2.0  # chosen: single blocks then rarely show nothing of what the median is off by
+_LASTING = (
+    0.84  # chosen: share of blocks above it where normal blocks stray by half of what the median is off by
+)
 
 NOTICED = 0.015
 """Share of the mass by which plates and declaration must differ to be told (chosen: clothes and shoes)."""
@@ -40,7 +42,7 @@ class Weight:
     plates_kg: float
     sd_kg: float  # of plates_kg: spread of blocks of time, disagreement of recordings, the plates' gain
     by_trial: Mapping[str, float]  # kg, by the recordings' names
-    spread: float = 0.0  # robust standard deviation of single blocks of time, as a share of the mass
+    shown: float = 1.0  # share of the blocks, by the force needed, that show at least half of the difference
 
     @property
     def factor(self) -> float:
@@ -66,7 +68,7 @@ class Weight:
     @property
     def lasting(self) -> bool:
         """Whether about as much is missing at all times: not in the steps on one of the plates only."""
-        return abs(self.factor - 1.0) > _LASTING * self.spread
+        return self.shown > _LASTING
 
     @property
     def disagree(self) -> bool:
@@ -115,11 +117,11 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
         return None
     every = np.concatenate(list(sums.values()))
     ratio, weight = every[:, 0] / every[:, 1], every[:, 1]
-    middle = _median(ratio, weight)
-    spread = 1.4826 * _median(np.abs(ratio - middle), weight)
+    low, middle, high = quantiles(ratio, weight, (0.16, 0.5, 0.84))
+    spread = (high - low) / 2.0  # a standard deviation, of normal blocks
     counting = weight.sum() ** 2 / (weight**2).sum()
-    standing = spread * np.sqrt(np.pi / 2.0 / counting)  # of a median (Kendall & Stuart 1977, sec. 10.11)
-    each = {name: _median(t[:, 0] / t[:, 1], t[:, 1]) for name, t in sums.items()}
+    standing = spread * np.sqrt(np.pi / 2.0 / counting)  # of a median, near a normal distribution
+    each = {name: quantiles(t[:, 0] / t[:, 1], t[:, 1], (0.5,))[0] for name, t in sums.items()}
     shares = np.array([table[:, 1].sum() for table in sums.values()]) / weight.sum()
     among = float(shares**2 @ np.square(np.array(list(each.values())) - middle))
     sd = float(np.sqrt(standing**2 + among + PLATES_SHARE**2))
@@ -128,7 +130,7 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
         middle * declared_kg,
         sd * declared_kg,
         {n: r * declared_kg for n, r in each.items()},
-        spread,
+        float(weight[(ratio - 1.0) * np.sign(middle - 1.0) >= abs(middle - 1.0) / 2.0].sum() / weight.sum()),
     )
 
 
@@ -151,8 +153,8 @@ def blocks_of(used: NDArray[np.bool_], times: Array, length_s: float) -> Iterato
         yield np.flatnonzero(used & (number == k))
 
 
-def _median(values: Array, weights: Array) -> float:
-    """Weighted median."""
+def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
+    """Weighted quantiles."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
+    return [float(values[order][np.searchsorted(total, share * total[-1])]) for share in shares]

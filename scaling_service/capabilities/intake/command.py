@@ -19,7 +19,7 @@ from scaling_service.core.text import few
 if TYPE_CHECKING:
     from scaling_service.capabilities.intake.document import ProofDocument
 
-_COLOURS = {"error": "red", "warning": "yellow"}
+_COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 
 
 @with_flags
@@ -73,6 +73,10 @@ def _show(found: ProofDocument) -> None:
         console.print(
             f"[{colour}]{problem.severity}[/{colour}] {escape(said)}. {escape(problem.remedy or '')}"
         )
+    for entry in found.readiness:
+        lacks = [f"{need.name}: {need.text}" for need in entry.needs if need.required and not need.there]
+        console.print(escape(f"{entry.title}: {'ready' if entry.ready else '; '.join(lacks)}"))
+    console.print(f"{escape(found.headline)}.")
 
 
 def _person(found: ProofDocument) -> Iterator[str]:

@@ -11,17 +11,27 @@ from scaling_service.documents.base import Part
 
 SCHEMA_VERSION = 1
 
-Severity = Literal["error", "warning"]
+Severity = Literal["error", "warning", "note"]
+
+
+class CorrectionEntry(Part):
+    """A correction that the subject's document may hold under ``corrections``."""
+
+    file: str = Field(description="The recording.")
+    labels: dict[str, str] = Field(description="A label as it stands in the file, to the right one.")
+    from_s: float
+    to_s: float
 
 
 class ProblemEntry(Part):
     """Something to correct, and how."""
 
-    severity: Severity = Field(description="An error stops scaling.")
+    severity: Severity = Field(description="An error stops scaling; of a note nothing is to be done.")
     file: str | None = None
     field: str | None = None
     problem: str
     remedy: str | None = None
+    corrections: list[CorrectionEntry] = Field(default=[], description="Any one of these solves it.")
 
 
 class AxesEntry(Part):
@@ -140,6 +150,27 @@ class SizesProof(Part):
     source: list[str] = Field(description="Files that state them.")
 
 
+class Need(Part):
+    """Something that an analysis needs, or that makes it better."""
+
+    name: str
+    there: bool
+    required: bool = Field(default=True, description="Whether the analysis cannot run without it.")
+    text: str = Field(description="What is there, or what its lack means.")
+    give: Literal["recordings", "static", "evaluation", "bones", "forces", "model", "height", "mass"] = Field(
+        description="What to give where it is not there."
+    )
+
+
+class Readiness(Part):
+    """Whether an analysis can run on what is there."""
+
+    analysis: str = Field(description="Its route, such as `dynamics`.")
+    title: str
+    ready: bool
+    needs: list[Need]
+
+
 class ProofDocument(Part):
     """A subject's files before anything is computed: what they are, and what to correct."""
 
@@ -158,5 +189,7 @@ class ProofDocument(Part):
     markers: list[MarkerProof]
     unused_labels: list[str]
     extra_markers: list[ExtraMarker]
+    readiness: list[Readiness] = Field(default=[], description="Of each analysis.")
+    headline: str = Field(default="", description="The state of the files in a sentence.")
     proposal: dict[str, Any] | None = Field(description="A subject document to correct and to give.")
     problems: list[ProblemEntry] = Field(description="Of the whole, also what scaling would refuse.")

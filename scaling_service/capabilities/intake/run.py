@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from pydantic import TypeAdapter, ValidationError
 
 from scaling_service.capabilities.intake import warnings
 from scaling_service.capabilities.intake.document import (
@@ -37,6 +39,7 @@ from scaling_service.capabilities.intake.markers import (
     propose_markers,
     with_extra_markers,
 )
+from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
 from scaling_service.capabilities.intake.roles import (
     assign_roles,
     named_in,
@@ -52,12 +55,12 @@ from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
-from scaling_service.capabilities.subject.reading import subject_from_document
+from scaling_service.capabilities.subject.reading import relabellings, subject_from_document
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.progress import Progress, silent
 from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
-from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
@@ -66,6 +69,7 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.least_squares.masks import seen as seen_in
+from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.orientation import check_axes
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
@@ -149,6 +153,9 @@ def prove(
     look.problems += [*look.compared(), *unknown_person(sizes)]
     reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
     look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
+    files = [look.role(item) for item in found]
+    look.problems += warnings.check_unused_forces(files, look.recordings)
+    readiness = judge_readiness(proposed, look.recordings, markers, model, sizes, look.problems)
     every = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     chosen = str(known.get("model") or (proposed or {}).get("model") or usual)
     return ProofDocument(
@@ -156,7 +163,7 @@ def prove(
         model=chosen,
         model_why=why if chosen == usual and not known.get("model") else None,
         axes=look.axes,
-        files=[look.role(item) for item in found],
+        files=files,
         recordings=look.recordings,
         marker_set=marker_set_proof(every),
         consequences=list(consequences(every, sizes)),
@@ -164,6 +171,8 @@ def prove(
         markers=markers,
         unused_labels=unused,
         extra_markers=extra_markers(markers, unused, trials, model),
+        readiness=readiness,
+        headline=sum_up(look.problems, readiness),
         proposal=proposed,
         problems=look.problems,
     )
@@ -186,12 +195,27 @@ class _Look:
         self.known = _known(found, document)
         self.roles = assign_roles(found, self.known)
         self.static = static_of(self.roles)
-        self.seen = [f.content for f in found if isinstance(f.content, RecordingFile)]
+        self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
+        self.problems: list[ProblemEntry] = []
+        self.seen = [self._corrected(item) for item in self.raw]
         self.forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
         self.recordings: list[RecordingProof] = []
         self.trials: dict[str, Trial] = {}
         self.axes: AxesEntry | None = None
-        self.problems: list[ProblemEntry] = [*self._missing(), *self._folders()]
+        self.problems += [*self._missing(), *self._folders()]
+
+    def _corrected(self, item: RecordingFile) -> RecordingFile:
+        """A recording with the labels exchanged that the document says are."""
+        try:
+            wanted = TypeAdapter(list[Correction]).validate_python(
+                (self.known.get("corrections") or {}).get(item.file) or []
+            )
+            return replace(item, trial=relabel(item.trial, relabellings(wanted)))
+        except InputError as error:
+            self.problems.append(problem_of(error, file=item.file))
+        except ValidationError:
+            pass  # told with all else that is wrong with the document
+        return item
 
     def _missing(self) -> Iterator[ProblemEntry]:
         names = [item.name for item in self.found]
@@ -285,11 +309,13 @@ class _Look:
         """The first thing that scaling would refuse, and what it would warn of."""
         if proposed is None:
             return
-        read = {(self.folder / item.file).absolute(): item.trial for item in self.seen}
+        read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = subject_from_document(check_document(proposed), folder=self.folder)
             session = load(subject, self.settings, read).session
-            yield from map(warnings.warning_entry, session.warnings)
+            yield from (
+                warnings.with_offer(warnings.warning_entry(text), self.trials) for text in session.warnings
+            )
             if session.scale_setup is None and session.images is None:
                 require_landmarks(session)
             calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds

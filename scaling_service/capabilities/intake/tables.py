@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.forces import turn_forces
 from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
 from scaling_service.capabilities.intake.files import RecordingFile, axes_entry, problem_of
 from scaling_service.capabilities.intake.standing import sort_by_segment
+from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.errors import InputError
 from scaling_service.documents.arrays import ArrayEntry, PlateEntry
 from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of

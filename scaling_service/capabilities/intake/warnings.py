@@ -5,7 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.intake.document import ProblemEntry, RecordingProof
+from scaling_service.capabilities.intake.document import (
+    CorrectionEntry,
+    FileRole,
+    ProblemEntry,
+    RecordingProof,
+    Severity,
+)
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import static_of
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis, sort_by_segment
@@ -13,7 +19,8 @@ from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.trial import Trial
-from scaling_service.recording.exchanged import Exchange, find_exchanges, measure_shape
+from scaling_service.numerics.signals.filters import runs
+from scaling_service.recording.exchanged import Exchange, find_exchanges, find_turned_limbs, measure_shape
 from scaling_service.recording.unlabelled import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
@@ -99,9 +106,47 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
                 f"{item.end_s:.2f} s{where}: distances on their segment differ by "
                 f"{1e3 * item.difference_m:.0f} mm from those in the other recordings, by "
                 f"{1e3 * item.left_m:.0f} mm with the labels put right",
-                "Correct the labels in the recording; until then do not fit it: good markers would be blamed",
+                "Correct the labels under `corrections:`, or in the recording; until then do not fit it: "
+                "good markers would be blamed",
                 file=file,
+                corrections=[
+                    _correction(name, one)
+                    for name, others in {file: [item], **{n: wrong[n] for n in rivals}}.items()
+                    for one in others
+                    if one.labels == item.labels
+                ],
             )
+
+
+def _correction(file: str, wrong: Exchange) -> CorrectionEntry:
+    labels = dict(zip(wrong.labels, wrong.true, strict=True))
+    return CorrectionEntry(
+        file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
+    )
+
+
+def with_offer(problem: ProblemEntry, trials: Mapping[str, Trial]) -> ProblemEntry:
+    """A problem of exchanged landmarks with the correction that solves it; others as they are."""
+    exchanged = exchange_in(problem)
+    if exchanged is None or problem.corrections:
+        return problem
+    offers = []
+    for file, trial in trials.items():
+        roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+        if trial.name != exchanged[0] or len(set(roles.values())) < len(roles):
+            continue
+        for (a, b), wrong in find_turned_limbs(trial, roles):
+            if frozenset((roles[a], roles[b])) != exchanged[1]:
+                continue
+            for first, stop in runs(wrong).tolist():
+                start, end = float(trial.times[first]), float(trial.times[stop - 1])
+                if f" from {start:.2f} s " in problem.problem or " throughout" in problem.problem:
+                    offers.append(
+                        CorrectionEntry(
+                            file=file, labels={a: b, b: a}, from_s=round(start, 4), to_s=round(end, 4)
+                        )
+                    )
+    return problem.model_copy(update={"corrections": offers})
 
 
 _EXCHANGED = re.compile(r"(?:^(?P<trial>.+): )?the labels (?P<labels>.+?) look exchanged")
@@ -156,8 +201,38 @@ def check_times(
 _LATE_S = 0.1  # chosen: other clocks and rounding
 
 
-def _warning(problem: str, remedy: str, file: str | None = None, field: str | None = None) -> ProblemEntry:
-    return ProblemEntry(severity="warning", file=file, field=field, problem=problem, remedy=remedy)
+def check_unused_forces(
+    files: Sequence[FileRole], recordings: Sequence[RecordingProof]
+) -> Iterator[ProblemEntry]:
+    """Files of forces that belong to no recording, while some movement has no forces."""
+    moving = ("trials.calibration", "trials.evaluation")
+    used_as = {file.name: file.role for file in files}
+    bare = [r.file for r in recordings if used_as.get(r.file) in moving and r.force is None]
+    unused = [f.name for f in files if f.kind == "forces" and f.role is None and f.problem is None]
+    for name in unused if bare else ():
+        yield _warning(
+            f"nothing says which recording these forces belong to, and there are none for {few(bare)}",
+            "Choose the recording that was made with them",
+            file=name,
+            field="forces",
+        )
+
+
+def _warning(
+    problem: str,
+    remedy: str,
+    file: str | None = None,
+    field: str | None = None,
+    corrections: Sequence[CorrectionEntry] = (),
+) -> ProblemEntry:
+    return ProblemEntry(
+        severity="warning",
+        file=file,
+        field=field,
+        problem=problem,
+        remedy=remedy,
+        corrections=list(corrections),
+    )
 
 
 _REMEDIES: Mapping[str, str] = {
@@ -188,6 +263,8 @@ _REMEDIES: Mapping[str, str] = {
 _SAID_TWICE = re.compile(r"(: correct the labels in the recording|; map them under `markers:` to use them)$")
 """What to do, where the warning itself says it."""
 
+_NO_REMEDY = "Nothing is to be done"
+
 _OTHER = "Look whether it matters to you; scaling takes it as told here"
 
 
@@ -201,4 +278,5 @@ def warning_entry(text: str) -> ProblemEntry:
     """
     remedy = next((told for ending, told in _REMEDIES.items() if re.search(ending, text)), _OTHER)
     problem = _SAID_TWICE.sub("", text)
-    return ProblemEntry(severity="warning", problem=problem, remedy=remedy)
+    severity: Severity = "note" if remedy.startswith(_NO_REMEDY) else "warning"
+    return ProblemEntry(severity=severity, problem=problem, remedy=remedy)

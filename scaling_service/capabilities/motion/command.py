@@ -48,7 +48,8 @@ def ik(
     """Use a scaled model again: the motion of any recordings, with its standard deviations.
 
     Writes under --out for every recording TRIAL_ik.mot and, with the same columns, TRIAL_ik_sd.mot: the
-    standard deviation of each coordinate in each frame; and ik.json with the kinematic errors.
+    standard deviation of each coordinate in each frame; and ik.json with the kinematic errors. With --angles
+    TRIAL_clinical.csv, too: the angles of the conventional gait model and their standard deviations.
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from scaling_service.documents.base import Part
@@ -44,6 +46,9 @@ class MotionDocument(Provenance):
     subject: str = Field(default="", description="Empty where recordings were given without a subject.")
     model: str = Field(description="The model used: a built-in name or a file.")
     locked: list[str] = Field(description="Coordinates that the model locks; their standard deviation is 0.")
+    units: dict[str, Literal["deg", "m"]] = Field(
+        default={}, description="Coordinate to the unit of its column in `_ik.mot` and `_ik_sd.mot`."
+    )
     axes: str = Field(description="Which laboratory axes were taken for up and forward.")
     trials: dict[str, TrackedTrialDocument]
     warnings: list[str]

@@ -112,6 +112,10 @@ class Task:
         """The same task at other parameter values, shape (n_parameters,)."""
         return replace(self, p=p)
 
+    def in_frames(self, rows: NDArray[np.intp]) -> Task:
+        """The same task in some frames."""
+        return replace(self, measured=self.measured[rows])
+
 
 def _usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
     shown = ever(seen(trial.markers))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
 from scaling_service.files.sto import Table, motion_table, write_sto
-from scaling_service.model.body import BodyModel, Coupler, Law
-from scaling_service.model.compile import law_value
+from scaling_service.model.anatomy.conventional import ANGLES
+from scaling_service.model.anatomy.frames import SIDES
+from scaling_service.model.body import BodyModel, Coupler
+from scaling_service.model.compile import law_slopes, law_values
 from scaling_service.model.poses import segment_poses
 from scaling_service.model.results import Array, Motion
 
-_STEP = 1e-5  # rad or m; chosen: the laws are cubic pieces, so rounding and curvature both stay below 1e-9
+CLINICAL = "_clinical.csv"
 
 
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
@@ -34,9 +38,8 @@ def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> 
     """
     followed = []
     for coupler in model.couplers:
-        x, k = _leading(coupler, motion), motion.coordinates.index(coupler.independent)
-        rise = law_values(coupler.law, x + _STEP) - law_values(coupler.law, x - _STEP)
-        followed.append(np.abs(rise / (2.0 * _STEP)) * sd[:, k])
+        slopes = law_slopes(coupler.law, _leading(coupler, motion))
+        followed.append(np.abs(slopes) * sd[:, motion.coordinates.index(coupler.independent)])
     _write(path, motion, sd, followed, model)
 
 
@@ -55,17 +58,6 @@ def _leading(coupler: Coupler, motion: Motion) -> Array:
     return x
 
 
-def law_values(law: Law, x: Array) -> Array:
-    """A law of one coordinate at all its values, (n_frames,).
-
-    ValueError where it holds a parameter.
-    """
-    if any(term.parameter is not None for term in law.terms):
-        raise ValueError("a coordinate follows another one only")
-    names = {term.coordinate for term in law.terms if term.coordinate is not None}
-    return np.asarray(np.zeros_like(x) + law_value(law, dict.fromkeys(names, x)))
-
-
 def poses_table(motion: Motion, model: BodyModel) -> Table:
     """Where every segment is, in the columns of OpenSim's BodyKinematics.
 
@@ -82,3 +74,33 @@ def poses_table(motion: Motion, model: BodyModel) -> Table:
     values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
     data = np.column_stack([motion.times, values])
     return Table(motion.trial, ("time", *columns), data, in_degrees=True)
+
+
+def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
+    """``<trial>_clinical.csv``: every angle over time, its standard deviation after it where that is known.
+
+    Nothing is written where the model tells none.
+    """
+    columns = {
+        f"{name}_{side}_{what}deg": np.degrees(values[side][name])
+        for side in SIDES
+        for name in ANGLES
+        for what, values in (("", angles.values), ("sd_", angles.sd))
+        if name in angles.values[side] and name in values.get(side, {})
+    }
+    if columns:
+        rows = np.column_stack([angles.times, *columns.values()])
+        write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], map(format_numbers, rows))
+
+
+def format_numbers(row: Array) -> list[str]:
+    """Empty where a number is not known."""
+    return [f"{value:.4f}" if np.isfinite(value) else "" for value in row]
+
+
+def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table of comma-separated values."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(heads)
+        writer.writerows(rows)

@@ -23,6 +23,10 @@ class MotionOptions(Options):
         default=False,
         description="Whether to write where every segment is, as OpenSim's BodyKinematics does.",
     )
+    angles: Annotated[bool, Flag(name="--angles")] = Field(
+        default=False,
+        description="Whether to write the conventional gait model's angles and their standard deviations.",
+    )
     markers: Annotated[
         dict[str, str],
         Flag(

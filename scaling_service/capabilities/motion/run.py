@@ -10,6 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion.bones import (
+    Posed,
+    estimate_bones,
+    knows_bones,
+    learn_skin_sizes,
+    resize,
+)
+from scaling_service.capabilities.motion.clinical_angles import (
+    ClinicalAngles,
+    clinical_angles,
+    clinical_rates,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
@@ -20,8 +32,10 @@ from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, silent
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
+from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
@@ -40,9 +54,10 @@ class TrackedTrial:
     motion: Motion
     uncertainty: CoordinateSd
     error: KinematicError
+    angles: ClinicalAngles | None = None  # conventional ones with their standard deviations, if asked for
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Tracked:
     """How a model tracks recordings, trial by trial, and where both came from."""
 
@@ -50,6 +65,34 @@ class Tracked:
     trials: Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
+
+    def coordinates(self, trial: str) -> ResultTable:
+        """Coordinates of a trial over time with their standard deviations, degrees and m.
+
+        Raises KeyError: no recording is called so.
+        """
+        tracked, kinds = self.trials[trial], {c.name: c.kind for c in self.loaded.session.model.coordinates}
+        columns, values = ["time_s"], [tracked.motion.times]
+        for k, name in enumerate(tracked.motion.coordinates):
+            unit, factor = ("deg", 180.0 / np.pi) if kinds[name] == "rotation" else ("m", 1.0)
+            columns += [f"{name}_{unit}", f"{name}_sd_{unit}"]
+            values += [factor * tracked.motion.q[:, k], factor * tracked.uncertainty.sd[:, k]]
+        return ResultTable(trial, tuple(columns), tuple(map(tuple, np.column_stack(values))))
+
+    @property
+    def errors(self) -> ResultTable:
+        """Kinematic error of every trial, mm."""
+        rows = tuple(
+            (name, *(1e3 * value for value in (t.error.mean, t.error.rms, t.error.max)))
+            for name, t in self.trials.items()
+        )
+        return ResultTable("Kinematic error", ("trial", "mean_mm", "rms_mm", "max_mm"), rows)
+
+    def __repr__(self) -> str:
+        return f"Tracked by model '{self.loaded.session.model.name}'\n{self.errors!r}"
+
+    def _repr_html_(self) -> str:
+        return self.errors._repr_html_()
 
 
 def ik(
@@ -91,24 +134,40 @@ def ik(
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(loaded.session.model, trial, skin=not options.bone_pins)
+            found[trial.name] = track(
+                loaded.session.model, trial, skin=not options.bone_pins, angles=options.angles
+            )
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 
 
-def track(model: BodyModel, trial: Trial, *, skin: bool = True) -> TrackedTrial:
+def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = False) -> TrackedTrial:
     """Track one trial, in the session's axes and with the model's marker names.
 
-    ``skin``: whether standard deviations hold what skin does over the bone.
+    ``skin``: whether standard deviations hold what skin does over the bone. ``angles``: whether to give the
+    conventional angles, too.
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
     motion = motion_of(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
+    known = np.isfinite(motion.q) & ever
     fields = tuple(skin_fields(task)) if skin else ()
-    uncertainty = coordinate_sd(task, solution.q, motion.residuals, np.isfinite(motion.q) & ever, fields)
-    return TrackedTrial(motion, uncertainty, kinematic_error(motion, model))
+    names, rates = clinical_rates(model) if angles else ((), None)
+    posed = Posed(task, solution.q, ~known)
+    learnt = learn_skin_sizes([posed.thinned()], [fields]) if fields and not knows_bones(model) else {}
+    fields = tuple(resize(field, task.markers, learnt) for field in fields)
+    uncertainty = coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
+    if fields and knows_bones(model):
+        bones = estimate_bones(Posed(task, solution.q, ~known | uncertainty.at_range_end), fields, rates)
+        motion = motion_of(task, trial, replace(solution, q=bones.q))
+        uncertainty = replace(uncertainty, sd=bones.sd, combined=bones.combined)
+    error = kinematic_error(motion, model)
+    if uncertainty.combined is None:
+        return TrackedTrial(motion, uncertainty, error)
+    sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
+    return TrackedTrial(motion, uncertainty, error, replace(clinical_angles(model, motion), sd=sd))
 
 
 @contextmanager

@@ -12,7 +12,12 @@ from scaling_service.capabilities.motion.document import (
     MotionDocument,
     TrackedTrialDocument,
 )
-from scaling_service.capabilities.motion.motion_files import poses_table, write_motion, write_motion_sd
+from scaling_service.capabilities.motion.motion_files import (
+    poses_table,
+    write_clinical_angles,
+    write_motion,
+    write_motion_sd,
+)
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
 from scaling_service.capabilities.subject.loading import provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
@@ -24,7 +29,7 @@ FILE_NAME = "ik.json"
 
 
 def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
-    """Write every trial's ``_ik.mot`` and ``_ik_sd.mot``, ``_poses.sto`` where asked for, and ``ik.json``.
+    """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     ``folder``: made if it does not exist. Other files in it stay.
     Returns what was written as ``ik.json``.
@@ -35,6 +40,8 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
         for name, trial in tracked.trials.items():
             write_motion(scratch / f"{name}_ik.mot", trial.motion, model)
             write_motion_sd(scratch / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, model)
+            if trial.angles is not None:
+                write_clinical_angles(scratch, trial.angles)
             if tracked.options.poses:
                 write_sto(scratch / f"{name}_poses.sto", poses_table(trial.motion, model))
         document = _document(tracked, sorted(path.name for path in scratch.iterdir()))
@@ -50,6 +57,7 @@ def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
         **provenance(loaded, session.evaluation, settings),
         model=Path(session.subject.model).name,
         axes=loaded.axes,
+        units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
         locked=[c.name for c in session.model.coordinates if c.locked],
         trials={name: trial_document(trial, session.model) for name, trial in tracked.trials.items()},
         warnings=list(session.warnings),

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _PIN = "pin"
 """Part of a label, between underscores, that says a marker is fixed to the bone."""
 
+_APART = 1e-9  # of the variance, each marker's own: two that a model puts in one place have a covariance, too
 _FRAMES = 200  # looked at, equally spaced (chosen: skin moves slowly, neighbours tell the same)
 _RESOLUTION_M = 1e-4  # chosen: below it deformation is the cameras' noise
 
@@ -42,16 +43,13 @@ def skin_fields(task: Task) -> Iterator[SkinField]:
     """The field over every segment whose markers sit on skin.
 
     The standard deviation of a displacement along one axis is a mean, by logarithms, of the published one and
-    of that which explains how far the segment's markers depart from a rigid cluster.
+    of that which explains how far the segment's markers depart from a rigid cluster; a marker whose size the
+    model holds, learnt from recordings, has that one.
     """
     owners = [task.model.marker(name).segment for name in task.markers]
     for segment in dict.fromkeys(owners):
         rows = np.array(
-            [
-                k
-                for k, s in enumerate(owners)
-                if s == segment and _PIN not in task.markers[k].lower().split("_")
-            ],
+            [k for k, s in enumerate(owners) if s == segment and not is_pin(task.markers[k])],
             dtype=np.intp,
         )
         if len(rows):
@@ -64,7 +62,20 @@ def skin_fields(task: Task) -> Iterator[SkinField]:
             if recorded is not None:
                 share = _published()["recorded_share"]
                 sd = float(sd ** (1.0 - share) * max(recorded, _RESOLUTION_M) ** share)
-            yield SkinField(rows, sd**2 * alike)
+            own = [task.model.marker(task.markers[k]).skin_sd for k in rows]
+            sds = np.array([sd if size is None else max(size, _RESOLUTION_M) for size in own])
+            yield SkinField(rows, np.outer(sds, sds) * (alike + _APART * np.eye(len(rows))))
+
+
+def is_pin(marker: str) -> bool:
+    """Whether a label says that its marker is fixed to the bone.
+
+    Examples
+    --------
+    >>> is_pin("tibia_LM_pin"), is_pin("SPINE")
+    (True, False)
+    """
+    return _PIN in marker.lower().split("_")
 
 
 def published_sd(segment: str) -> float:
@@ -100,13 +111,13 @@ def _recorded_sd(places: Array, measured: Array, alike: Array) -> float | None:
     if count < 3 or not known.any():
         return None
     left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
-    rigid = _rigid_modes(places)
+    rigid = rigid_modes(places)
     free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
     expected = float(np.trace(free @ np.kron(alike, np.eye(3))))
     return float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected))
 
 
-def _rigid_modes(places: Array) -> Array:
+def rigid_modes(places: Array) -> Array:
     """How points (m, 3) move with the shifts and small turns of a rigid body, (3 m, 6)."""
     turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
     return np.concatenate([np.tile(np.eye(3), (len(places), 1)), turns.reshape(-1, 3)], axis=1)

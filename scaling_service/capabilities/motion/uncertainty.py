@@ -11,7 +11,7 @@ processing filled counts as seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,7 @@ _MOST_FRAMES = 1000  # chosen: equally spaced; their residuals give a variance t
 _PRIOR_FREEDOM = 30.0  # chosen: below about ten frames a marker's own residuals say less than all markers' do
 _MIXING = 0.1  # chosen: combinations of markers that share a residual this much are not told apart
 _RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
+_NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differencing leaves
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 
 
@@ -48,32 +49,57 @@ class CoordinateSd:
     # seen
     noise: Array
     at_range_end: Mask  # (n_frames, n_coordinates)
+    # (n_frames, n_combined): of what was asked for beside the coordinates, such as conventional angles; NaN
+    # where one depends on a coordinate whose own is not known
+    combined: Array | None = None
 
 
 def coordinate_sd(
-    task: Task, q: Array, residuals: Array, known: Mask, fields: Sequence[SkinField] = ()
+    task: Task,
+    q: Array,
+    residuals: Array,
+    known: Mask,
+    fields: Sequence[SkinField] = (),
+    rates: Callable[[Array], Array] | None = None,
 ) -> CoordinateSd:
     """Standard deviation of every coordinate in every frame of a solved task.
 
     ``q`` (n_frames, n_coordinates), rad or m; ``residuals`` (n_frames, n_markers, 3), m, measured minus
     model, NaN where not seen; ``known``: where the markers of a frame determine a coordinate; ``fields``: how
-    skin moves over the bone.
+    skin moves over the bone. ``rates``: of coordinates, how fast what else is asked
+    for changes with each, (n_frames, n_combined, n_coordinates).
     """
     lower, upper = task.bounds
     at_end = ((q <= lower) | (q >= upper)) & task.free
     held = at_end | ~known
     variance = _marker_variances(task, q, residuals, held)
-    sd = np.zeros(q.shape)
-    for rows in _blocks(len(q)):
+    sd, combined = np.zeros(q.shape), list[Array]()
+    for rows in frame_blocks(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        square = np.square(follow) @ np.repeat(task.weights * variance, 3)
-        for field in fields:
-            square += _alike(follow, field, task.weights)
-        sd[rows, task.free] = np.sqrt(square)
+        sd[rows, task.free] = _spread(follow, variance, fields, task.weights)
+        if rates is not None:
+            change = rates(q[rows])
+            found = _spread(change[:, :, task.free] @ follow, variance, fields, task.weights)
+            combined.append(np.where(loses(change, held[rows] & task.free), np.nan, found))
     sd[held & task.free] = np.nan
     shown = seen(residuals).any(axis=0)
-    return CoordinateSd(sd, np.where(shown, np.sqrt(variance), np.nan), at_end)
+    noise = np.where(shown, np.sqrt(variance), np.nan)
+    return CoordinateSd(sd, noise, at_end, np.concatenate(combined) if combined else None)
+
+
+def loses(change: Array, unknown: Mask) -> Mask:
+    """Which combinations, by their rates (n, k, n_coordinates), depend on an unknown coordinate, (n, k)."""
+    lost: Mask = np.asarray(((np.abs(change) > _NO_RATE) & unknown[:, None]).any(axis=2))
+    return lost
+
+
+def _spread(follow: Array, variance: Array, fields: Sequence[SkinField], weights: Array) -> Array:
+    """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers)."""
+    square = np.square(follow) @ np.repeat(weights * variance, 3)
+    for field in fields:
+        square += _alike(follow, field, weights)
+    return np.asarray(np.sqrt(square))
 
 
 def _alike(follow: Array, field: SkinField, weights: Array) -> Array:
@@ -95,7 +121,8 @@ class _Linearised:
     curvature: Array
 
 
-def _blocks(count: int) -> Iterator[slice]:
+def frame_blocks(count: int) -> Iterator[slice]:
+    """All frames, in blocks that are linearised together."""
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
 
@@ -103,7 +130,7 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
     heavy = np.repeat(np.where(seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = _rates(task.tree, q, task.p, free)
+    rates = marker_rates(task.tree, q, task.p, free)
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
@@ -112,7 +139,7 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     return _Linearised(rates, curvature)
 
 
-def _rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+def marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
     """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
     poses = forward(tree, np.ascontiguousarray(q.T), p)
     rates = jacobian(tree, poses, positions(tree, poses), variables)
@@ -130,7 +157,7 @@ def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Arr
     rows = np.unique(np.linspace(0, len(q) - 1, min(len(q), _MOST_FRAMES)).round().astype(np.intp))
     count = len(task.weights)
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
-    for some in (rows[part] for part in _blocks(len(rows))):
+    for some in (rows[part] for part in frame_blocks(len(rows))):
         shown = seen(residuals[some])
         spread = _linearise(task, q[some], residuals[some], held[some])
         hat = np.matmul(
@@ -164,7 +191,7 @@ def determined(
     ``free`` (n_coordinates,): the others are known and count as determined.
     """
     shown = seen(measured)
-    first, which = _distinct(shown)
+    first, which = distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
@@ -172,7 +199,7 @@ def determined(
     return result
 
 
-def _distinct(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
     packed = np.packbits(shown, axis=1)  # one item per frame sorts far faster than rows do
     items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]

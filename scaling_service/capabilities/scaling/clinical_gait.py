@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -11,19 +10,24 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from scaling_service.capabilities.scaling.clinical_angles import (
+from scaling_service.capabilities.motion.clinical_angles import (
     ClinicalAngles,
     ClinicalCycles,
     clinical_angles,
     clinical_cycles,
 )
-from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, find_gait_cycles
+from scaling_service.capabilities.motion.motion_files import (
+    format_numbers,
+    write_clinical_angles,
+    write_numbers,
+)
+from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.capabilities.scaling.run import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy.conventional import ANGLES, PELVIS
-from scaling_service.model.anatomy.frames import Side
+from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import reference_folder
 from scaling_service.model.results import Array, Motion
@@ -229,28 +233,17 @@ def _reason(trials: Sequence[Trial]) -> str:
     return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
 
 
-_OVER_TIME = "_clinical.csv"
-
-
 def write_clinical(folder: Path, gait: ClinicalGait) -> None:
     """``<trial>_clinical.csv`` with every angle over time, and all cycles in ``clinical_angles.csv``.
 
     Nothing is written where the model tells none of the angles, or where there is no cycle.
     """
-    for trial, angles in gait.recordings.items():
-        columns = {
-            f"{name}_{side}_deg": np.degrees(angles.values[side][name])
-            for side in SIDES
-            for name in ANGLES
-            if name in angles.values[side]
-        }
-        if columns:
-            rows = np.column_stack([angles.times, *columns.values()])
-            _write(folder / f"{trial}{_OVER_TIME}", ["time_s", *columns], map(_numbers, rows))
+    for angles in gait.recordings.values():
+        write_clinical_angles(folder, angles)
     if gait.cycles:
         heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in ANGLES)]
         found = [row for cycles in gait.cycles.values() for row in _cycle_rows(cycles)]
-        _write(folder / CYCLES_TABLE, heads, found)
+        write_numbers(folder / CYCLES_TABLE, heads, found)
 
 
 def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
@@ -293,19 +286,7 @@ def _cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
     table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in ANGLES], axis=2))
     for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
         for percent, row in enumerate(rows):
-            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *_numbers(row)]
-
-
-def _numbers(row: Array) -> list[str]:
-    """Empty where a number is not known."""
-    return [f"{value:.4f}" if np.isfinite(value) else "" for value in row]
-
-
-def _write(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(heads)
-        writer.writerows(rows)
+            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *format_numbers(row)]
 
 
 def _deg(angle: float) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
 from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, names, with_flags
 from scaling_service.capabilities.shared.names import method_names
 from scaling_service.capabilities.shared.screen import (
@@ -28,6 +29,7 @@ def scale(
     subject: SubjectFile,
     out: Out,
     settings: Settings,
+    options: ScaleOptions,
     method: Annotated[str, typer.Option(metavar="|".join(method_names()), help="How to scale.")] = "MB_am",
 ) -> None:
     """Scale a subject's model by one method.
@@ -37,7 +39,7 @@ def scale(
 
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
-    _compare(subject, out, (method,), settings, comparison=False)
+    _compare(subject, out, (method,), settings, ComparisonOptions(export=options.export), comparison=False)
 
 
 @with_flags
@@ -45,6 +47,7 @@ def compare(
     subject: SubjectFile,
     out: Out,
     settings: Settings,
+    options: ComparisonOptions,
     methods: Annotated[
         str | None,
         typer.Option(
@@ -63,7 +66,7 @@ def compare(
     scaling-service compare S01.yaml --methods MB,MB_am --up +z --out results
     """
     chosen = None if methods is None else tuple(names(methods))
-    _compare(subject, out, chosen, settings, comparison=True, report=report)
+    _compare(subject, out, chosen, settings, options, comparison=True, report=report)
 
 
 def _compare(
@@ -71,6 +74,7 @@ def _compare(
     out: Path,
     methods: tuple[str, ...] | None,
     settings: Settings,
+    options: ComparisonOptions,
     *,
     comparison: bool,
     report: bool = False,
@@ -79,7 +83,7 @@ def _compare(
         from scaling_service.capabilities.scaling.run import compare
         from scaling_service.capabilities.scaling.saving import save
 
-        results = compare(subject, methods, settings, progress=progress)
+        results = compare(subject, methods, settings, options, progress=progress)
         document = save(results, out, comparison=comparison, report=report, progress=progress)
     show(document, out)
 
@@ -94,6 +98,9 @@ def show(document: ComparisonDocument, out: Path) -> None:
     console = console_of_results()
     print_subject(console, document)
     print_tables(console, comparison_tables(document))
+    if document.muscles is not None:
+        say(console, "Muscles", "bold", document.muscles.summary)
+        say(console, "Note", "yellow", document.muscles.notes)
     say(console, "Note", "yellow", document.all_warnings)
     if document.verdict is not None and (out / "comparison.json").is_file():
         say(console, "Verdict", "bold", [document.verdict.headline])

@@ -14,6 +14,7 @@ from scaling_service.capabilities.scaling.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
+from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions, ScaleOptions
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.names import check_methods, method_names
 from scaling_service.core.progress import Progress, part_of
@@ -30,7 +31,7 @@ is what is played back."""
 ChosenMethods = Annotated[list[str] | None, AfterValidator(check_methods)]
 
 
-class ScalingRequest(OfRecordings):
+class ScalingRequest(OfRecordings, ComparisonOptions):
     """Scale a subject's model by one or several methods and compare them."""
 
     methods: ChosenMethods = Field(
@@ -58,7 +59,7 @@ class JointAnglesRequest(ScalingRequest):
     view: ClassVar[str] = "joint_angles"
 
 
-class LinearRequest(OfRecordings):
+class LinearRequest(OfRecordings, ScaleOptions):
     """Scale a subject's model in closed form: from marker distances, or from images."""
 
     method: Literal["MB", "EB"] = Field(
@@ -66,7 +67,7 @@ class LinearRequest(OfRecordings):
     )
 
 
-class OptimisedRequest(OfRecordings):
+class OptimisedRequest(OfRecordings, ScaleOptions):
     """Scale a subject's model by optimisation over its calibration trials."""
 
     method: str = Field(
@@ -82,7 +83,8 @@ def compare_methods(request: ScalingRequest, inputs: Path, outputs: Path, progre
 
     Raises InputError: whatever in the subject, the model or the recordings cannot be used.
     """
-    _, document = _scale(request, request.methods, inputs, outputs, progress)
+    options = request.part(ComparisonOptions)
+    _, document = _scale(request, request.methods, inputs, outputs, progress, options)
     return document.model_dump(mode="json")
 
 
@@ -90,7 +92,8 @@ def scale_by_one(
     request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
 ) -> Any:
     """Write the method's folder; its ``scaling.json`` is the result. Raises as the comparison does."""
-    _scale(request, (request.method,), inputs, outputs, progress, comparison=False)
+    options = ComparisonOptions(export=request.export)
+    _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
     return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
 
 
@@ -103,7 +106,8 @@ def view_comparison(
     """Write the comparison, and its view as JSON and CSV; raises as the comparison does."""
     from scaling_service.capabilities.scaling.comparison_views import write_view
 
-    results, document = _scale(request, request.methods, inputs, outputs, progress)
+    options = request.part(ComparisonOptions)
+    results, document = _scale(request, request.methods, inputs, outputs, progress, options)
     return write_view(outputs, request.view, results, document).model_dump(mode="json")
 
 
@@ -113,6 +117,7 @@ def _scale(
     inputs: Path,
     outputs: Path,
     progress: Progress,
+    options: ComparisonOptions = PLAIN,
     *,
     comparison: bool = True,
 ) -> tuple[Results, ComparisonDocument]:
@@ -122,7 +127,7 @@ def _scale(
     from scaling_service.capabilities.scaling.scene import scene_of_results
 
     subject, computing = inputs / request.subject / DOCUMENT, part_of(progress, 0.0, _COMPUTING)
-    results = compare(subject, methods, request.settings, progress=computing)
+    results = compare(subject, methods, request.settings, options, progress=computing)
     writing = part_of(progress, _COMPUTING, _WRITING - _COMPUTING)
     document = save(results, outputs, comparison=comparison, progress=writing)
     progress("writing what is played back", _WRITING)

@@ -5,23 +5,34 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry, list_doubts
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
+from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison, compare_muscles
+from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.tables import ResultTable
+from scaling_service.files.osim import render_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Session, Subject
 
+if TYPE_CHECKING:
+    from scaling_service.capabilities.scaling.comparison.evidence import Verdict
+
+_MM = 1e3
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
+_MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
 
 
@@ -35,9 +46,10 @@ class Scaling:
     errors: Mapping[str, KinematicError]
     geometry: Geometry
     inverse_kinematics_s: float = 0.0
+    osim: str | None = None  # the text of its file for OpenSim, where that is made already
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Results:
     """What one or several methods made of a subject."""
 
@@ -47,6 +59,8 @@ class Results:
     warnings: tuple[str, ...] = ()  # what concerns all methods
     wall_s: float = 0.0
     subject_file: Path | None = None  # where the subject came from
+    options: ComparisonOptions = PLAIN
+    muscles: MuscleComparison | None = None  # where asked for
 
     @property
     def session(self) -> Session:
@@ -58,6 +72,58 @@ class Results:
         """The trials that no method was fitted to."""
         fitted = {trial.name for trial in self.session.calibration}
         return tuple(trial.name for trial in self.session.dynamic if trial.name not in fitted)
+
+    @property
+    def errors(self) -> ResultTable:
+        """Kinematic error of every method in every trial, mm."""
+        columns = ("method", "trial", "role", "mean_mm", "sd_mm", "rms_mm", "max_mm")
+        rows = tuple(
+            (
+                method,
+                trial,
+                "held out" if trial in self.held_out else "used to fit",
+                *(_MM * value for value in (error.mean, error.sd, error.rms, error.max)),
+            )
+            for method, scaling in self.scalings.items()
+            for trial, error in scaling.errors.items()
+        )
+        return ResultTable("Kinematic error", columns, rows)
+
+    @property
+    def lengths(self) -> ResultTable:
+        """Segment lengths by every method, mm."""
+        rows = tuple(
+            (method, segment, _MM * length)
+            for method, scaling in self.scalings.items()
+            for segment, length in scaling.geometry.lengths.items()
+        )
+        return ResultTable("Segment lengths", ("method", "segment", "length_mm"), rows)
+
+    @property
+    def parameters(self) -> ResultTable:
+        """Every number that a method fitted, rad and m, and whether the recordings determine it."""
+        columns = ("method", "name", "value", "unit", "sd", "at_bound", "identifiable")
+        rows = tuple(
+            (method, p.name, p.value, p.unit, p.sd, p.at_bound, p.identifiable)
+            for method, scaling in self.scalings.items()
+            for p in scaling.calibration.parameters
+        )
+        return ResultTable("Fitted numbers", columns, rows)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Which model to use for this person, why, and how far to trust it."""
+        from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+        from scaling_service.capabilities.scaling.comparison.verdict import judge
+
+        return judge(evidence_of(self))
+
+    def __repr__(self) -> str:
+        said = f"\n{self.verdict.headline}" if self.scalings else ""
+        return f"Results of {', '.join(self.scalings)} for subject '{self.session.subject.id}'{said}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.errors._repr_html_()}{self.lengths._repr_html_()}"
 
 
 def scale(
@@ -80,6 +146,7 @@ def compare(
     subject: Subject | str | Path,
     methods: Sequence[str] | None = None,
     settings: Settings = Settings(),
+    options: ComparisonOptions = PLAIN,
     *,
     progress: Progress | None = None,
 ) -> Results:
@@ -93,13 +160,14 @@ def compare(
     report = progress or silent
     check_methods(methods or ())
     report("reading the recordings", 0.0)
-    return run(open_subject(subject, settings), methods, settings, progress=report, started=clock)
+    return run(open_subject(subject, settings), methods, settings, options, progress=report, started=clock)
 
 
 def run(
     loaded: Loaded,
     methods: Sequence[str] | None = None,
     settings: Settings = Settings(),
+    options: ComparisonOptions = PLAIN,
     *,
     progress: Progress | None = None,
     started: float | None = None,
@@ -118,25 +186,57 @@ def run(
     with loaded.blamed():
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
+        scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
-            share = (1.0 - _LOADING) / len(chosen)
+            share = scaling / len(chosen)
             part = part_of(report, _LOADING + share * k, share)
             part(f"{method}: fitting", 0.0)
             found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
             scalings[method] = _evaluate(with_mass(found, session), session, part)
+    results = Results(loaded, settings, scalings, subject_file=loaded.file, options=options)
+    if options.muscles:
+        with loaded.blamed():
+            results = _with_muscles(results, part_of(report, 1.0 - _MUSCLES, _MUSCLES))
     report("done", 1.0)
     doubtful = list_doubts(
         {method: scaling.errors for method, scaling in scalings.items()},
         {method: scaling.geometry.lengths for method, scaling in scalings.items()},
         session.subject.height_m,
     )
-    return Results(
-        loaded,
-        settings,
-        scalings,
-        (*session.warnings, *warnings, *doubtful),
-        time.perf_counter() - clock,
-        loaded.file,
+    return replace(
+        results,
+        warnings=(*session.warnings, *warnings, *doubtful),
+        wall_s=time.perf_counter() - clock,
+    )
+
+
+def _with_muscles(results: Results, progress: Progress) -> Results:
+    """The results with what each method makes of the muscles, on held-out trials where there are some."""
+    session = results.session
+    scalings = {
+        name: replace(s, osim=render_scaled(s.calibration, session)) for name, s in results.scalings.items()
+    }
+    trials = results.held_out or tuple(trial.name for trial in session.dynamic)
+    models = {name: (s.calibration.model, s.osim or "") for name, s in scalings.items()}
+    motions = {name: s.motions for name, s in scalings.items()}
+    found = compare_muscles(results.loaded, models, motions, trials, progress)
+    return replace(results, scalings=scalings, muscles=found)
+
+
+def render_scaled(calibration: Calibration, session: Session) -> str:
+    """The text of a scaled model's file for OpenSim (DependencyMissing: OpenSim is not installed)."""
+    subject, setup = session.subject, session.scale_setup
+    if not subject.model.lower().endswith(".osim"):
+        return render_osim(calibration.model)
+    return render_osim(
+        calibration.model,
+        source=Path(subject.model),
+        factors=calibration.scale_factors,
+        axis_tilts=calibration.axis_tilts,
+        joint_moves=calibration.joint_moves,
+        marker_set=subject.marker_set,
+        preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
+        inertia_from_model=True,
     )
 
 

@@ -29,8 +29,10 @@ from scaling_service.capabilities.scaling.clinical_gait import (
 )
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
+from scaling_service.capabilities.scaling.muscles.writing import muscle_document, write_courses
+from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.run import Results, Scaling, render_scaled
 from scaling_service.capabilities.subject.loading import provenance, stated_sizes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.progress import Progress, silent
@@ -51,7 +53,8 @@ from scaling_service.documents.results import (
     WallTime,
 )
 from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
-from scaling_service.files.osim import write_osim
+from scaling_service.files.engines import ENGINES
+from scaling_service.files.osim import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.poses import neutral_frames
 from scaling_service.model.results import Calibration
@@ -113,33 +116,21 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
     gait = clinical_of(scaling, results)
     write_clinical(folder, gait)
+    if results.muscles is not None:
+        write_courses(folder, results.muscles.courses[calibration.method])
     try:
-        _write_osim(folder / "model.osim", scaling, results)
+        replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
     except DependencyMissing as error:
         warnings.append(f"model.osim was not written: {error}")
+    for form in results.options.export:
+        file, write = ENGINES[form]
+        skeleton = write(calibration.model)
+        replace_text(folder / file, skeleton.text)
+        warnings += [f"{calibration.method}/{file}: {said}" for said in skeleton.left_out]
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return method_document(scaling, results, gait, files, warnings)
-
-
-def _write_osim(path: Path, scaling: Scaling, results: Results) -> None:
-    calibration, subject = scaling.calibration, results.session.subject
-    if not subject.model.lower().endswith(".osim"):
-        write_osim(path, calibration.model)
-        return
-    setup = results.session.scale_setup
-    write_osim(
-        path,
-        calibration.model,
-        source=Path(subject.model),
-        factors=calibration.scale_factors,
-        axis_tilts=calibration.axis_tilts,
-        joint_moves=calibration.joint_moves,
-        marker_set=subject.marker_set,
-        preserve_mass_distribution=setup is None or setup.preserve_mass_distribution,
-        inertia_from_model=True,
-    )
 
 
 def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
@@ -167,14 +158,16 @@ def comparison_document(
     """``comparison.json``."""
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
+    chosen = {"comparison": results.options.resolved()} if results.options != PLAIN else {}
     return ComparisonDocument(
-        **provenance(results.loaded, trials, settings.resolved(), settings.seed),
+        **provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
         sizes=stated_sizes(session.subject),
         verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
         truth=truth,
+        muscles=None if results.muscles is None else muscle_document(results.muscles),
     )
 
 

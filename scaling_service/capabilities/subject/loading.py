@@ -31,6 +31,7 @@ from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.orientation import Orientation, check_axes, decide
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.plausibility import remove_strays
@@ -127,7 +128,8 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     read = {}
     for path in recordings(subject):
         with blamed_on(path, [path]):
-            read[path] = known[path] if path in known else remove_strays(read_recording(path))
+            found = known[path] if path in known else remove_strays(read_recording(path))
+            read[path] = relabel(found, subject.corrections.get(path.name, ()))
     return read
 
 

@@ -11,10 +11,11 @@ from pathlib import Path, PurePath
 
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
+from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
+from scaling_service.model.trial import Relabelling
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -59,11 +60,17 @@ def subject_from_document(
         calibration=find.recordings(trials.calibration, "trials.calibration"),
         evaluation=find.recordings(trials.evaluation, "trials.evaluation"),
         forces=find.all(document.forces, "forces"),
+        corrections={name: relabellings(found) for name, found in document.corrections.items()},
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
         image_markers=find.optional(document.image_markers, "image_markers"),
         sizes_m=document.sizes_m,
     )
+
+
+def relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
+    """What a document wants exchanged in one recording."""
+    return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
 
 
 class _Finder:

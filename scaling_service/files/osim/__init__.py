@@ -1,6 +1,15 @@
 """OpenSim models and set-up files; models in and out through the opensim library in its own process."""
 
-from scaling_service.files.osim.models import read_osim, write_osim
+from scaling_service.files.osim.models import read_osim, render_osim, replace_text, write_osim
+from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.files.osim.setups import read_scale_setup
 
-__all__ = ["read_osim", "read_scale_setup", "write_osim"]
+__all__ = [
+    "MuscleGeometry",
+    "measure_muscles",
+    "read_osim",
+    "read_scale_setup",
+    "render_osim",
+    "replace_text",
+    "write_osim",
+]

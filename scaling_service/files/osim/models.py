@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.osim.process import ask
@@ -87,8 +87,7 @@ def _no_model(path: Path) -> FileUnreadable:
     return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
 
 
-def write_osim(
-    path: Path,
+def render_osim(
     model: BodyModel,
     *,
     source: Path | None = None,
@@ -99,10 +98,9 @@ def write_osim(
     marker_set: Path | None = None,
     preserve_mass_distribution: bool = True,
     inertia_from_model: bool = False,
-) -> None:
-    """Write a model for OpenSim, complete or not at all.
+) -> str:
+    """The text of a model's file for OpenSim, checked by reading it back.
 
-    ``path``: the file to write; replaced in one step once the content has been checked.
     ``model``: what the file must represent, with all parameters folded into the laws.
     ``source``: the generic ``.osim`` file it was made from: it is scaled by OpenSim itself with ``factors``
         (muscles, wraps and meshes follow), its joints are tilted, its markers become the model's. Without it
@@ -120,7 +118,6 @@ def write_osim(
     Raises DependencyMissing, FileUnreadable: as for reading.
     Raises ModelRefused: if OpenSim cannot represent a component, or the file read back differs from ``model``
         by more than ``to_opensim.SAME`` at some pose; ``field`` names it.
-    Raises InputError: if the file cannot be written.
     """
     if model.parameters:
         raise ValueError("fold the parameters into the laws before writing a model")
@@ -136,10 +133,22 @@ def write_osim(
         "preserve_mass_distribution": preserve_mass_distribution,
         "inertia_from_model": inertia_from_model,
     }
-    _replace(path, ask(request)["text"])
+    text: str = ask(request)["text"]
+    return text
 
 
-def _replace(path: Path, text: str) -> None:
+def write_osim(path: Path, model: BodyModel, **how: Any) -> None:
+    """Write a model for OpenSim, complete or not at all.
+
+    ``path``: the file to write; replaced in one step once the content has been checked.
+    ``model``, ``how``: as for :func:`render_osim`, which raises what is refused.
+    Raises InputError: if the file cannot be written.
+    """
+    replace_text(path, render_osim(model, **how))
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file in one step, so that it is never there in part (InputError: it cannot be written)."""
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     try:
         try:

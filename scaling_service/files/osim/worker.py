@@ -16,6 +16,7 @@ from typing import Any
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.from_opensim import body_model
 from scaling_service.files.osim.library import load
+from scaling_service.files.osim.muscle_paths import measure
 from scaling_service.files.osim.to_opensim import write
 from scaling_service.model.document import from_document, to_document
 
@@ -28,7 +29,11 @@ def _write(request: dict[str, Any]) -> dict[str, Any]:
     return {"text": write(from_document(request["model"]), request)}
 
 
-OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"read": _read, "write": _write}
+OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "read": _read,
+    "write": _write,
+    "muscles": measure,
+}
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Side = Literal["r", "l"]
+SIDES: tuple[Side, ...] = ("r", "l")
 
 _MIN_LENGTH = 1e-6  # m; chosen: landmarks closer than a thousandth of a millimetre give no direction
 

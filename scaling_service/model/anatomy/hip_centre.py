@@ -119,7 +119,7 @@ def hip_centres(
     )
     frame = pelvis_frame(*markers)
     legs = [np.asarray(leg, dtype=float) for leg in (leg_length_r, leg_length_l) if leg is not None]
-    name = _chosen(regression, bool(legs))
+    name = _choose_regression(regression, bool(legs))
     mean = np.asarray(sum(legs) / len(legs)) if legs else np.array(np.nan)
     local = []
     for leg, side in ((leg_length_r, 1.0), (leg_length_l, -1.0)):
@@ -134,7 +134,7 @@ def hip_centres(
     return HipCentres(right, left, frame.to_ground(right), frame.to_ground(left))
 
 
-def _chosen(name: str, leg_length_known: bool) -> str:
+def _choose_regression(name: str, leg_length_known: bool) -> str:
     if name == "harrington2007":
         name = "harrington2007_single"
     if name not in HIP_REGRESSIONS:

@@ -236,7 +236,17 @@ def _bounded_step(problem: Problem, border: Border, p: Array, damping: float) ->
     high = (problem.upper - p[problem.parameters]) / problem.scale
     if ((step >= low) & (step <= high)).all():
         return step, used
-    root, target = np.sqrt(values)[:, None] * vectors.T, upward / np.sqrt(values)
+    return minimise_within(values, vectors, upward, low, high), used
+
+
+def minimise_within(values: Array, vectors: Array, slope: Array, low: Array, high: Array) -> Array:
+    """The x (n,) between ``low`` and ``high`` that minimises ``x' V diag(values) V' x / 2 - slope' V' x``.
+
+    ``values`` (n,), positive, and ``vectors`` V (n, n): the curvature's.
+    ``slope`` (n,): along the vectors.
+    """
+    root = np.sqrt(values)
     room = np.maximum(high, low + 1e-12)  # lsq_linear wants room, also for a parameter held at one value
-    bounded = optimize.lsq_linear(root, target, (low, room), method="bvls")
-    return np.clip(bounded.x, low, high), used
+    found = optimize.lsq_linear(root[:, None] * vectors.T, slope / root, (low, room), method="bvls")
+    within: Array = np.clip(found.x, low, high)
+    return within

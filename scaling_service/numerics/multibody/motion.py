@@ -74,7 +74,7 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     bend = law_derivatives(mechanism, motion.q, p, 2)
     speeds = screws * (slopes * rate)[:, None]
     changes = screws * (bend * rate**2 + slopes * pace)[:, None]
-    changes += motion_cross(_carried(mechanism, speeds), speeds)
+    changes += motion_cross(_carry(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
         poses,
@@ -172,9 +172,9 @@ def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.i
     curves = [law_derivatives(mechanism, motion.q, p, order) for order in (2, 3)]
     speeds = state.screws * state.slopes[:, None]  # of all entries, for those that are locked never move
     rate, pace = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
-    carried = _carried(mechanism, speeds * rate[:, None])
+    carried = _carry(mechanism, speeds * rate[:, None])
     first = motion_cross(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
-    carried_rate = _carried(mechanism, first * rate[:, None] + speeds * pace[:, None])
+    carried_rate = _carry(mechanism, first * rate[:, None] + speeds * pace[:, None])
     bend = (curves[1] * rate**2 + curves[0] * pace)[:, None]
     screw_rate = motion_cross(carried, state.screws)
     second = (
@@ -189,7 +189,7 @@ def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.i
     return Screws(wanted, columns, np.stack([speeds[wanted], first[wanted], second[wanted]]), state)
 
 
-def _carried(mechanism: Mechanism, twists: Array) -> Array:
+def _carry(mechanism: Mechanism, twists: Array) -> Array:
     """Of the frame that each entry starts from, (n_entries, 6, n)."""
     n = twists.shape[-1]
     return np.asarray((mechanism.before @ twists.reshape(len(twists), -1)).reshape(-1, 6, n))

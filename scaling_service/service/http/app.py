@@ -14,6 +14,7 @@ from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
     documentation,
+    guide,
     jobs,
     laboratory,
     monitoring,
@@ -61,6 +62,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         contents.router,
         monitoring.router,
         documentation.router,
+        guide.router,
         site.router,
     ):
         app.include_router(router)

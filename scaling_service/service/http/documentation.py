@@ -86,7 +86,7 @@ def install(
     that no route's signature tells of.
     """
     made = partial(_make_document, app, kinds, tuple(bodies), tuple(answers))
-    app.openapi = cache(made)  # type: ignore[method-assign]
+    app.openapi = cache(made)  # type: ignore[method-assign]  # FastAPI's own way to replace its document
 
 
 def _make_document(

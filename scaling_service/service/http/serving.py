@@ -148,6 +148,7 @@ class PromptProtocol(H11Protocol):
 
     _closing: asyncio.TimerHandle | None = None
 
+    # uvicorn's protocols take a transport that is written to, asyncio's declare any
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Wait for the first request."""
         super().connection_made(transport)

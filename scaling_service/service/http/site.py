@@ -6,7 +6,7 @@ import gzip
 import hashlib
 import re
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
@@ -33,12 +33,13 @@ _MEDIA_TYPES = {
     ".txt": ("text/plain; charset=utf-8", True),
     ".map": ("application/json", True),
     ".png": ("image/png", False),
+    ".webp": ("image/webp", False),
     ".woff2": ("font/woff2", False),
 }
 """Media type, and whether it is sent compressed: pictures and fonts are compressed in themselves."""
 
 _BUNDLE = Path(__file__).parents[1] / "page" / "built"
-_MOST_PARTS = 64  # kept in memory. Chosen: more than a page has.
+_MOST_PARTS = 128  # kept in memory. Chosen: more than a page has.
 _WITHOUT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>scaling-service</title>
 <meta name="viewport" content="width=device-width"><h1>scaling-service</h1>
 <p>The service runs. This installation was built without the web page; install the package again without
@@ -67,13 +68,16 @@ def asset(name: str, request: Request) -> Response:
 
 
 def _send_file(request: Request, path: str, headers: dict[str, str]) -> Response | None:
-    """A file of the bundle as an answer, compressed for who takes that; None where there is none."""
+    """A file of the bundle as an answer; None where there is none."""
     file = _BUNDLE / path
-    if not file.is_file():
-        return None
-    media_type, packs = _MEDIA_TYPES.get(file.suffix, ("application/octet-stream", False))
+    return send(request, path, file.read_bytes(), headers) if file.is_file() else None
+
+
+def send(request: Request, name: str, content: bytes, headers: dict[str, str]) -> Response:
+    """Answer with a file's content, compressed for who takes that, or 304 for who has it already."""
+    media_type, packs = _MEDIA_TYPES.get(PurePath(name).suffix, ("application/octet-stream", False))
     packed = packs and _takes_gzip(request)
-    content, tag = _read_file(file, file.stat().st_mtime_ns, packed)
+    content, tag = _pack(content, packed)
     headers |= {"ETag": tag, "Vary": "Accept-Encoding"} | ({"Content-Encoding": "gzip"} if packed else {})
     if is_cached(request, tag):
         return Response(status_code=304, headers=headers)
@@ -90,8 +94,7 @@ def _takes_gzip(request: Request) -> bool:
 
 
 @lru_cache(maxsize=_MOST_PARTS)
-def _read_file(file: Path, _changed_ns: int, packed: bool) -> tuple[bytes, str]:
-    """A file as it is since it was changed last, compressed or not, and its entity tag."""
-    content = file.read_bytes()
+def _pack(content: bytes, packed: bool) -> tuple[bytes, str]:
+    """The content, compressed or not, and its entity tag."""
     tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
     return (gzip.compress(content, 9, mtime=0) if packed else content), tag

@@ -23,6 +23,9 @@ const { metafile } = await build({
   target: "es2022",
   minify: true,
   legalComments: "none",
+  loader: { ".webp": "file" },
+  assetNames: "[name]-[hash]",
+  publicPath: "/assets",
   metafile: true,
   define: { "process.env.NODE_ENV": '"production"' },
 });

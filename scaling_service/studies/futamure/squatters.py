@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.capabilities.consistent.recording import artefact_m
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel, Marker

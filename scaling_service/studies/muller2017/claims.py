@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import Answer, Claim, claim
 

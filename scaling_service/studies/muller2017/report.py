@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
 from scaling_service.report.figures import Figure, chart, grouped_bars
 from scaling_service.report.methods import FAINT, INK

@@ -18,13 +18,6 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
-from scaling_service.capabilities.dynamics.inverse_dynamics import (
-    InverseDynamics,
-    dynamics_of,
-    inverse_dynamics,
-    rated_motion,
-    residual_indicator,
-)
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
@@ -37,6 +30,13 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     blames_inertia,
     propagate,
+)
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
+    InverseDynamics,
+    dynamics_of,
+    inverse_dynamics,
+    rated_motion,
+    residual_indicator,
 )
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.documents.base import Part

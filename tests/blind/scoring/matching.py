@@ -14,6 +14,10 @@ LARGEST_CLASS = 3
 """Members of a class that still counts as an answer: the effect and those it can be confused with."""
 
 
+INTERVAL_SD = 1.96
+"""Half of a 95 % interval of the normal law."""
+
+
 def same(truth: Json, named: Json) -> bool:
     """Equal kind and equal set of places."""
     return truth["kind"] == named["kind"] and set(truth["where"]) == set(named["where"])
@@ -114,6 +118,13 @@ def parameters_right(truth: Json, effect: Json) -> dict[str, bool]:
     values = amounts({name: float(found[name]["value"]) for name in shared})
     allowed = {n: max(0.1 * _scale(n, wanted), 2.0 * float(found[n].get("sd") or 0.0)) for n in shared}
     return {n: abs(values[n] - wanted[n]) <= allowed[n] for n in shared}
+
+
+def intervals_hold(truth: Json, effect: Json) -> dict[str, bool]:
+    """Whether the stated 95 % interval of each parameter that has one holds the truth."""
+    wanted, found = truth["parameters"], effect.get("parameters", {})
+    stated = {n: found[n] for n in wanted if isinstance(found.get(n), Mapping) and found[n].get("sd")}
+    return {n: abs(float(v["value"]) - wanted[n]) <= INTERVAL_SD * float(v["sd"]) for n, v in stated.items()}
 
 
 def opposite(truth: Json, effect: Json) -> bool:

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from scaling_service.files.sto import read_sto
-from tests.blind.scoring.matching import best, opposite, parameters_right, size, smallest_nameable
+from tests.blind.scoring.matching import (
+    best,
+    intervals_hold,
+    opposite,
+    parameters_right,
+    size,
+    smallest_nameable,
+)
 from tests.blind.scoring.records import Record
 
 Json = dict[str, Any]
@@ -69,20 +76,32 @@ class Outcome:
         return size(self.hidden[0]) / stated if stated else None
 
     @property
+    def exact(self) -> list[tuple[Json, Json]]:
+        """Hidden things named exactly, and as what."""
+        found = [(thing, *best(thing, self.effects)) for thing in self.hidden]
+        return [(thing, dict(effect)) for thing, kind, effect in found if kind == "exact" and effect]
+
+    @property
     def parameters(self) -> list[bool]:
         """Whether each parameter of the exactly named things is right."""
-        judged: list[bool] = []
-        for thing in self.hidden:
-            kind, effect = best(thing, self.effects)
-            if kind == "exact" and effect is not None:
-                judged += parameters_right(thing, effect).values()
-        return judged
+        return [right for pair in self.exact for right in parameters_right(*pair).values()]
+
+    @property
+    def intervals(self) -> list[bool]:
+        """Whether the stated interval of each of those parameters holds the truth."""
+        return [holds for pair in self.exact for holds in intervals_hold(*pair).values()]
+
+    @property
+    def floor(self) -> float | None:
+        """The markers' floor over what the noise put in leaves after tracking, where the label tells it."""
+        stated = (((self.result or {}).get("gap") or {}).get("fit") or {}).get("markers_mm")
+        left = self.truth.get("noise_left_mm")
+        return stated["floor"] / left if stated and left else None
 
     @property
     def opposite_sign(self) -> bool:
         """Whether a thing came out as its own negative."""
-        found = [(thing, *best(thing, self.effects)) for thing in self.hidden]
-        return any(kind == "exact" and effect and opposite(thing, effect) for thing, kind, effect in found)
+        return any(opposite(*pair) for pair in self.exact)
 
     @property
     def record(self) -> Record:
@@ -109,6 +128,8 @@ class Outcome:
             seconds=self.seconds,
             withheld=self.withheld,
             code=self.code,
+            intervals=tuple(self.intervals),
+            floor=self.floor,
         )
 
     def closed(self) -> float | None:

@@ -42,6 +42,10 @@ class Record:
     seconds, withheld : float, optional
     code : str
         Fingerprint of the search that found it.
+    intervals : tuple of bool
+        Of exactly named things: whether each stated 95 % interval holds the truth.
+    floor : float, optional
+        The markers' floor over what the noise put in leaves.
     """
 
     id: str
@@ -64,6 +68,8 @@ class Record:
     seconds: float | None
     withheld: float | None
     code: str
+    intervals: tuple[bool, ...] = ()
+    floor: float | None = None
 
     @property
     def right(self) -> bool:

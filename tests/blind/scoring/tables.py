@@ -15,6 +15,9 @@ from tests.blind.scoring.records import Record
 
 Rows = list[list[str]]
 
+_FLOOR_MISS = 0.15
+"""Of what the noise put in leaves (chosen: what a floor by residuals of some seconds can be held to)."""
+
 
 def upper_bound(hits: int, n: int, confidence: float = 0.95) -> float:
     """One-sided upper bound of a share (Clopper and Pearson 1934)."""
@@ -28,6 +31,7 @@ def must_reach(all_: Sequence[Record]) -> Rows:
     named = [o for o in nulls if o.named]
     rows = [["what", "at least", "reached", "cases"]]
     rows.append(_share("named right, size >= 3 x smallest nameable", "95 %", _sized(effects, 3.0, "large")))
+    rows.append(_share("named right, size >= 2 x", "92 %", _sized(effects, 2.0, "large")))
     rows.append(_share("named right, size 1.5 to 3 x", "70 %", _sized(effects, 1.5, "middle", below=3.0)))
     bound = f", upper bound {100 * upper_bound(len(named), len(nulls)):.1f} %" if nulls else ""
     row = _share("something named on null recordings", "<= 5 %, bound <= 7 %", [bool(o.named) for o in nulls])
@@ -37,13 +41,19 @@ def must_reach(all_: Sequence[Record]) -> Rows:
     rows.append(
         _share("parameters within 10 % or 2 sd", "95 %", [right for each in judged for right in each])
     )
+    held = [holds for o in effects for holds in o.intervals]
+    rows.append(_share("95 % intervals that hold the truth", "93 to 97 %", held))
+    floors = [abs(o.floor - 1.0) <= _FLOOR_MISS for o in all_ if o.floor is not None]
+    rows.append(_share("markers' floor within 15 % of what the noise leaves", "100 %", floors))
     rows.append(_share("effects all of whose parameters are", "-", [all(each) for each in judged]))
     rows.append(_share("both of two effects right", "85 %", [o.right for o in _group(all_, "pair")]))
     rows.append(
         _share("both of two opposed effects right", "85 %", [o.right for o in _group(all_, "opposed")])
     )
-    strangers = [o.stranger_seen for o in _group(all_, "stranger")]
-    rows.append(_share("strangers called unexplained, at the right place", "90 %", strangers))
+    strangers = _group(all_, "stranger")
+    seen = [o.stranger_seen for o in strangers]
+    rows.append(_share("strangers called unexplained, at the right place", "90 %", seen))
+    rows.append(_share("strangers named as something", "<= 5 %", [bool(o.named) for o in strangers]))
     rows += [
         ["the withheld foot's vertical force, RMSE", "<= 5 % BW", f"{100 * o.withheld:.1f} % BW", "1"]
         for o in all_

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import (
+from scaling_service.capabilities.dynamics.weight import weigh_motions
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
     dynamics_of,
     inverse_dynamics,
     rated_motion,
 )
-from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces

@@ -193,10 +193,70 @@ def build(request):
     return {"version": osim.GetVersion()}
 
 
+def muscle_analysis(request):
+    """Tables of OpenSim's muscle analysis over a motion: column to values."""
+    model = osim.Model(request["file"])
+    model.initSystem()
+    times = osim.Storage(request["motion"])
+    analysis = osim.MuscleAnalysis()
+    analysis.setModel(model)
+    analysis.setComputeMoments(True)
+    names = osim.ArrayStr()
+    for name in request["coordinates"]:
+        names.append(name)
+    analysis.setCoordinates(names)
+    analysis.setStartTime(times.getFirstTime())
+    analysis.setEndTime(times.getLastTime())
+    model.addAnalysis(analysis)
+    tool = osim.AnalyzeTool(model)
+    tool.setName("oracle")
+    tool.setCoordinatesFileName(request["motion"])
+    tool.setLowpassCutoffFrequency(-1)
+    tool.setInitialTime(times.getFirstTime())
+    tool.setFinalTime(times.getLastTime())
+    tool.setResultsDir(request["folder"])
+    tool.setLoadModelAndInput(True)
+    tool.setSolveForEquilibrium(False)
+    tool.run()
+    stem = f"{request['folder']}/oracle_MuscleAnalysis"
+    files = {"length": f"{stem}_Length.sto"}
+    files |= {name: f"{stem}_MomentArm_{name}.sto" for name in request["coordinates"]}
+    return {name: columns(file) for name, file in files.items()}
+
+
+def marker_errors(request):
+    """Root mean square marker error of every frame (m) by OpenSim's inverse kinematics tool."""
+    model = osim.Model(request["file"])
+    model.initSystem()
+    times = osim.TimeSeriesTableVec3(request["markers"]).getIndependentColumn()
+    tool = osim.InverseKinematicsTool()
+    tool.setModel(model)
+    tool.setName("oracle")
+    tool.setMarkerDataFileName(request["markers"])
+    tool.setStartTime(times[0])
+    tool.setEndTime(times[-1])
+    for name, weight in request["weights"].items():
+        task = osim.IKMarkerTask()
+        task.setName(name)
+        task.setWeight(weight)
+        tool.getIKTaskSet().cloneAndAppend(task)
+    tool.set_accuracy(1e-9)
+    tool.set_report_errors(True)
+    tool.setResultsDir(request["folder"])
+    tool.setOutputMotionFileName(f"{request['folder']}/ik.mot")
+    tool.run()
+    return {"rms": columns(f"{request['folder']}/oracle_ik_marker_errors.sto")["marker_error_RMS"]}
+
+
+def columns(file):
+    table = osim.TimeSeriesTable(file)
+    return {name: table.getDependentColumn(name).to_numpy().tolist() for name in table.getColumnLabels()}
+
+
 def answer(request):
     osim.Logger.setLevelString("Error")
-    operations = {"positions": positions, "scaled": scaled, "build": build}
-    return operations[request["operation"]](request)
+    operations = (positions, scaled, build, muscle_analysis, marker_errors)
+    return {each.__name__: each for each in operations}[request["operation"]](request)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from typing import Any
 import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.laws.loads import PlateShift
+from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.files.recording import Recording
 
 
@@ -30,7 +34,22 @@ class AsMarkersSay:
 METHOD = AsMarkersSay()
 
 
-EFFECT = Effect(kind="lifted_floor", meaning="the floor lies higher than the laboratory says")
+def lifted_floors(scene: Scene) -> Iterator[Candidate]:
+    """All plates higher or lower by a height of their own, in all recordings and in each."""
+    columns = tuple(
+        Column(f"{plate}_y_mm", 1e-3, load=PlateShift(plate, 1), low=-100.0, high=100.0)
+        for plate in scene.plates
+    )
+    for trials in scene.scopes_with_forces:
+        yield Candidate("lifted_floor", tuple(scene.plates), columns, trials=trials)
+
+
+EFFECT = Effect(
+    kind="lifted_floor",
+    meaning="the floor lies higher than the laboratory says",
+    candidates=lifted_floors,
+    seen_in="wrench",
+)
 
 
 def read_rows(path: Path) -> Recording:

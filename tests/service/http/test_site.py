@@ -114,3 +114,14 @@ def test_the_page_needs_no_key_and_the_service_asks_for_one(served: Served, bund
     refused = served.call("GET", "/v1/vocabulary")
     assert (refused.status_code, refused.json()["type"]) == (401, "urn:scaling-service:KeyNeeded")
     assert {m["name"] for m in served.call("GET", "/v1/vocabulary", key).json()["methods"]} >= {"MB", "EB"}
+
+
+def test_the_guide_is_served_under_the_same_policy(served: Served) -> None:
+    page = served.call("GET", "/guide/missing-effect.html")
+    assert page.status_code == 200
+    assert page.headers["Content-Security-Policy"] == site.POLICY
+    assert not re.search(r"<script(?![^>]*\bsrc=)|<style|\son\w+=|\sstyle=", page.text)
+    for name in re.findall(r'(?:src|href)="(\w+\.\w+)', page.text):
+        assert served.call("GET", f"/guide/{name}").status_code == 200, name
+    assert served.call("GET", "/guide").url.endswith("/guide/")
+    assert served.call("GET", "/guide/../site.py").status_code == 404

@@ -35,11 +35,14 @@ def test_names_are_not_html(visit: Visit, url: str, tmp_path: Path) -> None:
     visitor.go()
     visitor.drops(tmp_path / "walk.trc")
     visitor.press("Check them")
+    visitor.press("3 Laboratory")
     visitor.sees("Gaps in walk")
     shown = visitor.page.locator(".timeline .row button").all_inner_texts()
     assert sorted(shown) == sorted(LABELS)
     assert visitor.page.evaluate("() => window.hacked") is None
     assert visitor.page.locator("main img, main script, main svg[onload]").count() == 0
+    visitor.press("2 Markers")
+    visitor.page.get_by_text("Further labels (", exact=False).click()
     table = visitor.downloads("Save as CSV: Further labels").read_text(encoding="utf-8")
     assert "'=HYPERLINK(1)" in table  # a spreadsheet must not run it
 

@@ -51,13 +51,14 @@ def bring(visit: Visit, url: str, file: Path, name: str) -> Visitor:
     visitor.drops(file)
     visitor.page.get_by_label("Whose file is this?").fill(name)
     visitor.press("Check them")
-    visitor.sees("Gaps in standing")
+    visitor.press("2 Markers")
     return visitor
 
 
 def click_topmost_marker(visitor: Visitor) -> None:
     canvas = visitor.page.locator(".stage canvas")
     canvas.scroll_into_view_if_needed()
+    visitor.page.locator(".views").evaluate("element => { element.hidden = true; }")
     visitor.page.wait_for_timeout(500)
     grey = np.asarray(Image.open(BytesIO(canvas.screenshot())).convert("L"))
     rows, columns = np.nonzero(grey < 60)  # markers are nearly black

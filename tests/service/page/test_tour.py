@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -58,6 +59,10 @@ def test_accessibility_was_looked_at(npm: Path | None) -> None:
 
 def imports(visitor: Visitor, look: Look) -> None:
     visitor.sees("7 recordings in 13 files can be read")
+    look()
+    visitor.press("2 Markers")
+    look()
+    visitor.press("3 Laboratory")
     visitor.sees("up is +z, forward is +x of the laboratory")
     visitor.sees("1 of 14 labels have gaps")
     assert visitor.page.locator(".timeline .gap").count() == 1
@@ -65,7 +70,7 @@ def imports(visitor: Visitor, look: Look) -> None:
 
 
 def compares(visitor: Visitor) -> None:
-    visitor.follow("On to the methods")
+    visitor.follow("On to the analyses")
     visitor.sees("Scale by several methods and compare them")
     visitor.press("Start: Find the missing effect")  # goes on beside the rest
     visitor.page.get_by_role("link", name="Search for the missing effect").wait_for()
@@ -124,8 +129,9 @@ def reads(visitor: Visitor, look: Look) -> None:
     visitor.sees("Kinematic error, mm (mean ± SD over frames)")
     look()
     visitor.follow("Angles")
-    name = "hip flexion, right (p < 0.001)"
-    visitor.sees(name)
+    title = visitor.page.get_by_text(re.compile(r"^hip flexion, right \(\d+ cycles, p < 0\.001\)$")).first
+    title.wait_for()
+    name = title.inner_text()
     drawing = visitor.downloads(f"Save as SVG: {name}")
     assert ElementTree.parse(drawing).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     assert visitor.downloads(f"Save as PNG: {name}").read_bytes().startswith(b"\x89PNG")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -55,19 +55,23 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     """The disturbance that explains most of what stands above the noise, if it is clear and no chance."""
     settings = fit.settings
     sure = [law for law in _found(fit) if max(law.p * scored.count, law.held_out) <= settings.level]
+    fitting = [item.name for item in fit.tracked if item.role == "fit"]
+    rivals = [o for o in scored.best if any(map(o.candidate.holds_in, fitting))]
     above = {o.name: o.above_noise(fit) for o in OBSERVATIONS}
     main = [law for law in sure if law.expected > settings.disturbance_main * above[law.seen_in]]
-    clear = [law for law in main if _clear(law, scored, above[law.seen_in], settings)]
+    clear = [law for law in main if _clear(law, rivals, above[law.seen_in], settings)]
     return max(clear, key=lambda law: law.expected, default=None)
 
 
-def _clear(law: Disturbance, scored: ScoredCandidates, above: float, settings: DiscoverySettings) -> bool:
+def _clear(
+    law: Disturbance, effects: Sequence[ScoredCandidate], above: float, settings: DiscoverySettings
+) -> bool:
     """Whether it explains clearly more than any effect, or leaves little where they leave something.
 
     What the effects explain is held to their own standard: a motion or force of any course follows every law.
     """
     rivals = 0.0
-    for one in scored.best:
+    for one in effects:
         if one.candidate.seen_in == law.seen_in:
             any_course = isinstance(one.candidate.change, FreeMotion | Contact)
             factor = settings.free_course_share if any_course else settings.disturbance_lead
@@ -88,5 +92,5 @@ def _found(fit: Fit) -> Iterator[Disturbance]:
         choice = [c for c in described if observation.shows(c)]
         for one in score_candidates(fit, choice, len(choice)):
             where, law_in_words = described[one.candidate](one)
-            p = one.fitted.p
+            p = one.p_family(1, fit.settings.of_fit)
             yield Disturbance(where, law_in_words, one.fitted.expected, p, one.held_out.p, observation.name)

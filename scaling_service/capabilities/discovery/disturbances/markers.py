@@ -1,21 +1,37 @@
-"""Disturbances of the markers: a bent volume, feet that slip, cameras that tremble."""
+"""Disturbances of the markers: a volume bent or warped, a late marker, feet that slip, shaken cameras."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import explain, try_held_out
+from scaling_service.capabilities.discovery.evidence.sums import fitting_blocks
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import Standing, stands
-from scaling_service.capabilities.discovery.laws.spots import LETTERS, BentSpot, JointSpot, Spot, VolumeSpot
+from scaling_service.capabilities.discovery.laws.profiles import Passing, Standing, stands
+from scaling_service.capabilities.discovery.laws.spots import (
+    LETTERS,
+    BentSpot,
+    JointSpot,
+    MarkerSpot,
+    Spot,
+    VolumeSpot,
+    WarpedSpot,
+)
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
+_UNIT = np.eye(3)
+_SMOOTHED = 2.0  # acceleration over half the square of a delay; chosen: 0.5 is a delay alone
+_EVERY = 50  # of places looked at for a size that is told (chosen: thousands are left)
 _SLOWEST_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 _FASTEST = 0.45  # of the frame rate
 _NEAR = (1.5, 15.0)  # widths of a line between which other frequencies are its neighbours (chosen)
@@ -35,6 +51,70 @@ def _bent(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     way = "away from" if found.fitted.size[1] > 0.0 else "towards"
     law = f"the measured volume is bent: markers are pushed {way} its middle by the cube of the distance"
     return found.candidate.where, law
+
+
+def warped_volume(fit: Fit) -> Iterator[Disturbance]:
+    """All markers displaced by one smooth function of where they are in the room, up to second order.
+
+    That is more numbers than there may be blocks of time to tell their spread from, so what it explains is
+    asked of the blocks between those that it was fitted to. Held-out trials are among these: where nobody was
+    in those to fit, they say nothing of the room.
+    """
+    seen = np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
+    x, y, z = np.nanmean(seen, axis=0).tolist()
+    products = [(k,) for k in range(3)] + list(combinations_with_replacement(range(3), 2))
+    spots = [WarpedSpot((x, y, z), factors, axis) for factors in products for axis in range(3)]
+    columns = tuple(Column(str(spot), 1.0, (Part(spot),)) for spot in spots)
+    candidate = Candidate("warped_volume", ("markers",), columns)
+    evidence = MARKERS.gather_beside(fit, [candidate], together=True)
+    fitting = fitting_blocks(evidence.blocks, candidate)
+    every = [replace(block, role="fit") for block in evidence.blocks]
+    between, anywhere = (
+        try_held_out(replace(evidence, blocks=tuple(blocks)), 0, candidate) for blocks in (fitting, every)
+    )
+    gain = between.gain * sum(block.square for block in fitting)
+    found = explain(evidence, 0, fitting)
+    most = _furthest(spots, found.size, seen)
+    law = f"the measured volume is warped: by position in the room alone, by up to {1e3 * most:.2g} mm"
+    yield Disturbance(candidate.where, law, gain, between.p, anywhere.p)
+
+
+def _furthest(spots: Sequence[WarpedSpot], size: Array, seen: Array) -> float:
+    """How far the field moves a marker, beyond what a rigid body does, 95 % of the time, m."""
+    places = seen[np.isfinite(seen).all(axis=1)][::_EVERY]
+    moved = np.zeros_like(places)
+    for s, spot in zip(size.tolist(), spots, strict=True):
+        moved += s * spot.field(places[:, :, None])[:, :, 0]
+    away = places - places.mean(axis=0)
+    turns = np.concatenate(
+        [np.cross(_UNIT, away[:, None]).transpose(0, 2, 1), np.tile(_UNIT, (len(away), 1, 1))], 2
+    )
+    rigid = turns.reshape(-1, 6)
+    left = (moved.ravel() - rigid @ np.linalg.lstsq(rigid, moved.ravel())[0]).reshape(-1, 3)
+    return float(np.quantile(np.linalg.norm(left, axis=1), 0.95))
+
+
+def late_markers(fit: Fit) -> Iterator[Candidate]:
+    """Markers displaced along their paths: by velocity and acceleration, as what is late or smoothed is."""
+    for segment in fit.scene.bearing:
+        for group in fit.scene.groups_on(segment.name):
+            columns = tuple(_along_paths(group, order) for order in (1, 2))
+            yield Candidate("late_marker", group, columns)
+
+
+def _along_paths(markers: Sequence[str], order: int) -> Column:
+    parts = tuple(Part(MarkerSpot(m, k), Passing(m, order, k)) for m in markers for k in range(3))
+    return Column(f"rate {order}", 1.0, parts)
+
+
+def _late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+    markers, (speed, bend) = found.candidate.where, found.fitted.size.tolist()
+    said, one = ", ".join(markers), len(markers) == 1
+    if bend > _SMOOTHED * speed**2:
+        verb = "is" if one else "are"
+        return markers, f"{said} {verb} smoother than the others: off along the acceleration"
+    way, verb = "late" if speed < 0.0 else "early", "comes" if one else "come"
+    return markers, f"{said} {verb} {abs(1e3 * speed):.2g} ms {way}: off along the own path"
 
 
 def slipping(fit: Fit) -> Iterator[Candidate]:
@@ -105,6 +185,8 @@ def _power(item: TrackedTrial, markers: Sequence[str], frequencies: Array) -> Ar
 
 LAWS = (
     DisturbanceLaw(bent_volume, _bent),
+    DisturbanceLaw(search=warped_volume),
+    DisturbanceLaw(late_markers, _late),
     DisturbanceLaw(slipping, _slipped),
     DisturbanceLaw(search=trembling),
 )

@@ -2,7 +2,7 @@
 
 The momentum balance answers it from the vertical forces of all recordings, whatever else is wrong with the
 model. It is asked before the search, which would otherwise share the missing weight out among segments and
-plates, and its answer stays: an effect that is named later must not take it back.
+plates. Its answer is not fitted with the rest; it is asked again, without it, once all is named.
 """
 
 from __future__ import annotations
@@ -38,15 +38,12 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     factors = tuple((trial, kg / weight.declared_kg) for trial, kg in own.items())
     change = Reweighed(weight.factor, weight.sd_kg / weight.declared_kg, factors)
     note = ", ".join(f"{kg:.1f} kg in {trial}" for trial, kg in own.items())
-    candidate = Candidate("body_mass", ("body",), (), note=note, change=change)
+    candidate = Candidate("body_mass", ("world",), (), note=note, change=change)
     after = WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(candidate, np.zeros(0))))
-    gain = {role: _square(fit, role) - _square(after, role) for role in ("fit", "held_out")}
+    gain = WRENCH.squares(fit) - WRENCH.squares(after)
     chance = 2.0 * float(scipy.stats.norm.sf(abs(weight.factor - 1.0) / change.sd))
-    folds = not _square(fit, "held_out")
-    share = gain["held_out"] / _square(fit, "held_out") if not folds else gain["fit"] / _square(fit, "fit")
-    return ScoredCandidate(
-        candidate, Fitted.of_any_course(gain["fit"], 0.0, chance), None, HeldOut(share, chance, folds)
-    )
+    nothing_held_out = HeldOut(float("nan"), float("nan"), folds=False)  # the balance took all recordings
+    return ScoredCandidate(candidate, Fitted.of_any_course(gain, 0.0, chance), None, nothing_held_out)
 
 
 def balance_weight(fit: Fit) -> Weight | None:
@@ -57,10 +54,6 @@ def balance_weight(fit: Fit) -> Weight | None:
         spans = blocks_of(item.usable, item.times, BLOCK_S)
         blocks[item.name] = [(borne[rows], needed[rows]) for rows in spans]
     return weigh(fit.wrenches[0].mass, blocks) if blocks else None
-
-
-def _square(fit: Fit, role: str) -> float:
-    return sum(item.square for item in fit.wrenches if item.role == role)
 
 
 def _factor(effect: Estimate, _after: Fit) -> Mapping[str, float]:

@@ -88,21 +88,27 @@ def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
     """Effects that need a search of their own in an observation, where they are likely."""
     for effect in known_effects().values():
         if effect.search is not None and effect.seen_in == seen_in:
+            fit.context.advance()
             yield from effect.search(fit)
 
 
 def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[ScoredCandidate]:
     """Effects that a question of their own finds, before the search."""
-    for effect in known_effects().values():
-        found = effect.question(fit, scored) if effect.question is not None else None
+    for kind in filter(is_answer, known_effects()):
+        found = ask(kind, fit, scored)
         if found is not None:
             yield found
 
 
-def is_answered(effect: Estimate, without: Fit) -> bool:
-    """Whether a question's answer is not needed any more in a fit without it; False for other effects."""
-    question = known_effects()[effect.candidate.kind].question
-    return question is not None and question(without, []) is None
+def is_answer(kind: str) -> bool:
+    """Whether an effect of this kind is the answer to a question."""
+    return known_effects()[kind].question is not None
+
+
+def ask(kind: str, fit: Fit, scored: Sequence[ScoredCandidate] = ()) -> ScoredCandidate | None:
+    """The question of a kind, asked of a fit and of what was scored; None where the answer is no."""
+    question = known_effects()[kind].question
+    return None if question is None else question(fit, scored)
 
 
 def details(effect: Estimate, after: Fit) -> Mapping[str, float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from scaling_service.capabilities.discovery.effects._columns import (
     DEG,
     MOST_MM_PER_DEG,
@@ -17,6 +19,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, At, JointSpot, SizeSpot
 
+_THIRD = 2  # of a joint of two turns: the axis about which neither is taken to go
 AXIS_TILT = "joint_axis_tilt"
 
 
@@ -28,16 +31,19 @@ def centre_offsets(scene: Scene) -> Iterator[Candidate]:
 
 
 def axis_tilts(scene: Scene) -> Iterator[Candidate]:
-    """Every joint of one or two turns; one of three takes any direction anyhow.
+    """Every joint with one or two coordinates that turn it; one with three takes any direction anyhow.
 
-    The turn goes before the joint's own and back after them, so that the neutral pose stays.
+    The turn goes before the joint's own and back after them, so that the neutral pose stays. About the
+    joint's own axis it would change nothing.
     """
     for segment in scene.jointed:
         own = [j for j in segment.joints if j.kind == "rotation" and not j.law.is_constant]
-        if len(own) < 3:
+        if len({t.coordinate for j in own for t in j.law.terms} - {None}) < 3:
+            main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
+            across = [k for k in range(3) if k != main]
             columns = tuple(
                 Column(f"{LETTERS[k]}_deg", DEG, _there_and_back(segment.name, k), low=-45.0, high=45.0)
-                for k in (0, 1)
+                for k in across
             )
             yield Candidate(AXIS_TILT, (segment.joint_name,), columns)
 

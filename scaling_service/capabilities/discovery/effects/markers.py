@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, of_markers, shifts
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
@@ -20,14 +22,26 @@ def marker_offsets(scene: Scene) -> Iterator[Candidate]:
 
 
 def skin_artefacts(scene: Scene) -> Iterator[Candidate]:
-    """Every marker and every segment's markers together, with each coordinate at the segment's ends."""
+    """Every marker and the groups of every segment, with each coordinate at its ends, groups with two."""
     for segment in scene.bearing:
-        markers = scene.on(segment.name)
+        groups = scene.groups_on(segment.name)
         for driver in scene.drivers_of(segment.name):
-            groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
             for group in groups:
                 columns = shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
                 yield Candidate("soft_tissue_artefact", group, columns, (driver,))
+        for drivers in combinations(scene.drivers_of(segment.name), 2):
+            for group in groups:
+                if len(group) > 1:
+                    yield Candidate("soft_tissue_artefact", group, _following(group, drivers), drivers)
+
+
+def _following(group: Sequence[str], drivers: Sequence[str]) -> tuple[Column, ...]:
+    """Shifts of markers together, with several coordinates at once."""
+    return tuple(
+        replace(column, name=column.name.replace("_", f"_{driver}_", 1))
+        for driver in drivers
+        for column in shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+    )
 
 
 def capture_scale(_scene: Scene) -> Iterator[Candidate]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 
 import numpy as np
 
@@ -25,13 +26,15 @@ from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 
+_LONG_M = (
+    0.2  # from a segment's origin to its centre of mass; chosen: half of it is more than a hand's breadth
+)
+
 
 def wobbling_skin(scene: Scene) -> Iterator[Candidate]:
-    """Every marker and every segment's markers together, at each frequency and damping tried."""
+    """Every marker and the groups of every segment, at each frequency and damping tried."""
     for segment in scene.bearing:
-        markers = scene.on(segment.name)
-        groups = [(m,) for m in markers] + ([markers] if len(markers) > 1 else [])
-        for group in groups:
+        for group in scene.groups_on(segment.name):
             for pair in TRIED:
                 parts = tuple(
                     Part(MarkerSpot(m, k), Oscillation(m, *pair, k)) for m in group for k in range(3)
@@ -41,10 +44,15 @@ def wobbling_skin(scene: Scene) -> Iterator[Candidate]:
 
 
 def wobbling_masses(scene: Scene) -> Iterator[Candidate]:
-    """Every segment with mass, at each frequency and damping tried."""
+    """Every segment with mass, at each frequency and damping tried, at its centre or near its joint.
+
+    Nearer only where that makes a difference: a belly hangs below the middle of the trunk.
+    """
     for segment in scene.heavy:
-        for pair in TRIED:
-            column = Column("kg", 1.0, load=Wobbling(segment.name, *pair), low=0.0, high=segment.mass)
+        long = np.linalg.norm(segment.com) > _LONG_M
+        for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
+            load = Wobbling(segment.name, *pair, along)
+            column = Column("kg", 1.0, load=load, low=0.0, high=segment.mass)
             yield Candidate("wobbling_mass", (segment.name,), (column,), note=oscillating_at(*pair))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -25,6 +25,7 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import I
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
+from scaling_service.core.progress import idle
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -41,12 +42,16 @@ class Recording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchContext:
-    """What a search is about, and what it keeps: the model it started from, recordings, settings, caches."""
+    """What a search is about, and what it keeps: the model it started from, recordings, settings, caches.
+
+    ``advance`` is called whenever a part of the work is done.
+    """
 
     model: BodyModel
     recordings: Sequence[Recording] = ()
     settings: DiscoverySettings = field(default_factory=DiscoverySettings)
     cache: InertialLoadCache = field(default_factory=InertialLoadCache)
+    advance: Callable[[], None] = idle
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +121,7 @@ def fit_recordings(
         return _track(context.model, recording, both, starts.get(recording.trial.name))
 
     found = tuple(map_parallel(tracked, context.recordings))
+    context.advance()
     return fit_wrenches(Fit(context, tuple(free), tuple(effects), found, near.wrenches if near else ()))
 
 

@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.observations.performed import perfor
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
-_CHUNK, _FRAMES = 1e6, 48  # numbers of all columns at once: 8 MB, and frames of their spots (chosen)
+_CHUNK, _FRAMES = 5e5, 48  # numbers of all columns at once: 4 MB, and frames of their spots (chosen)
 _MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
 _AT_ONCE = 128  # frames of a pose's freedom
 _LEAST_LEFT = 1e-3  # of a marker's noise that its pose always leaves (chosen: nothing is divided by zero)
@@ -110,13 +110,17 @@ def _step(tracked: Sequence[TrackedTrial], n_columns: int) -> int:
 
 
 class _Parts(NamedTuple):
-    """The parts of all columns, column by column: arrays of one length, and where each column begins."""
+    """The parts of all columns, column by column, as arrays of one length.
+
+    In ``turns`` are the numbers of the first part of every column, of the second of those that have one, and
+    so on.
+    """
 
     column: NDArray[np.intp]
     spot: NDArray[np.intp]
     profile: NDArray[np.intp]
     gain: Array
-    first: NDArray[np.intp]  # (n_columns,)
+    turns: tuple[NDArray[np.intp], ...]
 
     @classmethod
     def of(cls, columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> _Parts:
@@ -127,7 +131,9 @@ class _Parts(NamedTuple):
         numbers = np.array([(k, at[part.spot], of[part.profile]) for k, part in every], dtype=np.intp)
         column, spot, profile = numbers.reshape(-1, 3).T
         gain = np.array([part.gain for _, part in every])
-        return cls(column, spot, profile, gain, np.searchsorted(column, np.arange(len(columns))))
+        place = np.arange(len(column)) - np.searchsorted(column, column)
+        turns = tuple(np.flatnonzero(place == k) for k in range(int(place.max(initial=-1)) + 1))
+        return cls(column, spot, profile, gain, turns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,10 +166,15 @@ class _Columns:
 
     def _of(self, generated: Array, values: Array) -> Array:
         """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
-        parts = self.parts
-        shapes = (values[parts.profile] * parts.gain[:, None])[:, :, None]
-        made = np.add.reduceat(generated[parts.spot] * shapes, parts.first, axis=0)
-        return np.asarray(made.reshape(self.count, -1))
+        parts, made = self.parts, np.zeros((self.count, *generated.shape[1:]))
+        for k, turn in enumerate(parts.turns):
+            part = generated[parts.spot[turn]]
+            part *= (values[parts.profile[turn]] * parts.gain[turn, None])[:, :, None]
+            if k == 0 and len(turn) == self.count:
+                made = part
+            else:
+                made[parts.column[turn]] += part
+        return made.reshape(self.count, -1)
 
 
 def _squares(columns: Array) -> Array:

@@ -106,6 +106,7 @@ class Observation(ABC, Generic[Item]):
 
     def gather_beside(self, fit: Fit, candidates: Sequence[Candidate], *, together: bool) -> Evidence:
         """Candidates beside all that is known of their sort."""
+        fit.context.advance()
         known = [s.candidate for s in self.known(fit)]
         return self.gather(self.items(fit), known, candidates, fit.settings.block_s, together=together)
 

@@ -21,8 +21,6 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
-_OF_FIT = 0.9  # share of the level that the fit may spend (chosen: most effects are decided there)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoredCandidate:
@@ -34,15 +32,15 @@ class ScoredCandidate:
     held_out: HeldOut
     equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
 
-    def p_family(self, count: int) -> float:
+    def p_family(self, count: int, of_fit: float) -> float:
         """Of as much by chance in a catalogue of so many: in the fit, or in recordings that fitted nothing.
 
-        Nine tenths of the level go to the fit (weighted Bonferroni: Holm 1979). A fit of few blocks of time
-        cannot pay for the whole catalogue, however much it explains.
+        The fit may spend a share ``of_fit`` of the level (weighted Bonferroni: Holm 1979). One of few blocks
+        of time cannot pay for the whole catalogue, however much it explains.
         """
         alone = not self.held_out.folds and self.held_out.outweighs_noise
         held_out = self.held_out.p if alone else 1.0
-        return min(1.0, count * min(self.fitted.p / _OF_FIT, held_out / (1.0 - _OF_FIT)))
+        return min(1.0, count * min(self.fitted.p / of_fit, held_out / (1.0 - of_fit)))
 
     def does_good(self, level: float) -> bool:
         """Whether it surely lowers what recordings that did not fit it disagree."""

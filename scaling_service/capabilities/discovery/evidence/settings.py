@@ -66,6 +66,14 @@ class DiscoverySettings:
     # the model is right but for one thing, that thing leaves no more than this)
     whole_cause: float = 0.8
 
+    # share of the level that a candidate's fit may spend, the rest going to recordings that fitted nothing
+    # (chosen: most effects are decided by the fit)
+    of_fit: float = 0.9
+
+    # share of what stands above the noise that an oscillation must explain at a frequency beside its own to
+    # be tuned before it is tested (chosen: a grid's neighbour explains half or more)
+    oscillation_main: float = 0.5
+
     # Testing
 
     # share of what an effect promised to explain that it must explain when everything is estimated anew with
@@ -74,6 +82,9 @@ class DiscoverySettings:
 
     # Elimination
 
+    # of the misfit: what may be left without the answer to a question that others answer as well (chosen:
+    # about what a round of estimating leaves)
+    as_good: float = 1.05
     # of what an effect explains at its place: when the movement or the time predicts more than this of what
     # is left there, the name does not fit (chosen: a law that is right leaves nothing to predict)
     predictable_share: float = 0.3

@@ -24,6 +24,9 @@ _FEW = 6
 """Blocks below which the spread of gains is that of the effect's own course (chosen: a walk across two plates
 has three, each with another share of the load)."""
 
+_MOST_OF_IT = 0.8
+"""Share of what stands above the noise that is most of it (chosen: a cause leaves what its law misses)."""
+
 _FEWEST = 3
 """Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
 
@@ -188,7 +191,8 @@ class HeldOut:
     gain: float  # share of their whitened sum of squares that it takes off
     p: float  # of as consistent a gain by chance
     folds: bool  # whether these were blocks of time of the same trial, for want of another one
-    outweighs_noise: bool = False  # whether the gain is more than all squares of noise there
+    # whether the gain is more than all squares of noise there, or most of what stands above them
+    outweighs_noise: bool = False
 
 
 def try_held_out(
@@ -200,11 +204,11 @@ def try_held_out(
     fitted to every other block where it is and tried on those between. Trials to fit in which it is not
     always tell the nuisances from it.
 
-    Where the blocks are few, gains stray by how much of the effect each shows, and their spread says little:
-    of a gain that outweighs the noise there, noise alone is asked, too, whether it could bring the sum.
-    Its variance is four times the squares that the candidate predicts, times ``overdispersion``: how much
-    more scores stray than white noise of the floors would make them, as in the fit, and at least as what is
-    left of these blocks.
+    Gains stray by how much of the effect each block shows, too. Where blocks are few and the gain outweighs
+    the noise there, and wherever it is most of what stands above the noise, noise alone is asked, too,
+    whether it could bring the sum. Its variance is four times the squares that the candidate predicts, times
+    ``overdispersion``: how much more scores stray than white noise of the floors would make them, as in the
+    fit, and at least as what is left of these blocks.
     """
     here = [s for s in evidence.blocks if candidate.holds_in(s.trial)]
     fitting = [s for s in here if s.role == "fit"]
@@ -222,8 +226,10 @@ def try_held_out(
         freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
-    if len(every) < _FEW and np.isfinite(overdispersion) and outweighs:
+    above = square - freedom
+    most = bool(every.sum() > _MOST_OF_IT * above > 0.0)
+    p, outweighs = p_above_zero(every), most or bool(every.sum() > freedom > 0.0)
+    if np.isfinite(overdispersion) and (most or (len(every) < _FEW and outweighs)):
         left = max(square - float(every.sum()), 0.0) / freedom
         noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
         alone = float(scipy.special.ndtr(-every.sum() / np.sqrt(noise))) if noise > 0.0 else 1.0

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
+from scaling_service.numerics.least_squares.border import minimise_within
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import skew
 
@@ -115,11 +115,9 @@ def _stepped(
     by_chance = np.einsum("ak,ab,bk->k", vector, chance, vector)
     shown = value > by_chance
     slope = np.where(shown, vector.T @ (target - normal @ middle), 0.0)
-    size = np.sqrt(np.maximum(np.where(shown, value, by_chance), 1e-300))
+    steep = np.maximum(np.where(shown, value, by_chance), 1e-300)
     low, high = (edge - middle for edge in within)
-    return np.asarray(
-        middle + lsq_linear(size[:, None] * vector.T, slope / size, (low, high), method="bvls").x
-    )
+    return middle + minimise_within(steep, vector, slope, low, high)
 
 
 def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:

@@ -187,15 +187,24 @@ class Tilt:
 
 @dataclass(frozen=True, slots=True)
 class Wobbling:
-    """Part of a segment's own mass hangs on a spring: kg."""
+    """Part of a segment's own mass hangs on a spring: kg.
+
+    Its place is ``along`` of the way from the segment's origin to its centre of mass.
+    """
 
     segment: str
     frequency_hz: float
     damping: float
+    along: float = 1.0
 
     def column(self, fit: WrenchFit) -> Array:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
-        return _oscillating(fit, [self.segment], self.frequency_hz, self.damping)[:, :, 0]
+        return _oscillating(fit, [self.segment], self.shape)[:, :, 0]
+
+    @property
+    def shape(self) -> tuple[float, float, float]:
+        """Whatever but the segment makes it what it is."""
+        return self.frequency_hz, self.damping, self.along
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,12 +227,12 @@ def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:
     """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
     made = np.empty((len(fit.times), 6, len(loads)))
     changing: dict[int, Inertial] = {}
-    oscillating: dict[tuple[float, float], dict[int, str]] = {}
+    oscillating: dict[tuple[float, float, float], dict[int, str]] = {}
     for k, load in enumerate(loads):
         if isinstance(load, Inertial):
             changing[k] = load
         elif isinstance(load, Wobbling):
-            oscillating.setdefault((load.frequency_hz, load.damping), {})[k] = load.segment
+            oscillating.setdefault(load.shape, {})[k] = load.segment
         elif isinstance(load, Tilt | Between):
             made[:, :, k] = load.column(fit)
         else:  # the motion has no part in it: made once for all draws of its noise
@@ -234,14 +243,15 @@ def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:
     if changing:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
         made[:, :, list(changing)] = fit.needed_more(segments, np.array(changes))
-    for (frequency, damping), here in oscillating.items():
-        made[:, :, list(here)] = _oscillating(fit, list(here.values()), frequency, damping)
+    for shape, here in oscillating.items():
+        made[:, :, list(here)] = _oscillating(fit, list(here.values()), shape)
     return made
 
 
-def _oscillating(fit: WrenchFit, segments: Sequence[str], frequency_hz: float, damping: float) -> Array:
+def _oscillating(fit: WrenchFit, segments: Sequence[str], shape: tuple[float, float, float]) -> Array:
     """What a kilogram on a spring needs more, in each of some segments, (n, 6, n_segments)."""
-    place, pull = fit.centres(segments), fit.pulls(segments)
+    frequency_hz, damping, along = shape
+    place, pull = fit.centres(segments, along), fit.pulls(segments, along)
     displaced, speed = oscillate(pull, fit.step, frequency_hz, damping)
     w = 2.0 * np.pi * frequency_hz
     force = pull - 2.0 * damping * w * speed - w * w * displaced

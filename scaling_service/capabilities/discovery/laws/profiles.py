@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.observations.oscillator import oscillate, pulled
+from scaling_service.capabilities.discovery.observations.oscillator import oscillate, rates_of
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.body import Term
 from scaling_service.numerics.multibody.laws import Array
@@ -66,6 +66,21 @@ class Oscillation:
 
 
 @dataclass(frozen=True, slots=True)
+class Passing:
+    """A marker's own velocity (``order`` 1, m/s) or acceleration (2, m/s2), along an axis of its segment."""
+
+    marker: str
+    order: int
+    axis: int
+
+    def values(self, item: TrackedTrial, skin: Skin) -> Array:
+        """In every frame, (n,); zero without the marker."""
+        if self.marker not in item.markers:
+            return np.zeros(len(item.q))
+        return np.asarray(skin.passing(self.order)[:, item.markers.index(self.marker), self.axis])
+
+
+@dataclass(frozen=True, slots=True)
 class Standing:
     """The time since the segment with these markers came to stand on the floor, zero off it (s)."""
 
@@ -80,7 +95,7 @@ class Standing:
         return np.where(down, (frames - last_up) * item.step, 0.0)
 
 
-Profile = Constant | Following | Oscillation | Standing
+Profile = Constant | Following | Oscillation | Passing | Standing
 ALWAYS = Constant()
 
 
@@ -92,18 +107,23 @@ class Skin:
         self._moved: dict[tuple[float, float], Array] = {}
 
     @cached_property
-    def _pull_and_axes(self) -> tuple[Array, Array]:
-        """Minus the acceleration under every marker, (n, n_markers, 3), m/s2, ground; its segment's axes."""
+    def _rates_and_axes(self) -> tuple[Array, Array, Array]:
+        """Velocity and acceleration under every marker, (n, n_markers, 3), ground; its segment's axes."""
         tree, poses = self._item.task.tree, self._item.poses
         places = np.moveaxis(positions(tree, poses), -1, 0)
-        return pulled(places, self._item.step), poses.axes[tree.marker_link]
+        return *rates_of(places, self._item.step), poses.axes[tree.marker_link]
+
+    def passing(self, order: int) -> Array:
+        """Rates of this order under every marker, (n, n_markers, 3), in the axes of its segment."""
+        *rates, axes = self._rates_and_axes
+        return np.asarray(np.einsum("majn,nmj->nma", axes, rates[order - 1]))
 
     def local(self, frequency_hz: float, damping: float) -> Array:
         """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""
         pair = (frequency_hz, damping)
         if pair not in self._moved:
-            pull, axes = self._pull_and_axes
-            moved = oscillate(pull, self._item.step, frequency_hz, damping)[0]
+            _, acceleration, axes = self._rates_and_axes
+            moved = oscillate(-acceleration, self._item.step, frequency_hz, damping)[0]
             self._moved[pair] = np.asarray(np.einsum("majn,nmj->nma", axes, moved))
         return self._moved[pair]
 

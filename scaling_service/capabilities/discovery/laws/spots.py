@@ -106,7 +106,26 @@ class BentSpot:
         return bent
 
 
-Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot
+@dataclass(frozen=True, slots=True)
+class WarpedSpot:
+    """The whole measured volume warped: along one axis by a product of coordinates about a middle (m)."""
+
+    middle: Vector
+    factors: tuple[int, ...]
+    axis: int
+
+    def field(self, places: Array) -> Array:
+        """What it does to places (n_markers, 3, n_frames), m, per unit."""
+        away: Array = places - np.array(self.middle)[:, None]
+        warped = np.zeros_like(away)
+        warped[:, self.axis] = away[:, list(self.factors)].prod(axis=1)
+        return warped
+
+
+FieldSpot = VolumeSpot | BentSpot | WarpedSpot
+"""What acts on measured places and is not the body's."""
+
+Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot | WarpedSpot
 
 
 def turning(segment: Segment) -> tuple[int, int] | None:
@@ -141,7 +160,7 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
     """
     names = []
     for k, spot in enumerate(spots):
-        if isinstance(spot, VolumeSpot | BentSpot):
+        if isinstance(spot, FieldSpot):
             names.append("")
         elif isinstance(spot, SizeSpot):
             model = free_scale(model, spot.segment, 0.9)
@@ -173,7 +192,7 @@ class Generators:
     tree: Tree
     p: Array
     variables: NDArray[np.intp]
-    volumes: tuple[tuple[int, VolumeSpot | BentSpot], ...]
+    volumes: tuple[tuple[int, FieldSpot], ...]
 
     @classmethod
     def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
@@ -183,7 +202,7 @@ class Generators:
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
         chosen = [tree.n_coordinates + number[name] for name in names if name]
-        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot | BentSpot))
+        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, FieldSpot))
         return cls(
             tree,
             parameter_values(opened),

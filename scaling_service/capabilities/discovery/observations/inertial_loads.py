@@ -9,7 +9,7 @@ from threading import Lock
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of

@@ -21,9 +21,15 @@ _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 def pulled(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2, in six frames or more."""
+    return -rates_of(places, step)[1]
+
+
+def rates_of(places: Array, step: float) -> tuple[Array, Array]:
+    """Velocity (m/s) and acceleration (m/s2) of points, each shaped as ``places``, as :func:`pulled`."""
     flat = places.reshape(len(places), -1)
     smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=_cutoff(step), order=2 * _PASS).values
-    return np.asarray(-spline_rates(step * np.arange(len(flat)), smooth)[1].reshape(places.shape))
+    speed, acceleration = spline_rates(step * np.arange(len(flat)), smooth)
+    return speed.reshape(places.shape), acceleration.reshape(places.shape)
 
 
 def _cutoff(step: float) -> float:

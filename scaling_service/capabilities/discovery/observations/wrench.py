@@ -17,8 +17,7 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import (
 )
 from scaling_service.capabilities.discovery.observations.oscillator import pulled
 from scaling_service.capabilities.discovery.observations.tracked import DRAWS, Role, TrackedTrial
-from scaling_service.capabilities.dynamics.inverse_dynamics import RatedMotion
-from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
+from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ, RatedMotion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import GroundForces
@@ -60,6 +59,7 @@ class ContactAssignment:
     ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`band_hz`
     usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
     cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    unloaded: NDArray[np.bool_] | None = None  # (n, n_plates): nobody stands on a plate that is read
     # columns of loads in which the motion has no part, as they were asked for
     columns: dict[Load, Array] = field(init=False, default_factory=dict)
 
@@ -226,17 +226,18 @@ class WrenchFit:
         centres = np.moveaxis(positions(mechanism.tree, poses), -1, 0)
         return centres, np.moveaxis(poses.origins, -1, 0), np.moveaxis(poses.axes, -1, 0)
 
-    def centres(self, segments: Sequence[str]) -> Array:
-        """Segments' centres of mass, (n, n_segments, 3), m."""
-        return np.asarray(self._places[0][:, self._numbers(segments)])
+    def centres(self, segments: Sequence[str], along: float = 1.0) -> Array:
+        """Points ``along`` of the way from origins to centres of mass of segments, (n, n_segments, 3), m."""
+        return _between(self._places[:2], along, self._numbers(segments))
 
-    def pulls(self, segments: Sequence[str]) -> Array:
-        """Minus the acceleration of segments' centres of mass, (n, n_segments, 3), m/s2."""
-        return np.asarray(self._pulls[:, self._numbers(segments)])
+    def pulls(self, segments: Sequence[str], along: float = 1.0) -> Array:
+        """Minus the acceleration of these points, (n, n_segments, 3), m/s2."""
+        return _between(self._pulls, along, self._numbers(segments))
 
     @cached_property
-    def _pulls(self) -> Array:
-        return pulled(self._places[0], self.step)
+    def _pulls(self) -> tuple[Array, Array]:
+        centres, origins = (pulled(places, self.step) for places in self._places[:2])
+        return centres, origins
 
     def segment_frame(self, segment: str) -> tuple[Array, Array]:
         """A segment's origin (n, 3) and axes (n, 3, 3), the axes as rows."""
@@ -276,6 +277,12 @@ class WrenchFit:
         """The middle of a plate, (3,), m; zero for a plate that there is not."""
         ground = self.contacts.ground
         return middle_of(ground, ground.plates.index(name)) if name in ground.plates else np.zeros(3)
+
+
+def _between(ends: tuple[Array, Array], along: float, numbers: Sequence[int]) -> Array:
+    """Between values of some segments' centres (along = 1) and origins (0)."""
+    centres, origins = (values[:, numbers] for values in ends)
+    return np.asarray(along * centres + (1.0 - along) * origins)
 
 
 def middle_of(ground: GroundForces, k: int) -> Array:

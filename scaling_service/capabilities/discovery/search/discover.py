@@ -6,7 +6,7 @@ may have stood in the place of something else, so the search goes on where somet
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -31,7 +31,7 @@ from scaling_service.capabilities.discovery.search.elimination import (
     settle,
     withdraw_answers,
 )
-from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate
+from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate, observations_of
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
 from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
@@ -39,13 +39,11 @@ from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.capabilities.discovery.search.summary.summarise import summarise
 from scaling_service.capabilities.discovery.search.testing import try_in_full
-from scaling_service.core.progress import silent
+from scaling_service.core.progress import Progress, Steps, silent
 from scaling_service.model.body import BodyModel
 
-Progress = Callable[[str, float], None]
-
 _TIMES = 3  # that names are given and looked back at, at most (chosen)
-_DONE = 0.8  # of the work, when the search is over
+_DONE, _SETTLING, _MEASURING = 0.8, 0.85, 0.9  # of the work, where its last parts begin (chosen)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,19 +81,19 @@ def discover(
     TrialUnusable
         A trial shows no marker of the model.
     """
-    report = progress or silent
-    report("following the recordings", 0.0)
-    before = fit_recordings(SearchContext(model, recordings, settings), free)
-    search = Search(estimate(before, (), ROUGHLY) if free else before, report)
+    steps = Steps(progress or silent)
+    steps.begin("following the recordings", 0.0, _DONE)
+    before = fit_recordings(SearchContext(model, recordings, settings, advance=steps.advance), free)
+    search = Search(estimate(before, (), ROUGHLY) if free else before, steps)
     scored = search.finish()
-    report("settling all numbers", 0.85)
+    steps.begin("settling all numbers", _SETTLING, _MEASURING)
     named, fit = drop_predictable(search.named, search.fit, before)
     named, fit = settle(named, fit)
     named, fit, said = drop_insufficient(named, fit, before)
     fit, seen = _unmasked(fit)
-    report("measuring the gap", 0.9)
+    steps.begin("measuring the gap", _MEASURING, 1.0)
     findings = summarise(named, scored, search.disturbance, (before, fit, seen), (*notes, *said))
-    report("done", 1.0)
+    steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, fit)
 
 
@@ -104,7 +102,7 @@ class Search:
     """What was named so far, and what was tried in vain."""
 
     fit: Fit  # with all that was named
-    report: Progress
+    steps: Steps
     named: list[NamedEffect] = field(default_factory=list)
     refused: set[str] = field(default_factory=set)  # keys of candidates
     # those of them that may be tried again when more is known of the forces
@@ -112,14 +110,13 @@ class Search:
     scored: ScoredCandidates | None = None  # what the last round saw
     disturbance: Disturbance | None = None  # one that no effect has and that ends the search
     questioned: bool = False  # whether the questions that come before the search were asked
-    share: float = 0.0  # of the work, as it was reported last
 
     def finish(self) -> ScoredCandidates:
         """Until nothing passes and nothing is superfluous; returns what the last round saw."""
         for _ in range(_TIMES):
             while self._round():
                 pass
-            self._tell("looking back", _DONE)
+            self.steps.begin("looking back", _DONE, _SETTLING)
             assert self.scored is not None
             if not self._eliminate(self.scored) or self.disturbance is not None:
                 break
@@ -129,14 +126,16 @@ class Search:
     def _round(self) -> bool:
         """Name what passes best; whether to go on."""
         fit, settings = self.fit, self.fit.settings
-        self._tell(f"looking for effect {len(self.named) + 1}", _DONE * len(self.named) / settings.most)
+        share = _DONE * len(self.named) / settings.most
+        self.steps.begin(f"looking for effect {len(self.named) + 1}", share, _DONE)
         self.scored = scored = score_all(fit, self.scored)
         if not self.questioned:
             self.questioned = True
             answers = [name_effect(found, fit, scored) for found in ask_questions(fit, scored.best)]
             if answers:
                 self.named += answers
-                self.fit = estimate(fit, [n.effect for n in answers], ROUGHLY)
+                added = [n.effect for n in answers]
+                self.fit = estimate(fit, added, ROUGHLY, observations=observations_of(added))
                 return True
         selection = select(fit, scored, self.named, self.refused)
         self.refused |= selection.refused
@@ -180,10 +179,6 @@ class Search:
         dropped = given - {n.key for n in self.named}
         self.refused |= dropped
         return bool(dropped)
-
-    def _tell(self, what: str, share: float) -> None:
-        self.share = max(self.share, min(share, _DONE))
-        self.report(what, self.share)
 
 
 def _unmasked(fit: Fit) -> tuple[Fit, Fit]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import details, is_answered, spreads
+from scaling_service.capabilities.discovery.effects.catalogue import ask, details, is_answer, spreads
 from scaling_service.capabilities.discovery.evidence.fit import Fit, held_out_squares
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import (
@@ -21,20 +21,10 @@ from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
-from scaling_service.capabilities.discovery.search.estimation import (
-    SETTLED,
-    SOON,
-    estimate,
-    misfit,
-    remove,
-)
+from scaling_service.capabilities.discovery.search.estimation import SETTLED, estimate, misfit, remove
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.testing import in_range
 from scaling_service.numerics.multibody.laws import Array
-
-_AS_GOOD = (
-    1.05  # of the misfit, that may be left without an answer (chosen: what one round of estimating leaves)
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,11 +93,11 @@ def withdraw_answers(named: Sequence[NamedEffect], fit: Fit) -> tuple[list[Named
     A plate that measures too little makes a person light, too; where it is named beside, it is the cause.
     """
     kept = list(named)
-    for n in named if len(named) > 1 else []:
-        without = fit.without({n.key})
-        if n.candidate.change is not None and WRENCH.shows(n.candidate):
-            without = estimate(without, (), SOON, observations=(WRENCH,))
-            if is_answered(n.effect, without) and misfit(without) <= _AS_GOOD * misfit(fit):
+    for n in named:
+        if len(kept) > 1 and is_answer(n.candidate.kind):
+            without = remove(fit, [n.effect])
+            as_good = misfit(without) <= fit.settings.as_good * misfit(fit)
+            if as_good and ask(n.candidate.kind, without) is None:
                 kept.remove(n)
                 fit = without
     return kept, fit

@@ -51,6 +51,7 @@ class NamedEffect:
     smallest: Mapping[str, float] = field(default_factory=dict)
     # its equivalence class: those that this recording does not tell from it
     equivalents: tuple[Candidate, ...] = ()
+    member: float = 1.0  # probability that it is this one of them: each lead's chance as a posterior
     would_separate: str = ""  # the ordinary movement that would
     rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
     # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)

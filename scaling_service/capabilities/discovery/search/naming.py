@@ -41,11 +41,12 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         effect,
         scored.fitted.spread,
         scored.fitted,
-        scored.p_family(among.count),
+        scored.p_family(among.count, settings.of_fit),
         scored.held_out,
         smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
-        equivalents,
-        find_separating_movement(effect, equivalents, fit) if equivalents else "",
+        tuple(equivalents),
+        1.0 / (1.0 + sum(min(p, 0.5) / (1.0 - min(p, 0.5)) for p in equivalents.values())),
+        find_separating_movement(effect, tuple(equivalents), fit) if equivalents else "",
         tuple(o.candidate for o in among.best if _comparable(o.candidate, candidate)),
     )
 
@@ -57,14 +58,15 @@ def _comparable(other: Candidate, candidate: Candidate) -> bool:
 
 def find_equivalents(
     scored: ScoredCandidate, others: Sequence[ScoredCandidate], level: float
-) -> tuple[Candidate, ...]:
+) -> Mapping[Candidate, float]:
     """The candidates that explain what this one does so nearly as well that chance could make the difference.
 
-    A motion that may take any course could always stand for one that follows a law, so it does not count.
+    Each with how likely chance makes so large a lead, the nearest first; a half where that is not known. A
+    motion that may take any course could always stand for one that follows a law, so it does not count.
     """
     if scored.gains is None:
-        return scored.equivalents
-    own, found = scored.candidate, []
+        return dict.fromkeys(scored.equivalents, 0.5)
+    own, found = scored.candidate, {}
     for other in others:
         one = other.candidate
         looser = isinstance(one.change, FreeMotion) and own.change is None
@@ -79,8 +81,8 @@ def find_equivalents(
         ):
             p = p_of_lead(scored.gains, other.gains, scored.fitted.by_chance - other.fitted.by_chance)
             if p > level:
-                found.append((p, one))
-    return tuple(candidate for _, candidate in sorted(found, key=lambda item: -item[0]))
+                found[one] = p
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
 def smallest_nameable(effect: Estimate, fitted: Fitted, level: float, power: float) -> Mapping[str, float]:

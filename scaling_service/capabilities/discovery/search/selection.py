@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import candidates, search_effects
+from scaling_service.capabilities.discovery.effects.plates import contradict_bias
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
@@ -24,10 +25,10 @@ from scaling_service.capabilities.discovery.evidence.scoring import (
     score_gathered,
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
 from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
+from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tune
 
 
 def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandidates:
@@ -82,7 +83,8 @@ def select(
     fitting = [item.name for item in fit.tracked if item.role == "fit"]
     for observation in OBSERVATIONS:
         room = fit.settings.most - sum(observation.shows(n.candidate) for n in named)
-        passing = [o for o in scored.best if observation.shows(o.candidate) and _passes(o, scored, fit)]
+        shown = [o for o in scored.best if observation.shows(o.candidate)]
+        passing = [o for o in (*_tuned(shown, scored, fit), *shown) if _passes(o, scored, fit)]
         passing = [
             o for o in keep_widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
         ]
@@ -98,13 +100,33 @@ def select(
     return Selection(found, implausible)
 
 
+def _tuned(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) -> list[ScoredCandidate]:
+    """The best candidate at its own frequency and damping, if it oscillates and between those tried may pass.
+
+    One that explains much at a frequency beside its own strays too much from block to block to pass there.
+    """
+    best = next(iter(shown), None)
+    if best is None or best.candidate.oscillation is None or _passes(best, among, fit):
+        return []
+    observation = observation_of(best.candidate)
+    if best.fitted.expected < fit.settings.oscillation_main * observation.above_noise(fit):
+        return []
+    tuned = tune(best, fit)
+    if tuned is None:
+        return []
+    choice = [tuned.candidate]
+    return score_gathered(observation.gather_beside(fit, choice, together=True), choice)
+
+
 def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
     level = fit.settings.level
-    likely = max(one.p_family(among.count), one.fitted.p) <= level and one.fitted.expected > 0.0
-    return likely and one.does_good(level) and not _passing_fault(one, fit)
+    by_chance = max(one.p_family(among.count, fit.settings.of_fit), one.fitted.p)
+    likely = by_chance <= level and one.fitted.expected > 0.0
+    contradicted = contradict_bias(one.candidate, one.fitted.size, fit.wrenches)
+    return likely and one.does_good(level) and not (contradicted or _is_partial_plate_fault(one, fit))
 
 
-def _passing_fault(one: ScoredCandidate, fit: Fit) -> bool:
+def _is_partial_plate_fault(one: ScoredCandidate, fit: Fit) -> bool:
     """Whether it is a plate's fault in some recordings only that is not all that is wrong with these.
 
     A model that is wrong looks like a fault of a plate in the recording that it was fitted to, and like

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from scaling_service.capabilities.discovery.effects.missing_dof import keeps_to_range
+from scaling_service.capabilities.discovery.effects.plates import contradict_bias
 from scaling_service.capabilities.discovery.evidence.fit import Fit, held_out_squares
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
@@ -77,7 +78,8 @@ def _implausible(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
 
 def in_range(named: NamedEffect, fit: Fit) -> bool:
     """Whether all numbers, estimated with everything else, are such as a laboratory could meet."""
-    return keeps_to_range(next(e for e in fit.effects if e.candidate.key == named.key), fit)
+    effect = next(e for e in fit.effects if e.candidate.key == named.key)
+    return keeps_to_range(effect, fit) and not contradict_bias(effect.candidate, effect.size, fit.wrenches)
 
 
 def _sorts(named: Sequence[NamedEffect]) -> list[list[NamedEffect]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import InverseDynamics
+from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of

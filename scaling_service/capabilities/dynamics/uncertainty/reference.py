@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import (
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
+    CUTOFF_HZ,
     ORDER,
     check_clock,
     in_model_order,
@@ -18,7 +19,6 @@ from scaling_service.capabilities.dynamics.inverse_dynamics import (
     no_frame,
     rated_motion,
 )
-from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.forces import SegmentLoads

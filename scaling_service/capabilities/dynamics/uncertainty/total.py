@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     Level,
     PlateNoise,
@@ -25,6 +24,7 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.errors import InputError
 from scaling_service.core.serial import Serial
 from scaling_service.numerics.multibody.laws import Array

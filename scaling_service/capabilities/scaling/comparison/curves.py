@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, Side, find_gait_cycles
+from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
+from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial

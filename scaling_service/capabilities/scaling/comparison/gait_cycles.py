@@ -9,21 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from scaling_service.capabilities.motion.clinical_angles import Cycle
+from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.results import Array
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.masks import seen
 from scaling_service.numerics.signals.filters import runs
-
-Cycle = tuple[float, float]
-Side = Literal["r", "l"]
-SIDES: tuple[Side, ...] = ("r", "l")
 
 _FEET = ("HEE", "LM", "MM")
 """Heel, as Zeni et al. 2008; else the malleoli, which the method's authors did not test."""
@@ -110,7 +107,7 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
         return GaitCycles((), contacts, marker, _too_few(len(contacts), side))
     if travels:
         gone = pelvis @ direction
-        cycles = tuple(c for c in cycles if _carried(trial.times, gone, c) > _excursion(ahead))
+        cycles = tuple(c for c in cycles if _measure_progress(trial.times, gone, c) > _excursion(ahead))
     said = "" if cycles else "no stride carries the pelvis as far as the foot goes against it"
     return GaitCycles(cycles, contacts, marker, said)
 
@@ -246,7 +243,7 @@ def _between_frames(times: Array, ahead: Array, rows: NDArray[np.intp], frame_s:
     return exact
 
 
-def _carried(times: Array, way: Array, cycle: Cycle) -> float:
+def _measure_progress(times: Array, way: Array, cycle: Cycle) -> float:
     """How far the pelvis goes during a stride, m."""
     start, end = np.interp(cycle, times, way)
     return float(end - start)

@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods.image_lengths import size_by_lengths
 from scaling_service.capabilities.scaling.methods.image_points import (
     doubt_sizes,
     find_epicondyles,
+    find_whole_legs,
     imaged_pelvis,
     marked_length,
 )
@@ -137,15 +139,9 @@ def _with_other_leg(
 
 def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
-    pelvis, parts = imaged_pelvis(evidence), segment_of(start.model, "pelvis", "")
+    pelvis, sides = imaged_pelvis(evidence), find_whole_legs(start.model, evidence)
+    assert pelvis is not None
     names = {s: tuple(segment_of(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
-    sides = [s for s in evidence.sides() if None not in names[s]]
-    if not sides or pelvis is None or parts is None:
-        raise SubjectInvalid(
-            "the images do not show a pelvis and one whole leg of the model",
-            field="bones",
-            remedy="Give pelvis, femur and tibia of at least one side, for a model with these segments",
-        )
     found = Registration(start.model)
     register_pelvis(found, evidence, pelvis)
     for side in sides:
@@ -300,16 +296,16 @@ class ImageBased:
         self,
         session: Session,
         start: Calibration | None,
-        settings: CalibrationSettings,  # noqa: ARG002 (all methods are called alike; nothing is fitted here)
+        settings: CalibrationSettings,
         progress: object,  # noqa: ARG002 (one step: nothing to report)
     ) -> Calibration:
         """Replace joint centres, knee axes and markers of a marker-based model by what images show.
 
         The marker-based model stays where nothing was imaged. Where the image shows no marker, those of
-        imaged segments are placed from the standing trial.
+        imaged segments are placed from the standing trial. Where no leg is imaged whole, the bones at hand
+        size their segments, and the rest follows as in persons with such bones.
 
-        Raises SubjectInvalid: there are no images, the model is not of the built-in leg's kind, or no leg is
-            imaged whole.
+        Raises SubjectInvalid: there are no images, or they show no length of the model.
         """
         assert start is not None
         evidence, standing = session.images, session.static
@@ -320,19 +316,16 @@ class ImageBased:
                 remedy="Give `bones:` in the subject file, or choose a marker-based method",
             )
         clock = time.perf_counter()
+        sides = find_whole_legs(start.model, evidence)
+        if not sides:
+            return size_by_lengths(session, settings, start, evidence)
         if session.subject.model.lower().endswith(".osim"):
             onto = _onto_bones(start, evidence, standing)
             doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
             return replace(onto, warnings=(*onto.warnings, *doubts), wall_s=time.perf_counter() - clock)
         model, notes = start.model, [*start.warnings]
         pelvis = imaged_pelvis(evidence)
-        sides = [s for s in evidence.sides() if {f"femur_{s}", f"tibia_{s}"} <= set(model.segment_names)]
-        if not sides or pelvis is None or "pelvis" not in model.segment_names:
-            raise SubjectInvalid(
-                "the images do not show a pelvis and one whole leg of the model",
-                field="bones",
-                remedy="Give pelvis, femur and tibia of at least one side, for a built-in leg model",
-            )
+        assert pelvis is not None
         frames: dict[str, Frames] = {"pelvis": pelvis}
         tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
         for side in sides:

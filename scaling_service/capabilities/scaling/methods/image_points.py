@@ -26,6 +26,14 @@ def imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
     return None
 
 
+def find_whole_legs(model: BodyModel, evidence: ImageEvidence) -> list[str]:
+    """The sides of which hip, knee and ankle were imaged, with the pelvis, and that the model has."""
+    if imaged_pelvis(evidence) is None or segment_of(model, "pelvis", "") is None:
+        return []
+    roles = ("femur", "tibia")
+    return [s for s in evidence.sides() if all(segment_of(model, role, s) is not None for role in roles)]
+
+
 def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array, Array]:
     """The epicondyles, lateral first; where they are not known, points on the flexion axis in their stead.
 

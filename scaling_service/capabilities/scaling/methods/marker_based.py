@@ -24,7 +24,7 @@ from scaling_service.capabilities.scaling.sizes.points import (
     with_sacrum,
     with_virtual_landmarks,
 )
-from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
+from scaling_service.capabilities.scaling.sizes.sizing import NO_BONES, Sizing, size_segments
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import few
@@ -41,7 +41,9 @@ from scaling_service.numerics.multibody.tree import marker_positions
 _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
 
 
-def scale_linearly(session: Session, settings: CalibrationSettings) -> Calibration:
+def scale_linearly(
+    session: Session, settings: CalibrationSettings, bones: Mapping[str, float] = NO_BONES
+) -> Calibration:
     """Scale the session's model from marker distances.
 
     With an OpenSim scale set-up its measurements, manual factors and marker placement are used; otherwise
@@ -49,6 +51,7 @@ def scale_linearly(session: Session, settings: CalibrationSettings) -> Calibrati
     standing trial. Where the settings ask for it, hip centres and knee axes come from the functional
     movements; a side that these do not determine keeps regression and epicondyles, and a warning says why.
 
+    ``bones``: dimension to the length that an image shows, m.
     Raises TrialUnusable: no recording, or none of the measurements can be taken, or no side's movements
         determine a joint that was asked for.
     Raises SubjectInvalid: a setting that is not for this kind of model.
@@ -71,7 +74,7 @@ def scale_linearly(session: Session, settings: CalibrationSettings) -> Calibrati
             )
         factors = setup_factors(session.model, standing, setup)
     else:
-        sizing = size_segments(session, settings, joints)
+        sizing = size_segments(session, settings, joints, bones)
         factors = dict(sizing.factors)
         notes.extend(sizing.notes)
     keep = setup is None or setup.preserve_mass_distribution

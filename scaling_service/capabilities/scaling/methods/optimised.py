@@ -208,6 +208,17 @@ class Optimised:
         """Whether segment lengths are free."""
         return self.freedom.lengths
 
+    def _kept_knees(self, model: BodyModel) -> list[str]:
+        """A word on knees whose axes the image gave and no movement turns."""
+        shanks = [s for s in model.segments if s.name.startswith("tibia") and any(map(_is_turning, s.joints))]
+        kept = [s.joint_name for s in shanks if s.joint_name not in tiltable_knees(model)]
+        if not kept or not self.needs_images:
+            return []
+        return [
+            f"{self.name}: {few(kept)} turn in three ways, so no turn of their axes is fitted: "
+            f"they stay as in {self.needs}"
+        ]
+
     def calibrate(
         self,
         session: Session,
@@ -234,6 +245,8 @@ class Optimised:
         doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
         estimated = _parameters(freed, solution.p, doubt)
         values = {p.name: p.value for p in estimated}
+        warnings = [*start.warnings, *self._kept_knees(start.model)]
+        warnings += _warnings(self.name, estimated, solution, doubt)
         return Calibration(
             self.name,
             fold(freed, values),
@@ -244,7 +257,11 @@ class Optimised:
             fit.error(solution),
             solution.steps,
             time.perf_counter() - clock,
-            (*start.warnings, *_warnings(self.name, estimated, solution, doubt)),
+            (
+                *start.warnings,
+                *self._kept_knees(start.model),
+                *_warnings(self.name, estimated, solution, doubt),
+            ),
             start.image_poses,
             {} if self.freedom.lengths else start.sizes,
             start.centres,

@@ -16,6 +16,7 @@ from scaling_service.capabilities.scaling.comparison.verdict import RULES_IN_WOR
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.report.angles import angles_section, clinical_section
 from scaling_service.capabilities.scaling.report.bodies import errors_section, geometry_section
+from scaling_service.capabilities.scaling.report.muscles import muscles_section
 from scaling_service.capabilities.scaling.report.tables import fitted_table, plain_measure, truth_table
 from scaling_service.capabilities.scaling.run import Results
 from scaling_service.capabilities.scaling.scene import overlay
@@ -58,12 +59,18 @@ def report_page(results: Results, document: ComparisonDocument, evidence: Eviden
                 else gait_curves(results, verdict.method),
             ),
             clinical_section(methods, verdict.method),
+            *_muscles(results, document),
             numbers_section(methods),
             provenance_section(document, titles),
         ],
         subtitle=f"Methods: {', '.join(methods)}",
         footer=f"scaling-service {document.code_version}. The numbers are in comparison.json, too.",
     )
+
+
+def _muscles(results: Results, document: ComparisonDocument) -> Iterator[Section]:
+    if results.muscles is not None and document.muscles is not None:
+        yield muscles_section(results.muscles, document.muscles)
 
 
 def shown_trial(results: Results) -> Trial | None:

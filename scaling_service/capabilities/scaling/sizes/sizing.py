@@ -63,6 +63,12 @@ value); stature, chosen: shoes, and a child grows by 4 % in a year."""
 _PRIOR_NAMES: Mapping[str, str] = MappingProxyType({"asis_width": "pelvis_width"})
 """Sizes measured by hand that anthropometry has under another name."""
 
+BONE_SD_M = 0.002
+"""Standard deviation of a length between centres on a bone's surface. Chosen: a voxel or two of MRI, from
+many of which a centre is fitted."""
+
+NO_BONES: Mapping[str, float] = MappingProxyType({})
+
 _MIDLINE = frozenset({"inter_hip", "trunk", "head_length"})
 _NO_PERSONS = 0.5
 """Chosen: logarithm of a model's length over an adult's beyond which it is defined otherwise."""
@@ -195,17 +201,21 @@ class Sizing:
 
 
 def size_segments(
-    session: Session, settings: CalibrationSettings, joints: FunctionalJoints | None = None
+    session: Session,
+    settings: CalibrationSettings,
+    joints: FunctionalJoints | None = None,
+    bones: Mapping[str, float] = NO_BONES,
 ) -> Sizing:
     """Factors of each segment from landmarks and anthropometry: one, or one along each axis.
 
     Each distance is taken on the first trial that shows both of its ends, the static trial before movements.
 
     ``joints``: hip centres that take the regression's place.
+    ``bones``: dimension to the length that an image shows, m; with them all is weighed.
     Raises TrialUnusable: nothing could be measured, or a size is no person's.
     """
     subject, model = session.subject, session.model
-    prior = expect_dimensions(subject)
+    prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in bones.items()})
     scale = prior.value("stature") / ADULT_STATURE_M
     known = body_sizes(session, prior)
     people = tuple(
@@ -221,7 +231,7 @@ def size_segments(
         if trial is not None
     )
     ours = model_points(model)
-    weighted = settings.sizes == "weighted"
+    weighted = settings.sizes == "weighted" or bool(bones)
     ratios = measure_ratios(people, ours, model.segment_names, besides=weighted)
     if not len(ratios.logs):
         raise TrialUnusable(

@@ -14,7 +14,7 @@
  */
 
 import { askWith } from "./api/key.ts";
-import { asProblem, isAbort } from "./api/problem.ts";
+import { asProblem, isAbort, Problem } from "./api/problem.ts";
 import { parsed, type Place } from "./routes.ts";
 import { shell } from "./shell.ts";
 import { askForKeyOnScreen } from "./ui/dialog.ts";
@@ -61,7 +61,7 @@ async function go(): Promise<void> {
     await view({ place, main: page.main, signal });
   } catch (error) {
     if (signal.aborted || isAbort(error)) return;
-    console.error(error);
+    if (!(error instanceof Problem)) console.error(error);
     page.main.append(problemBox(asProblem(error)));
   }
 }

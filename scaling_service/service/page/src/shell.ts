@@ -33,6 +33,7 @@ export function shell(): Shell {
       h("a", { class: "brand", href: "#/" }, "scaling-service"),
       h("nav", { "aria-label": "Places" }, ...links),
       h("span", { class: "push" }),
+      h("a", { href: "/guide/" }, "Guide"),
       h("a", { href: "/docs" }, "API"),
       keyButton(),
       themeButton(),

@@ -75,6 +75,15 @@ export interface BatchRequest {
   settings?: Settings;
 }
 
+export interface BeliefDocument {
+  effect: number;
+  member: number;
+  sign: number | null;
+  size: number | null;
+  summary: string;
+  cautions: Array<string>;
+}
+
 export interface BodyEntry {
   name: string;
   bones: string;
@@ -100,6 +109,13 @@ export interface Bones {
   tibia_l?: string | null;
   talus_r?: string | null;
   talus_l?: string | null;
+}
+
+export interface BonesDocument {
+  skin_mm: Record<string, number>;
+  expectations: Array<ExpectationDocument>;
+  undetermined: Array<string>;
+  left_out: Array<string>;
 }
 
 export interface BothGaps {
@@ -221,6 +237,7 @@ export interface ComparisonDocument {
   warnings: Array<string>;
   wall_s: number;
   truth: TruthDocument | null;
+  muscles: MuscleDocument | null;
 }
 
 export interface ConsistentDocument {
@@ -276,6 +293,19 @@ export interface CoordinateEntry {
 export interface CoordinateWord {
   name: string;
   unit: "deg" | "m";
+}
+
+export interface Correction {
+  labels: Record<string, string>;
+  from_s: number;
+  to_s: number;
+}
+
+export interface CorrectionEntry {
+  file: string;
+  labels: Record<string, string>;
+  from_s: number;
+  to_s: number;
 }
 
 export interface CurveEntry {
@@ -360,12 +390,14 @@ export interface DiscoveryDocument {
   sizes: Record<string, number>;
   verdict: "found" | "nothing" | "unexplained";
   headline: string;
+  smaller: string;
   reason: string;
   disagreements: Array<DisagreementDocument>;
   effects: Array<EffectDocument>;
   gap: BothGaps;
   tried: Array<TriedDocument>;
   unexplained: Array<UnexplainedDocument>;
+  bones: BonesDocument | null;
   start: string;
   fitted_trials: Array<string>;
   held_out_trials: Array<string>;
@@ -419,11 +451,13 @@ export interface EffectDocument {
   trials: Array<string> | null;
   note: string;
   name: string;
+  carries: boolean;
   parameters: Record<string, QuantityDocument>;
   smallest_nameable: Record<string, number>;
   confusable_with: Array<PlacedEffect>;
   would_separate: string | null;
   evidence: EvidenceDocument;
+  belief: BeliefDocument | null;
 }
 
 export interface EvidenceDocument {
@@ -436,6 +470,14 @@ export interface EvidenceDocument {
 
 export interface ExampleList {
   subjects: Array<string>;
+}
+
+export interface ExpectationDocument {
+  coordinate: string;
+  at_rest_deg: number;
+  follows: Array<string>;
+  sd_deg: number;
+  source: string;
 }
 
 export interface ExtraMarker {
@@ -648,6 +690,8 @@ export interface JointAngleComparison {
 }
 
 export interface JointAnglesRequest {
+  export?: Array<"mjcf" | "biomod">;
+  muscles?: boolean;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -688,6 +732,8 @@ export interface KinematicErrorDocument {
 }
 
 export interface KinematicErrorRequest {
+  export?: Array<"mjcf" | "biomod">;
+  muscles?: boolean;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -745,6 +791,7 @@ export interface LevelDocument {
 }
 
 export interface LinearRequest {
+  export?: Array<"mjcf" | "biomod">;
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -861,6 +908,7 @@ export interface MotionDocument {
   sizes: Record<string, number>;
   model: string;
   locked: Array<string>;
+  units: Record<string, "deg" | "m">;
   axes: string;
   trials: Record<string, TrackedTrialDocument>;
   warnings: Array<string>;
@@ -878,6 +926,7 @@ export interface MotionEntry {
 
 export interface MotionRequest {
   poses?: boolean;
+  angles?: boolean;
   markers?: Record<string, string>;
   bone_pins?: boolean;
   up?: string | null;
@@ -888,7 +937,40 @@ export interface MotionRequest {
   recordings?: Array<string> | null;
 }
 
+export interface MuscleDifference {
+  method: string;
+  against: string;
+  quantity: "moment arm" | "length" | "joint moment";
+  muscle: string;
+  coordinate: string;
+  trial: string;
+  time_s: number;
+  angle_deg: number | null;
+  value: number;
+  reference: number;
+  difference: number;
+  rms: number;
+  unit: string;
+}
+
+export interface MuscleDocument {
+  reference: string;
+  trials: Array<string>;
+  differences: Array<MuscleDifference>;
+  summary: Array<string>;
+  notes: Array<string>;
+}
+
+export interface Need {
+  name: string;
+  there: boolean;
+  required: boolean;
+  text: string;
+  give: "recordings" | "static" | "evaluation" | "bones" | "forces" | "model" | "height" | "mass";
+}
+
 export interface OptimisedRequest {
+  export?: Array<"mjcf" | "biomod">;
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am";
@@ -984,11 +1066,12 @@ export interface Problem {
 }
 
 export interface ProblemEntry {
-  severity: "error" | "warning";
+  severity: "error" | "warning" | "note";
   file: string | null;
   field: string | null;
   problem: string;
   remedy: string | null;
+  corrections: Array<CorrectionEntry>;
 }
 
 export interface ProcessingSettings {
@@ -1017,6 +1100,8 @@ export interface ProofDocument {
   markers: Array<MarkerProof>;
   unused_labels: Array<string>;
   extra_markers: Array<ExtraMarker>;
+  readiness: Array<Readiness>;
+  headline: string;
   proposal: Record<string, unknown> | null;
   problems: Array<ProblemEntry>;
 }
@@ -1030,6 +1115,8 @@ export interface ProofRequest {
 export interface QuantityDocument {
   value: number | [number, number, number];
   sd: number | null;
+  usual: [number, number] | null;
+  at_bound: boolean;
 }
 
 export interface QuantityEntry {
@@ -1048,6 +1135,13 @@ export interface RankedPairEntry {
   difference_sd: number;
   p: number;
   significant: boolean;
+}
+
+export interface Readiness {
+  analysis: string;
+  title: string;
+  ready: boolean;
+  needs: Array<Need>;
 }
 
 export interface RecordingProof {
@@ -1138,6 +1232,8 @@ export interface ScalingDocument {
 }
 
 export interface ScalingRequest {
+  export?: Array<"mjcf" | "biomod">;
+  muscles?: boolean;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -1189,6 +1285,8 @@ export interface SegmentLengthComparison {
 }
 
 export interface SegmentLengthsRequest {
+  export?: Array<"mjcf" | "biomod">;
+  muscles?: boolean;
   subject: string;
   settings?: Settings;
   methods?: Array<string> | null;
@@ -1262,6 +1360,7 @@ export interface SubjectDocument {
   extra_markers?: Record<string, string>;
   trials: Trials;
   forces?: Record<string, string>;
+  corrections?: Record<string, Array<Correction>>;
   bones?: Bones | null;
   image_markers?: string | null;
   sizes?: Record<string, number>;
@@ -1359,6 +1458,7 @@ export interface TrialDynamicsDocument {
   slopes_per_cm: [number, number, number, number, number, number];
   r2: [number, number, number, number, number, number];
   calibration_supported: [boolean, boolean, boolean, boolean, boolean, boolean];
+  unmeasured: Array<string>;
   warnings: Array<string>;
 }
 
@@ -1438,6 +1538,7 @@ export interface WeightDocument {
   declared_kg: number;
   plates_kg: number;
   sd_kg: number;
+  differs: boolean;
   by_trial_kg: Record<string, number>;
 }
 

@@ -5,11 +5,20 @@ import type { FileEntry, SubjectDetail, SubjectDocument, SubjectPage, SubjectSum
 
 const subjectPath = (id: string): string => `/v1/subjects/${encodeURIComponent(id)}`;
 
-export const getSubject = (id: string, signal?: AbortSignal): Promise<SubjectDetail> =>
-  getJson(subjectPath(id), signal);
+let saving: Promise<unknown> = Promise.resolve();
 
-export const putSubject = (document: SubjectDocument): Promise<SubjectDetail> =>
-  sendJson("/v1/subjects", document);
+/** A subject, as what was last saved has made it. */
+export async function getSubject(id: string, signal?: AbortSignal): Promise<SubjectDetail> {
+  await saving.catch(() => undefined);
+  return getJson(subjectPath(id), signal);
+}
+
+/** Save a subject, after what was saved before. */
+export function putSubject(document: SubjectDocument): Promise<SubjectDetail> {
+  const saved = saving.catch(() => undefined).then(() => sendJson<SubjectDetail>("/v1/subjects", document));
+  saving = saved;
+  return saved;
+}
 
 export async function listSubjects(signal?: AbortSignal): Promise<SubjectSummary[]> {
   const found: SubjectSummary[] = [];

@@ -1,6 +1,7 @@
 /** What all figures have in common. */
 
 import type { Option } from "./engine.ts";
+import { minus } from "../ui/words.ts";
 import { FONT, type Ink } from "./ink.ts";
 
 export interface Axis {
@@ -32,7 +33,7 @@ export function valueAxis(ink: Ink, { name, min, max }: Axis, where: "x" | "y"):
     nameLocation: "middle",
     nameGap: where === "x" ? 24 : 38,
     nameTextStyle: { color: ink.quiet },
-    axisLabel: { color: ink.quiet, hideOverlap: true },
+    axisLabel: { color: ink.quiet, hideOverlap: true, formatter: (value: number) => minus(String(Number(value.toPrecision(12)))) },
     axisLine: { show: where === "x", lineStyle: { color: ink.quiet } },
     splitLine: { show: where === "y", lineStyle: { color: ink.line } },
     scale: min === undefined,

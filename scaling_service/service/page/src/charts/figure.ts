@@ -27,7 +27,7 @@ export interface Drawn {
   redraw: () => void;
 }
 
-/** Figures are drawn when they come near to what is seen, and let go with the signal. */
+/** Figures are drawn when they come near to what is seen or nothing else is to be done, and let go with the signal. */
 export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const plot = h("div", { class: "plot", role: "img", "aria-label": options.alt });
   plot.style.height = `${options.height}px`;
@@ -68,7 +68,28 @@ function whenNear(element: Element, work: () => void, signal: AbortSignal): void
     { rootMargin: "300px" },
   );
   watching.observe(element);
+  idle(() => {
+    if (signal.aborted || !element.isConnected) return;
+    watching.disconnect();
+    work();
+  });
   signal.addEventListener("abort", () => watching.disconnect());
+}
+
+const waiting: (() => void)[] = [];
+
+/** Do a piece of work when nothing else is to be done, one after the other: whoever prints sees all figures. */
+function idle(work: () => void): void {
+  waiting.push(work);
+  if (waiting.length === 1) next();
+}
+
+function next(): void {
+  requestIdleCallback(() => {
+    waiting[0]?.();
+    waiting.shift();
+    if (waiting.length > 0) next();
+  });
 }
 
 function tools(options: FigureOptions, width: () => number): HTMLElement[] {

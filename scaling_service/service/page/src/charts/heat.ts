@@ -46,7 +46,7 @@ export function heatOption(ink: Ink, heat: Heat): Option {
       top: "middle",
       itemWidth: 10,
       itemHeight: 110,
-      text: [`${number(heat.top, 0)} ${heat.unit}`, "0"],
+      text: [`≥ ${number(heat.top, 0)} ${heat.unit}`, "0"],
       textStyle: { color: ink.quiet },
       inRange: { color: ink.heat },
     },

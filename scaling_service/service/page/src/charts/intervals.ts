@@ -20,13 +20,13 @@ interface Drawing {
   coord: (at: [number, number]) => [number, number];
 }
 
-export function intervalsOption(ink: Ink, intervals: readonly Interval[], axis: string): Option {
-  const common = base(ink, { left: LEFT });
+export function intervalsOption(ink: Ink, intervals: readonly Interval[], axis: string, left = LEFT, min?: number): Option {
+  const common = base(ink, { left });
   return {
     ...common,
     tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(intervals, found) },
-    xAxis: valueAxis(ink, { name: axis }, "x"),
-    yAxis: nameAxis(ink, intervals.map(({ name }) => name), LEFT - 10),
+    xAxis: valueAxis(ink, min === undefined ? { name: axis } : { name: axis, min }, "x"),
+    yAxis: nameAxis(ink, intervals.map(({ name }) => name), left - 10),
     series: [
       {
         type: "custom",

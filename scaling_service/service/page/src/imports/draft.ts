@@ -1,15 +1,11 @@
 /** A subject's document while it is corrected: what each file is for, who it is, which label is which marker. */
 
-import type { Bones, SubjectDocument } from "../api/schema.ts";
-
-
+import type { Bones, Correction, SubjectDocument } from "../api/schema.ts";
 
 /** What a file is for, as the proof names it, such as `calibration` or `bones.femur_r`. */
 export type Role = string;
 
 export class Draft {
-  /** Whether something differs from what the service has. */
-  changed = false;
   private readonly roles = new Map<string, Set<Role>>();
 
   /** @param told called after each change. */
@@ -75,6 +71,13 @@ export class Draft {
     this.change();
   }
 
+  /** Exchange labels of a recording for a while, beside what is exchanged already; null: leave it as it was. */
+  correct(file: string, correction: Correction | null): void {
+    const { [file]: before = [], ...others } = this.document.corrections ?? {};
+    this.document.corrections = correction === null ? others : { ...others, [file]: [...before, correction] };
+    this.change();
+  }
+
   /** The document as it is to be given to the service. */
   finished(): SubjectDocument {
     const with_ = (role: Role): string[] => [...this.roles].filter(([, roles]) => roles.has(role)).map(([file]) => file);
@@ -92,6 +95,7 @@ export class Draft {
       extra_markers: this.document.extra_markers,
       trials: { static: with_("static")[0] ?? null, calibration: with_("calibration"), evaluation: with_("evaluation") },
       forces: below("forces"),
+      corrections: this.document.corrections,
       bones: Object.keys(bones).length === 0 ? undefined : { units: before?.units ?? "mm", ...bones },
       image_markers: with_("image_markers")[0],
       sizes: this.document.sizes,
@@ -105,7 +109,6 @@ export class Draft {
   }
 
   private change(): void {
-    this.changed = true;
     this.told();
   }
 }

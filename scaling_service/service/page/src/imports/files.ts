@@ -28,7 +28,7 @@ export function fileTable(proof: ProofDocument, draft: Draft, bones: readonly st
   ]);
   return h(
     "div",
-    null,
+    { "data-give": "static evaluation bones forces recordings" },
     failed,
     table({
       caption: "What each file is for",

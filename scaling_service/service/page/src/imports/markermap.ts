@@ -2,6 +2,7 @@
 
 import { getJson, sendJson } from "../api/http.ts";
 import type { MarkerMapDocument, MarkerProof, ProofDocument } from "../api/schema.ts";
+import { folded } from "../ui/blocks.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
@@ -46,6 +47,17 @@ export class MarkerMap {
     const found = this.proof.markers.find(({ marker }) => this.labelOf(marker) === label);
     this.told.textContent = found === undefined ? `${label} is no marker of the model.` : `${label} is ${found.marker}.`;
     this.element.querySelector(`[data-label="${CSS.escape(label)}"]`)?.scrollIntoView({ block: "nearest" });
+  }
+
+  /** Label to the model's marker and segment, as proposed. */
+  names(): Map<string, { marker: string; segment: string }> {
+    const own = this.proof.markers.flatMap(({ marker, segment }): [string, { marker: string; segment: string }][] => {
+      const label = this.labelOf(marker);
+      return label === null ? [] : [[label, { marker, segment }]];
+    });
+    const further = this.proof.extra_markers.flatMap(({ label, segment }): [string, { marker: string; segment: string }][] =>
+      segment === null ? [] : [[label, { marker: label, segment }]]);
+    return new Map([...further, ...own]);
   }
 
   private labelOf(marker: string): string | null {
@@ -129,7 +141,7 @@ export class MarkerMap {
       for (const { label, segment } of found) this.draft.extra(label, segment);
       this.draw();
     } }, `Use the ${found.length} that move with a segment`);
-    return h("div", null, found.length > 0 && h("div", { class: "actions" }, all), table({
+    return folded(`Further labels (${rows.length})`, found.length > 0 && h("div", { class: "actions" }, all), table({
       caption: "Further labels",
       name: "further_labels",
       columns: [{ title: "label" }, { title: "moves with", words: true }, { title: "to within, mm" }, { title: "use on", words: true }],

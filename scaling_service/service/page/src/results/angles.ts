@@ -11,7 +11,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
-import { chance, words } from "../ui/words.ts";
+import { chance, plural, words } from "../ui/words.ts";
 import type { Finished } from "./result.ts";
 
 const CYCLE = "gait cycle";
@@ -84,7 +84,8 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
   );
 }
 
-const tested = (cycle: CycleScene): string => (cycle.can_decide ? `p ${chance(cycle.p)}` : "too few cycles to test");
+const tested = (cycle: CycleScene): string =>
+  `${plural(cycle.cycles, "cycle")}, ${cycle.can_decide ? `p ${chance(cycle.p)}` : "too few to test"}`;
 
 function whereInWords({ differ_percent }: CycleScene): string {
   if (differ_percent.length === 0) return "The methods do not differ significantly anywhere.";
@@ -92,6 +93,10 @@ function whereInWords({ differ_percent }: CycleScene): string {
 }
 
 function pairTable(gait: GaitScene): HTMLElement {
+  const tests = Object.values(gait.angles).flatMap(({ pairs }) => Object.values(pairs));
+  if (!tests.some(({ can_decide }) => can_decide)) {
+    return h("p", { class: "quiet" }, `Too few cycles to test each method against ${gait.reference}: record more strides.`);
+  }
   const rows = Object.entries(gait.angles).flatMap(([name, cycle]) =>
     Object.entries(cycle.pairs).map(([method, test]) => [
       cell(words(name)),

@@ -33,16 +33,21 @@ const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 function verdict(document: DiscoveryDocument): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
+  const main = effects.filter(({ carries }) => carries);
+  const small = effects.filter(({ carries }) => !carries);
+  const cautions = main.flatMap(({ belief }) => belief?.cautions ?? []);
   const left = few(unexplained.flatMap((one) => one.where));
   return [
     h("p", { class: "quiet" }, subtitle(document)),
     callout(
       document.headline,
       TONES[document.verdict],
-      effects.length > 0 && h("ol", null, ...effects.map(({ name }) => h("li", null, name))),
+      main.length > 0 && h("ol", null, ...main.map(({ name, belief }) => h("li", null, belief == null ? name : `${name} (${belief.summary})`))),
       left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
+    cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
+    small.length > 0 ? folded(document.smaller, bullets(small.map(({ name }) => name))) : h("span"),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
 }

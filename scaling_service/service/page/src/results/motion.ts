@@ -5,6 +5,7 @@ import type { MotionDocument } from "../api/schema.ts";
 import { h } from "../ui/dom.ts";
 import { cell, table } from "../ui/table.ts";
 import { few, number, words } from "../ui/words.ts";
+import { bands } from "./bands.ts";
 import { parts, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
 
@@ -12,6 +13,7 @@ export const motion: ResultView = async (found) => {
   const document = await getResult<MotionDocument>(found.job.id, found.signal);
   await parts("Parts of the motion", found, [
     { name: "errors", title: "Errors", show: (place) => place.append(...errors(document)) },
+    { name: "angles", title: "Angles and their bands", show: (place) => bands(document, found, place) },
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
@@ -30,7 +32,7 @@ function errors({ model, warnings, trials }: MotionDocument): HTMLElement[] {
       name: "motion",
       columns: ["recording", "frames", "mean, mm", "RMS, mm", "largest, mm", "not determined"].map((title) => ({ title })),
       rows,
-      note: "Standard deviations of all coordinates in all frames stand in the files that end in _ik_sd.mot.",
+      note: "Standard deviations of all coordinates in all frames: under “Angles and their bands”, and in the files that end in _ik_sd.mot.",
     }),
   ];
 }

@@ -30,7 +30,7 @@ export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): H
     await upload(subject, model, await (await send(filePath(job.id, chosen))).blob());
     for (const file of recordings) await upload(subject, file.name, file);
     const names = recordings.map(({ name }) => name);
-    const asked = await ask("motions", { subject, model, ...(names.length > 0 ? { recordings: names } : {}) });
+    const asked = await ask("motions", { subject, model, angles: true, ...(names.length > 0 ? { recordings: names } : {}) });
     location.hash = toJob(asked.id);
   });
   return h(

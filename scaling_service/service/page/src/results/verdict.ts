@@ -1,9 +1,12 @@
 /** Which method to use for this person, why, and how far to trust it. */
 
 import type { ComparisonDocument } from "../api/schema.ts";
-import { toJob } from "../routes.ts";
+import { figure } from "../charts/figure.ts";
+import { intervalsOption } from "../charts/intervals.ts";
+import { toJob, toSubject } from "../routes.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
+import { METHODS } from "../ui/glossary.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
 import { number, plural } from "../ui/words.ts";
@@ -13,11 +16,16 @@ import type { Finished } from "./result.ts";
 const TONES = { decided: "good", leaning: "fair", undecided: "unknown" } as const;
 const LEVELS = { good: "good", fair: "fair", poor: "poor", unknown: "not known" };
 
-export function verdict(document: ComparisonDocument, { job }: Finished, place: HTMLElement): void {
+export function verdict(document: ComparisonDocument, found: Finished, place: HTMLElement): void {
   const told = document.verdict;
+  const { job } = found;
   if (told !== null) {
+    const seen = h("div");
+    const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== told.method && name in document.methods);
     place.append(
-      callout(told.headline, TONES[told.strength], bullets(told.why)),
+      h("div", { class: "outcome" },
+        h("div", null, callout(told.headline, TONES[told.strength], bullets(told.why)), onwards(found)),
+        h("div", null, seen, bars(document, found))),
       table({
         caption: `How far to trust ${told.method}`,
         name: "trust",
@@ -25,12 +33,54 @@ export function verdict(document: ComparisonDocument, { job }: Finished, place: 
         rows: told.trust.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text)]),
       }),
     );
+    // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
+    void import("./picture.ts").then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
+      .then((figure) => figure !== null && seen.append(figure))
+      .catch(() => seen.append(h("p", { class: "quiet" }, "There is no picture of the models here.")));
   }
-  place.append(atAGlance(document), h("p", null, h("a", { href: toJob(job.id, "space") }, "See the models in space")));
+  place.append(atAGlance(document), glossary(Object.keys(document.methods)));
   if (document.truth !== null) place.append(truth(document.truth.errors));
   const warnings = [...document.warnings, ...Object.values(document.methods).flatMap((method) => method.warnings)];
   if (warnings.length > 0) place.append(folded(plural(new Set(warnings).size, "note"), bullets([...new Set(warnings)])));
   place.append(recordings(document));
+}
+
+function glossary(names: readonly string[]): HTMLElement {
+  return folded("What the methods are", h("dl", { class: "facts" }, ...names.map((name) => h("div", null, h("dt", null, name), h("dd", null, METHODS[name] ?? "")))));
+}
+
+/** Where one goes from here. */
+function onwards({ job, origin }: Finished): HTMLElement {
+  const { subject } = origin.specification.request;
+  return h("nav", { class: "actions", "aria-label": "What to do next" },
+    h("a", { class: "button", href: toJob(job.id, "space") }, "Play the models in space"),
+    h("a", { class: "button", href: toJob(job.id, "angles") }, "Joint angles"),
+    h("a", { class: "button", href: toJob(job.id, "files") }, "Take the model away"),
+    typeof subject === "string" && h("a", { class: "button", href: toSubject(subject, "run") }, "Find what the model lacks"));
+}
+
+/** The error of each method with its spread over the recordings' frames: held out where there is such a recording. */
+function bars({ methods }: ComparisonDocument, { signal }: Finished): HTMLElement {
+  const all = Object.values(methods);
+  const heldOut = all.some(({ held_out_mean_mm }) => held_out_mean_mm !== null);
+  const known = styles(all.map(({ method }) => method));
+  const intervals = all.flatMap(({ method, kinematic_error_mm }) => {
+    const errors = Object.values(kinematic_error_mm).filter(({ role }) => (role === "evaluation") === heldOut);
+    const frames = errors.reduce((sum, one) => sum + one.frames, 0);
+    if (frames === 0) return [];
+    const middle = errors.reduce((sum, one) => sum + one.frames * one.mean, 0) / frames;
+    const square = errors.reduce((sum, one) => sum + one.frames * (one.sd ** 2 + (one.mean - middle) ** 2), 0) / frames;
+    const sd = Math.sqrt(square);
+    return [{ name: method, low: middle - sd, middle, high: middle + sd, colour: known.get(method)?.colour ?? "" }];
+  });
+  return figure({
+    title: `Kinematic error ${heldOut ? "held out" : "where fitted"}, mm (mean ± SD over frames)`,
+    name: "verdict_errors_mm",
+    alt: intervals.map(({ name, middle, high }) => `${name} ${number(middle)} ± ${number(high - middle)} mm`).join("; "),
+    height: 66 + 24 * intervals.length,
+    option: (ink) => intervalsOption(ink, intervals, "mean distance between measured and model markers, mm", 70, 0),
+    rows: () => [["method", "mean_mm", "sd_mm"], ...intervals.map((one) => [one.name, one.middle, one.high - one.middle])],
+  }, signal).element;
 }
 
 /** A column for each method, in its colour. */

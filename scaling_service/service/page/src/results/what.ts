@@ -17,16 +17,20 @@ const NORMAL_95 = 1.96;
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
   if (document.effects.length === 0) place.append(h("p", null, `No effect was named: ${document.reason}.`));
   if (document.effects.length + document.tried.length > 0) place.append(candidates(document, signal));
-  document.effects.forEach((effect, k) => place.append(...chapter(effect, k + 1)));
+  const main = document.effects.filter(({ carries }) => carries);
+  main.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect)));
+  for (const effect of document.effects) {
+    if (!effect.carries) place.append(folded(`Smaller: ${placed(effect)}`, ...chapter(effect)));
+  }
   if (document.unexplained.length > 0) place.append(unexplained(document));
   place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
 }
 
-function chapter(effect: EffectDocument, count: number): HTMLElement[] {
+function chapter(effect: EffectDocument): HTMLElement[] {
   const alike = effect.confusable_with;
   return [
-    h("h2", null, `${count}. ${placed(effect)}`),
     h("p", null, `${sentence(effect.name)} ${effect.evidence.summary}`),
+    h("p", null, effect.belief == null ? "" : `How sure: ${effect.belief.summary}.`),
     numbers(effect),
     alike.length > 0
       ? h("div", null, h("p", null, "These recordings do not tell it from:"), bullets(alike.slice(0, MOST_ALIKE).map(placed)),
@@ -40,18 +44,23 @@ function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement
   return table({
     caption: "Its numbers",
     name: "effect",
-    columns: ["number", "value", "95 % interval", "named from"].map((title) => ({ title })),
+    columns: ["number", "value", "95 % interval", "met", "named from"].map((title) => ({ title })),
     rows: Object.entries(parameters).map(([name, quantity]) => [
       cell(name),
-      cell(valueOf(quantity)),
+      cell(valueOf(quantity), undefined, doubtful(quantity) ? "fair" : undefined),
       cell(interval(quantity)),
+      cell(quantity.usual == null ? "–" : quantity.usual.map((end) => figures(end)).join(" to ")),
       cell(figures(smallest_nameable[name]), smallest_nameable[name] ?? null),
     ]),
-    note: "The unit is in the name. True minus modelled, or measured over true for a factor. Named from: the size that is named nine times in ten.",
+    note: "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in laboratories. Named from: the size that is named nine times in ten.",
   });
 }
 
 const valueOf = ({ value }: QuantityDocument): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
+
+/** Whether a number stands at a bound of the search, or outside of what laboratories meet. */
+const doubtful = ({ value, usual, at_bound }: QuantityDocument): boolean =>
+  at_bound || (usual != null && !Array.isArray(value) && (value < usual[0] || value > usual[1]));
 
 function interval({ value, sd }: QuantityDocument): string {
   if (sd === null || Array.isArray(value)) return "–";

@@ -29,10 +29,8 @@ export async function errorMap(
   if (motion === undefined) return { element: h("p", { class: "quiet" }, `${method} did not follow ${trial.name}.`), at: () => undefined };
   const { values, step } = await new Frames(motion.errors, path, signal, () => undefined).whole();
   const heat = binned(trial, values, step);
-  const framesPerColumn = trial.frames / heat.times.length;
-  const worst = worstOf(heat);
+  const worst = worstOf(heat, trial);
   const [most] = worst;
-  const frameOf = (column: number): number => Math.round((column + 0.5) * framesPerColumn);
   const drawn = figure({
     title: `${method} in ${trial.name}: distance between measured and model marker, mm`,
     name: `error_${trial.name}_${method}_mm`,
@@ -40,11 +38,11 @@ export async function errorMap(
     height: heatHeight(heat.names.length),
     option: (ink) => heatOption(ink, heat),
     rows: () => rowsOf(heat),
-    note: "A click shows the marker at that time. Grey gaps: not seen.",
+    note: `A click shows the marker at that time. Empty: not seen. The strongest colour stands for ${number(heat.top, 0)} mm and more, up to ${number(most?.value)} mm.`,
     drawn: (chart) => {
       chart.on("click", (event) => {
         const [column, row] = event.value as [number, number];
-        go(frameOf(column), heat.names[row] ?? "");
+        go(heat.frames[column * heat.names.length + row] ?? 0, heat.names[row] ?? "");
       });
     },
   }, signal);
@@ -52,8 +50,8 @@ export async function errorMap(
   vary(cursor, { "--high": `${heatHeight(heat.names.length) - HEAT_ABOVE - HEAT_BELOW}px` });
   const plot = drawn.element.querySelector<HTMLElement>(".plot");
   plot?.after(h("div", { class: "cursors" }, cursor));
-  const moments = worst.map(({ name, column, time, value }) =>
-    h("button", { class: "small", onclick: () => go(frameOf(column), name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
+  const moments = worst.map(({ name, frame, time, value }) =>
+    h("button", { class: "small", onclick: () => go(frame, name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
   return {
     element: h("div", null, drawn.element, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments)),
     at: (frame) => {
@@ -63,39 +61,47 @@ export async function errorMap(
   };
 }
 
-/** The most of each marker within each column of time. */
-function binned(trial: SceneTrial, values: Float32Array, step: number): Heat {
+interface Binned extends Heat {
+  /** The frame of each value. */
+  frames: Uint32Array;
+}
+
+/** The most of each marker within each column of time, and the frame in which it is. */
+function binned(trial: SceneTrial, values: Float32Array, step: number): Binned {
   const names = trial.labels;
   const rows = Math.floor(values.length / names.length);
   const columns = Math.min(rows, MOST_COLUMNS);
   const found = new Float32Array(columns * names.length).fill(NaN);
+  const frames = new Uint32Array(found.length);
   for (let row = 0; row < rows; row += 1) {
     const column = Math.floor((row * columns) / rows);
     for (let k = 0; k < names.length; k += 1) {
       const value = values[row * names.length + k] ?? NaN;
       const place = column * names.length + k;
-      if (!(value <= (found[place] ?? NaN)) && !Number.isNaN(value)) found[place] = value;
+      if (!(value <= (found[place] ?? NaN)) && !Number.isNaN(value)) [found[place], frames[place]] = [value, row * step];
     }
   }
-  const times = Array.from({ length: columns }, (_, k) => trial.start_s + ((k + 0.5) * rows * step) / columns / trial.rate_hz);
-  return { names, times, values: found, top: darkest(found), unit: "mm" };
+  const times = Array.from({ length: columns }, (_, k) => trial.start_s + (Math.ceil((k * rows) / columns) * step) / trial.rate_hz);
+  return { names, times, values: found, frames, top: darkest(found), unit: "mm" };
 }
 
 interface Moment {
   name: string;
-  column: number;
+  frame: number;
   time: number;
   value: number;
 }
 
 /** The worst moment of each of the worst markers, the largest first. */
-function worstOf({ names, times, values }: Heat): Moment[] {
+function worstOf({ names, times, values, frames }: Binned, { start_s, rate_hz }: SceneTrial): Moment[] {
   const found = names.map((name, k): Moment => {
     let column = 0;
     for (let c = 0; c < times.length; c += 1) {
       if ((values[c * names.length + k] ?? NaN) > (values[column * names.length + k] || 0)) column = c;
     }
-    return { name, column, time: times[column] ?? 0, value: values[column * names.length + k] ?? NaN };
+    const place = column * names.length + k;
+    const frame = frames[place] ?? 0;
+    return { name, frame, time: start_s + frame / rate_hz, value: values[place] ?? NaN };
   });
   return found.filter(({ value }) => Number.isFinite(value)).sort((a, b) => b.value - a.value).slice(0, WORST);
 }

@@ -3,6 +3,7 @@
 import type { SceneDocument, SceneTrial } from "../api/schema.ts";
 import { note } from "../routes.ts";
 import { Player } from "../space/player.ts";
+import { NEWTON_PER_METRE } from "../space/ground.ts";
 import { Theatre } from "../space/theatre.ts";
 import { box, group, select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
@@ -22,6 +23,18 @@ export interface PlaybackOptions {
   shown: readonly string[];
   frame: number;
   signal: AbortSignal;
+}
+
+/** Film a canvas until what is returned is called, which gives the video. */
+function filmed(canvas: HTMLCanvasElement): () => Promise<Blob> {
+  const recorder = new MediaRecorder(canvas.captureStream(), { mimeType: "video/webm" });
+  const parts: Blob[] = [];
+  recorder.ondataavailable = ({ data }) => void parts.push(data);
+  recorder.start(1000);
+  return () => new Promise((resolve) => {
+    recorder.onstop = () => resolve(new Blob(parts, { type: "video/webm" }));
+    recorder.stop();
+  });
 }
 
 export class Playback {
@@ -106,17 +119,38 @@ export class Playback {
       group("Show",
         box("bones", true, (shown) => theatre.showBones(shown)),
         box("model markers", true, (shown) => theatre.showMarkers(shown)),
-        box("measured markers", true, (shown) => theatre.showMeasured(shown)),
+        box(h("span", { class: "measured" }, "measured markers"), true, (shown) => theatre.showMeasured(shown)),
+        box("names", false, (shown) => theatre.showNames(shown)),
         box("follow", theatre.following, (following) => {
           theatre.following = following;
         })),
+      this.options.trial.plates.length > 0 && h("span", { class: "quiet" }, `Force arrows: 1 m is ${NEWTON_PER_METRE} N`),
       h("button", { class: "small", "aria-label": "Save the view as PNG", onclick: () => void this.snapshot(theatre) }, "PNG"),
-    ];
+      this.videoButton(theatre),
+    ].filter((one) => one !== false);
   }
 
   private async snapshot(theatre: Theatre): Promise<void> {
     const picture = await theatre.stage.picture();
     if (picture !== null) save(`${this.options.trial.name}_${this.player.frame}.png`, picture);
+  }
+
+  /** Plays once from the beginning and saves what is seen. */
+  private videoButton(theatre: Theatre): HTMLElement {
+    const button: HTMLButtonElement = h("button", { class: "small", "aria-label": "Save a video as WebM", onclick: () =>
+      void guarded(this.failed, async () => {
+        button.disabled = true;
+        button.textContent = "Recording …";
+        try {
+          const stop = filmed(theatre.stage.canvas);
+          await this.player.through();
+          save(`${this.options.trial.name}.webm`, await stop());
+        } finally {
+          button.disabled = false;
+          button.textContent = "WebM";
+        }
+      }) }, "WebM");
+    return button;
   }
 
   private mapChoice(): HTMLElement {

@@ -10,7 +10,8 @@ import { wellOrdered } from "./order.ts";
 import { Strokes } from "./strokes.ts";
 
 const POSE = 7;
-const TINT = 0.4;
+/** Chosen: nearly the colour of the legend, with so much of bone that shapes are read. */
+const TINT = 0.8;
 
 interface Carried {
   segment: number;
@@ -153,7 +154,7 @@ function prepared(node: Object3D, colour: Color, simple: boolean): Bone[] {
     const fine = part.geometry as BufferGeometry;
     if (!fine.hasAttribute("normal")) fine.computeVertexNormals();
     wellOrdered(fine);
-    part.material = new MeshLambertMaterial(simple ? { color: colour, transparent: true, opacity: 0.35, depthWrite: false } : { color: colour });
+    part.material = new MeshLambertMaterial(simple ? { color: colour, transparent: true, opacity: 0.45, depthWrite: false } : { color: colour });
     found.push({ mesh: part, fine, rough: coarsened(fine) });
   });
   return found;

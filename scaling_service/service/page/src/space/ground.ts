@@ -4,7 +4,7 @@ import type { PlateEntry } from "../api/schema.ts";
 import { ArrowHelper, BufferGeometry, Color, Float32BufferAttribute, Group, LineBasicMaterial, LineLoop, Vector3 } from "three";
 
 /** Chosen: an arrow of a standing person is as long as a leg. */
-const METRES_PER_NEWTON = 1 / 900;
+export const NEWTON_PER_METRE = 900;
 const LEAST_N = 15;
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
 
@@ -34,7 +34,7 @@ export class Ground {
       if (!arrow.visible) return;
       arrow.position.copy(at);
       arrow.setDirection(push.normalize());
-      arrow.setLength(size * METRES_PER_NEWTON, 0.06, 0.035);
+      arrow.setLength(size / NEWTON_PER_METRE, 0.06, 0.035);
     });
   }
 }

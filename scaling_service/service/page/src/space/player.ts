@@ -22,6 +22,7 @@ export class Player {
   private speed = 1;
   private playing = false;
   private toldAt = 0;
+  private ended: (() => void) | null = null;
 
   /**
    * @param show called with each frame that is to be seen.
@@ -68,6 +69,16 @@ export class Player {
     this.go(this.frame + by);
   }
 
+  /** Play once from the beginning to the end. */
+  through(): Promise<void> {
+    this.stop();
+    this.go(0);
+    return new Promise((resolve) => {
+      this.ended = resolve;
+      this.play();
+    });
+  }
+
   toggle(): void {
     if (this.playing) this.stop();
     else this.play();
@@ -84,7 +95,12 @@ export class Player {
       if (!this.playing || this.signal.aborted) return;
       const past = now - before;
       before = now;
-      this.position = (this.position + (this.speed * this.rate_hz * past) / 1000) % this.frames;
+      const on = this.position + (this.speed * this.rate_hz * past) / 1000;
+      if (on >= this.frames && this.ended !== null) {
+        this.step(0);
+        return;
+      }
+      this.position = on % this.frames;
       if (now - this.toldAt > TELL_MS) {
         this.toldAt = now;
         this.tell();
@@ -110,6 +126,8 @@ export class Player {
     this.stage()?.play(false);
     this.button.textContent = "Play";
     this.pace.textContent = "";
+    this.ended?.();
+    this.ended = null;
   }
 
   private tell(): void {

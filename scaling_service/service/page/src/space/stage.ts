@@ -19,11 +19,20 @@ import { onTheme, theme, type Theme } from "../ui/theme.ts";
 
 const TURN = Math.PI / 24;
 const NEARER = 0.9;
+/** Chosen: so much room around what is looked at. */
+const ROOM = 1.4;
+const OBLIQUE = [0.62, 0.28, 0.73] as const;
+/** Whence one looks: X is forward, Y up, Z to the person's right. */
+const VIEWS: Record<string, readonly [number, number, number]> = {
+  Oblique: OBLIQUE, Front: [1, 0, 0], Right: [0, 0, 1], Left: [0, 0, -1], Back: [-1, 0, 0], Above: [0, 1, 0.001],
+};
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(40, 1, 0.05, 200);
   readonly canvas = h("canvas", { tabindex: 0, role: "img" });
-  readonly element = h("div", { class: "stage" }, this.canvas);
+  readonly element = h("div", { class: "stage" }, this.canvas, this.viewButtons());
+  /** Called after each picture. */
+  drawn: () => void = () => undefined;
   private readonly renderer: WebGLRenderer;
   private readonly controls: OrbitControls;
   private grid: GridHelper | null = null;
@@ -48,7 +57,7 @@ export class Stage {
     const sun = new DirectionalLight(0xffffff, 1.8);
     sun.position.set(2, 5, 3);
     this.scene.add(sun);
-    this.look(new Vector3(0, 0.85, 0), 3.6);
+    this.look(new Vector3(0, 0.85, 0), 1.8, 1.2);
     this.paint(theme());
     onTheme((chosen) => this.paint(chosen), signal);
     const resizing = new ResizeObserver(() => this.resize());
@@ -63,12 +72,26 @@ export class Stage {
     });
   }
 
-  /** Look at a point from the front right, so far away. */
-  look(target: Vector3, distance: number): void {
+  /** Look from the front right at what is so high and wide, m, around a point. */
+  look(target: Vector3, high: number, wide: number): void {
+    const half = Math.tan(((this.camera.fov / 2) * Math.PI) / 180);
+    this.distance = (ROOM * Math.max(high, wide / Math.max(this.camera.aspect, 0.5))) / (2 * half);
     this.controls.target.copy(target);
-    this.camera.position.copy(target).add(new Vector3(0.62, 0.28, 0.73).multiplyScalar(distance));
+    this.from("Oblique");
+  }
+
+  /** Look from one of the usual sides at what is looked at. */
+  private from(view: string): void {
+    this.camera.position.copy(this.target).add(new Vector3(...(VIEWS[view] ?? OBLIQUE)).normalize().multiplyScalar(this.distance));
     this.controls.update();
     this.draw();
+  }
+
+  private distance = 4;
+
+  private viewButtons(): HTMLElement {
+    return h("div", { class: "views", role: "group", "aria-label": "View from" }, ...Object.keys(VIEWS).map((name) =>
+      h("button", { class: "small", onclick: () => this.from(name) }, name)));
   }
 
   /** Go along with what moves: shift what is looked at, and the camera as much. */
@@ -95,6 +118,7 @@ export class Stage {
   drawNow(): void {
     if (this.waiting === -1) return;
     this.renderer.render(this.scene, this.camera);
+    this.drawn();
   }
 
   /** What is seen now, as a PNG. */

@@ -1,16 +1,23 @@
 /** One recording in space: measured markers, the bodies that are shown, plates and forces, at one frame. */
 
 import type { ArrayEntry, BodyEntry, PlateEntry } from "../api/schema.ts";
-import { Raycaster, Vector2, Vector3, type Object3D } from "three";
+import { Vector3, type Object3D } from "three";
 import { inkOf } from "../charts/ink.ts";
 import { Frames } from "../scene/frames.ts";
 import { onTheme, theme } from "../ui/theme.ts";
 import { Body } from "./body.ts";
 import { Dots } from "./dots.ts";
 import { Ground } from "./ground.ts";
+import { joined } from "./joined.ts";
+import { Names } from "./names.ts";
 import { Stage } from "./stage.ts";
+import { Strokes } from "./strokes.ts";
 
 const PICKED = "#e69f00";
+const LINKS = "#8492a0";
+/** Chosen: a marker above this sits on the trunk of an adult, and a head is so much above it. */
+const TRUNK_M = 1.1;
+const HEAD_M = 0.15;
 /** Who goes further than this is followed at first, lest they walk off the stage. */
 const GOES_M = 1;
 
@@ -20,6 +27,10 @@ export interface Play {
   plates: readonly PlateEntry[];
   force: ArrayEntry | null;
   centre_of_pressure: ArrayEntry | null;
+  /** The segment of each marker, where known: these are joined by lines. */
+  segments?: readonly (string | undefined)[];
+  /** What a label is called where it is pointed at. */
+  named?: (label: string) => string;
   /** Bodies with their poses, in the order of their drawing. */
   bodies: readonly { told: BodyEntry; poses: ArrayEntry; placed: ArrayEntry | null; colour: string }[];
 }
@@ -40,9 +51,12 @@ export class Theatre {
   private readonly dots: Dots;
   private readonly measured: Frames;
   private readonly ground: Ground;
+  private readonly lines: Strokes;
+  private readonly names: Names;
   private readonly forces: { push: Frames; at: Frames } | null;
   private readonly actors = new Map<string, Actor>();
   private frame = 0;
+  private links: [number, number][] = [];
   private centre: Vector3 | null = null;
   private chosen: string | null = null;
   private bones = true;
@@ -59,13 +73,15 @@ export class Theatre {
     this.measured = frames(play.measured);
     this.dots = new Dots(play.labels.length, 0.011, inkOf(theme()).measured);
     this.ground = new Ground(play.plates);
+    this.lines = new Strokes(play.labels.length, LINKS);
+    this.names = new Names(this.stage, play.labels.map((label) => play.named?.(label) ?? label), play.labels);
     const { force, centre_of_pressure } = play;
     this.forces = force === null || centre_of_pressure === null ? null : { push: frames(force), at: frames(centre_of_pressure) };
     for (const { told, poses, placed, colour } of play.bodies) {
       const body = new Body(told, colour, play.labels);
       this.actors.set(told.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
     }
-    this.stage.scene.add(this.dots.mesh, this.ground.group);
+    this.stage.scene.add(this.dots.mesh, this.ground.group, this.lines.lines);
     onTheme(() => this.repaint(), signal);
     this.stage.detailed = (coarse) => this.detail(coarse);
     this.pickOnClick();
@@ -83,10 +99,11 @@ export class Theatre {
     const forces = this.forces === null ? [] : [this.forces.push.begin(), this.forces.at.begin()];
     await Promise.all([this.measured.begin(), ...forces, ...shown.map((name) => this.showBody(name, true))]);
     this.frame = frame;
+    this.links = joined(this.measured.at(frame) ?? new Float32Array(), this.play.segments ?? []);
     const centre = this.centreAt(frame);
     const last = this.centreAt(this.measured.count - 1);
     this.following = centre !== null && last !== null && centre.distanceTo(last) > GOES_M;
-    if (centre !== null) this.stage.look(centre, Math.max(1.2, 3.7 * this.reachAt(frame, centre)));
+    if (centre !== null) this.look(frame, centre);
     this.show(frame);
   }
 
@@ -126,6 +143,11 @@ export class Theatre {
     this.stage.draw();
   }
 
+  showNames(shown: boolean): void {
+    this.names.all = shown;
+    this.stage.draw();
+  }
+
   showMeasured(shown: boolean): void {
     this.dots.mesh.visible = shown;
     this.stage.draw();
@@ -152,7 +174,12 @@ export class Theatre {
   private put(frame: number): void {
     this.frame = frame;
     const measured = this.measured.at(frame);
-    if (measured !== null) this.dots.put(measured);
+    if (measured !== null) {
+      this.dots.put(measured);
+      this.names.put(measured);
+      this.links.forEach(([a, b], k) => this.lines.put(k, measured, 3 * a, measured, 3 * b));
+      this.lines.done();
+    }
     for (const { body, poses, gliding, shown } of this.actors.values()) {
       const pose = shown ? poses.at(frame) : null;
       if (pose !== null) body.put(pose, measured, gliding?.at(frame) ?? null);
@@ -185,15 +212,18 @@ export class Theatre {
     return count === 0 ? null : new Vector3(x, y, z).divideScalar(count);
   }
 
-  /** How far the furthest marker is from the middle. */
-  private reachAt(frame: number, centre: Vector3): number {
+  /** See everything from the floor to above the highest marker: heads stand above those of a trunk. */
+  private look(frame: number, centre: Vector3): void {
     const measured = this.measured.at(frame) ?? new Float32Array();
-    let far = 0;
+    let [top, wide] = [0.4, 0.4];
     for (let k = 0; k < measured.length; k += 3) {
-      const distance = new Vector3().fromArray(measured, k).distanceTo(centre);
-      if (distance > far) far = distance;
+      const [x = NaN, y = NaN, z = NaN] = measured.subarray(k, k + 3);
+      if (Number.isNaN(x)) continue;
+      top = Math.max(top, y);
+      wide = Math.max(wide, 2 * Math.hypot(x - centre.x, z - centre.z));
     }
-    return far;
+    const high = top + (top > TRUNK_M ? HEAD_M : 0);
+    this.stage.look(new Vector3(centre.x, high / 2, centre.z), high, wide);
   }
 
   private async dress(actor: Actor, file: string): Promise<void> {
@@ -212,15 +242,12 @@ export class Theatre {
   }
 
   private pickOnClick(): void {
-    const { canvas, camera } = this.stage;
-    const ray = new Raycaster();
+    const { canvas } = this.stage;
     let down: [number, number] = [0, 0];
     canvas.addEventListener("pointerdown", ({ clientX, clientY }) => void (down = [clientX, clientY]));
     canvas.addEventListener("click", ({ clientX, clientY, offsetX, offsetY }) => {
       if (Math.hypot(clientX - down[0], clientY - down[1]) > 4) return; // it was turned
-      ray.setFromCamera(new Vector2((2 * offsetX) / canvas.clientWidth - 1, 1 - (2 * offsetY) / canvas.clientHeight), camera);
-      const place = ray.intersectObject(this.dots.mesh)[0]?.instanceId;
-      const label = place === undefined ? null : (this.play.labels[place] ?? null);
+      const label = this.names.nearest(offsetX, offsetY);
       this.pick(label);
       this.picked(label);
     });

@@ -1,12 +1,43 @@
 /** Problems on screen: where, what, and what to do. */
 
 import { asProblem, isAbort, type Told } from "../api/problem.ts";
+import type { CorrectionEntry, ProblemEntry } from "../api/schema.ts";
 import { fill, h } from "./dom.ts";
+import { plural } from "./words.ts";
 
-export type Severity = "error" | "warning";
+export type Severity = ProblemEntry["severity"];
+
+interface Help {
+  correct: (file: string, correction: CorrectionEntry) => void;
+  /** Lead to where the field of a document is given. */
+  give: (field: string) => void;
+}
+
+const GIVEN: Record<string, string> = { subject: "height", "trials.static": "static", forces: "forces" };
+
+/** Errors first, then what is to be looked at, each with what solves it; what asks for nothing is folded. */
+export function problemList(all: readonly ProblemEntry[], { correct, give }: Help): HTMLElement {
+  const box = (one: ProblemEntry): HTMLElement => {
+    const element = problemBox(one, one.severity);
+    const field = GIVEN[one.field ?? ""];
+    const buttons = one.corrections.map((found) => {
+      const span = `from ${found.from_s.toFixed(2)} to ${found.to_s.toFixed(2)} s`;
+      return h("button", { onclick: () => correct(found.file, found) }, `Exchange ${Object.keys(found.labels).join(" and ")} in ${found.file} ${span}`);
+    });
+    if (field !== undefined) buttons.push(h("button", { onclick: () => give(field) }, "Give it"));
+    if (buttons.length > 0) element.append(h("div", { class: "actions" }, ...buttons));
+    return element;
+  };
+  const of = (severity: Severity): ProblemEntry[] => all.filter((one) => one.severity === severity);
+  const [warnings, notes] = [of("warning"), of("note")];
+  return h("div", { class: "problems" }, ...of("error").map(box),
+    warnings.length > 0 && h("details", { open: warnings.some(({ corrections }) => corrections.length > 0) || warnings.length < 3 },
+      h("summary", null, `${plural(warnings.length, "thing")} to look at`), h("div", { class: "boxes" }, ...warnings.map(box))),
+    notes.length > 0 && h("details", null, h("summary", null, plural(notes.length, "note")), h("div", { class: "boxes" }, ...notes.map(box))));
+}
 
 export function problemBox(told: Told, severity: Severity = "error"): HTMLElement {
-  const where = [told.file, told.field].filter((part) => part !== null && part !== undefined && part !== "");
+  const where = [told.file, told.field === "subject" ? "" : told.field].filter((part) => part !== null && part !== undefined && part !== "");
   return h(
     "div",
     { class: `problem ${severity}`, role: severity === "error" ? "alert" : null },
@@ -18,7 +49,9 @@ export function problemBox(told: Told, severity: Severity = "error"): HTMLElemen
 
 /** A sentence with its capital and its stop. */
 export function sentence(text: string): string {
-  const begun = text.charAt(0).toUpperCase() + text.slice(1);
+  const first = text.split(/[\s,;:]/, 1)[0] ?? "";
+  // Names of files, markers and fields stay as they are written.
+  const begun = /^[a-z][a-z'’-]*$/.test(first) ? text.charAt(0).toUpperCase() + text.slice(1) : text;
   return /[.!?…]$/.test(begun) ? begun : `${begun}.`;
 }
 

@@ -1,6 +1,7 @@
 /** Tables: sorted by a click on a header, filtered by a word, saved as CSV. */
 
 import { fill, h } from "./dom.ts";
+import { METHODS } from "./glossary.ts";
 import { csv, saveText } from "./save.ts";
 
 export type Tone = "good" | "fair" | "poor" | "unknown";
@@ -93,7 +94,7 @@ function head(column: Column, sort: () => void): HTMLElement {
   return h(
     "th",
     { scope: "col", class: column.words === true ? "words" : null },
-    h("button", { class: "head", onclick: sort }, chip, column.title),
+    h("button", { class: "head", title: METHODS[column.title] ?? null, onclick: sort }, chip, column.title),
   );
 }
 

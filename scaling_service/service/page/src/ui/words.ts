@@ -4,19 +4,23 @@ const DASH = "–";
 
 /** A number as shown, a dash where there is none. */
 export function number(value: number | null | undefined, digits = 1): string {
-  return value === null || value === undefined || !Number.isFinite(value) ? DASH : value.toFixed(digits);
+  return value === null || value === undefined || !Number.isFinite(value) ? DASH : minus(value.toFixed(digits));
 }
+
+/** A written number with the sign that is read as minus, and none before a zero. */
+export const minus = (text: string): string => text.replace(/^-(?=0(\.0*)?$)/, "").replace(/^-/, "−");
 
 /** A difference as shown, with its sign. */
 export function signed(value: number | null | undefined, digits = 1): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return DASH;
-  return `${value >= 0 ? "+" : "−"}${Math.abs(value).toFixed(digits)}`;
+  const text = Math.abs(value).toFixed(digits);
+  return `${Number(text) === 0 ? "±" : value > 0 ? "+" : "−"}${text}`;
 }
 
 /** A number to some figures. */
 export function figures(value: number | null | undefined, count = 3): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return DASH;
-  return value === 0 ? "0" : String(Number(value.toPrecision(count)));
+  return value === 0 ? "0" : minus(String(Number(value.toPrecision(count))));
 }
 
 /** A p-value as shown. */
@@ -76,7 +80,7 @@ const KINDS: Record<string, string> = {
   discovery: "Search for the missing effect",
   batch: "Cohort",
   "batch-member": "Member of a cohort",
-  proof: "Proof of the files",
+  proof: "File check",
   scene: "Scene",
 };
 

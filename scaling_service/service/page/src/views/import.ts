@@ -1,8 +1,8 @@
-/** Import: proof of a subject's files before anything runs. */
+/** Import in three steps, before anything runs: the files and the person, the markers, the laboratory's space. */
 
-import { filePath, resultOf } from "../api/jobs.ts";
-import type { MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
-import { getSubject, putSubject } from "../api/subjects.ts";
+import { filePath } from "../api/jobs.ts";
+import type { Correction, MarkerMapDocument, ProofDocument, SubjectDetail, SubjectDocument, Vocabulary } from "../api/schema.ts";
+import { getSubject } from "../api/subjects.ts";
 import { vocabulary } from "../api/vocabulary.ts";
 import { Draft } from "../imports/draft.ts";
 import { facts } from "../imports/facts.ts";
@@ -11,10 +11,14 @@ import { laboratoryMap, MarkerMap } from "../imports/markermap.ts";
 import { orientation } from "../imports/orientation.ts";
 import { personForm } from "../imports/person.ts";
 import { Preview } from "../imports/preview.ts";
+import { proofOf } from "../imports/proof.ts";
+import { readinessOf } from "../imports/readiness.ts";
+import { Saver } from "../imports/saver.ts";
 import { again, link } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
-import { guarded, problemBox } from "../ui/problem.ts";
+import { guarded, problemList } from "../ui/problem.ts";
+import { Steps } from "../ui/steps.ts";
 import { plural } from "../ui/words.ts";
 import { working } from "../ui/working.ts";
 import { dropZone } from "./drop.ts";
@@ -25,8 +29,8 @@ export const importing: View = async ({ main, place, signal }) => {
   const id = place.parts[1] ?? "";
   const [subject, known, laboratory] = await Promise.all([getSubject(id, signal), vocabulary(), laboratoryMap()]);
   main.append(subjectHead(id, "import"));
-  if (subject.files.length > 0) await checked({ main, place, signal }, subject, known, laboratory);
-  main.append(h("h2", null, "More files"), dropZone(id));
+  if (subject.files.length === 0) main.append(dropZone(id));
+  else await checked({ main, place, signal }, subject, known, laboratory);
 };
 
 async function checked(
@@ -39,88 +43,105 @@ async function checked(
   const failed = h("div");
   const content = h("div");
   main.append(failed, progress.element, content);
-  const axes = Object.fromEntries(["up", "forward"].flatMap((name) => (place.query.has(name) ? [[name, place.query.get(name)]] : [])));
   await guarded(failed, async () => {
-    const request = { subject: subject.id, labels: laboratory.labels, ...(Object.keys(axes).length > 0 ? { settings: axes } : {}) };
-    const { job, result } = await resultOf<ProofDocument>("proofs", request, progress.show, signal);
-    if (!signal.aborted) await shown({ main: content, place, signal }, subject, result, job.id, known, laboratory);
+    const { job, result } = await proofOf(subject.id, place, laboratory, progress.show, signal);
+    if (!signal.aborted) shown({ main: content, place, signal }, subject, result, job.id, known, laboratory);
   });
+  if (content.childElementCount === 0) main.append(dropZone(subject.id));
 }
 
-async function shown(
+function shown(
   { main, place, signal }: Context,
   subject: SubjectDetail,
   proof: ProofDocument,
   job: string,
   known: Vocabulary,
   laboratory: MarkerMapDocument,
-): Promise<void> {
+): void {
   const complete = subject.document.model !== undefined && subject.document.trials !== undefined;
   const given = structuredClone((complete ? subject.document : proof.proposal) ?? subject.document) as unknown as SubjectDocument;
-  const saving = h("div", { class: "saving" });
-  const draft = new Draft(given, () => tell());
-  const next = link(["subjects", subject.id, "run"], Object.fromEntries(place.query));
+  const summary = h("section", { class: "summary" });
+  const saver = new Saver(() => draft.finished(), async () => {
+    const { result } = await proofOf(subject.id, place, laboratory, () => undefined, signal);
+    if (!signal.aborted) summarise(result);
+  }, signal);
+  const draft = new Draft(given, () => saver.touch());
   const markers = new MarkerMap(proof, draft, laboratory);
+  const space = inSpace(proof, job, place, markers, signal);
 
-  function tell(): void {
-    const open = draft.changed || !complete;
-    fill(saving, ...actions(draft, open, next));
+  const steps = new Steps("Steps of the import", [
+    { name: "files", title: "Files and person", panel: [
+      h("h2", null, "Person and model"), personForm(draft, known), facts(proof),
+      h("h2", null, "Files"), fileTable(proof, draft, known.bones), dropZone(subject.id)] },
+    { name: "markers", title: "Markers", panel: [h("div", { class: "beside" }, space.home, markers.element)] },
+    { name: "space", title: "Laboratory", panel: [h("div", { class: "beside" }, space.place, space.facts)] },
+  ], place.query.get("step") ?? "files", (name) => void (name === "space" ? space.place : space.home).append(space.stage));
+
+  function summarise(found: ProofDocument): void {
+    fill(
+      summary,
+      h("p", { role: "status", class: "headline" }, `${plural(found.recordings.length, "recording")} in ${plural(found.files.length, "file")} can be read. ${found.headline}.`),
+      readinessOf(found.readiness, (what) => steps.give(what)),
+      problemList(found.problems, {
+        correct: (file, { labels, from_s, to_s }) => {
+          draft.correct(file, { labels, from_s, to_s } as Correction);
+          void saver.flush().then(again);
+        },
+        give: (field) => steps.give(field),
+      }),
+    );
   }
-
-  tell();
-  const errors = proof.problems.filter(({ severity }) => severity === "error");
+  summarise(proof);
+  const wanted = place.query.get("give");
+  if (wanted !== null) queueMicrotask(() => steps.give(wanted));
+  const next = link(["subjects", subject.id, "run"], Object.fromEntries([...place.query].filter(([name]) => name !== "step" && name !== "give")));
   main.append(
-    h("p", { role: "status" }, summary(proof, errors.length)),
-    ...proof.problems.map((one) => problemBox(one, one.severity)),
-    saving,
-    h("h2", null, "Person and model"),
-    personForm(draft, known),
-    facts(proof),
-    h("h2", null, "Files"),
-    fileTable(proof, draft, known.bones),
+    summary,
+    corrections(given, (file) => {
+      draft.correct(file, null);
+      void saver.flush().then(again);
+    }),
+    h("div", { class: "saving" }, steps.links, h("span", { class: "push" }), saver.told, h("a", { class: "button main", href: next }, "On to the analyses")),
+    saver.failed,
+    ...steps.panels,
   );
-  main.append(h("div", { class: "beside" }, inSpace(proof, job, place, markers, signal), markers.element));
 }
 
-function summary(proof: ProofDocument, errors: number): string {
-  const read = `${plural(proof.recordings.length, "recording")} in ${plural(proof.files.length, "file")} can be read.`;
-  return errors === 0 ? `${read} Nothing stands in the way.` : `${read} ${plural(errors, "problem")} to solve first:`;
+/** What the subject's document corrects, with a way back. */
+function corrections({ corrections: all = {} }: SubjectDocument, undo: (file: string) => void): HTMLElement {
+  const rows = Object.entries(all).map(([file, found]) => {
+    const told = found.map(({ labels, from_s, to_s }) => `${Object.keys(labels).join(" and ")} from ${from_s.toFixed(2)} to ${to_s.toFixed(2)} s`);
+    return h("li", null, `${file}: exchanged ${told.join("; ")} `, h("button", { class: "small", onclick: () => undo(file) }, "Undo"));
+  });
+  return h("section", { hidden: rows.length === 0 }, h("h2", null, "Labels put right"), h("ul", null, ...rows));
 }
 
-function actions(draft: Draft, open: boolean, next: string): HTMLElement[] {
-  const failed = h("div");
-  const save = async (): Promise<void> => {
-    await putSubject(draft.finished() as SubjectDocument);
-    again();
-  };
-  const button = h("button", { class: "main", onclick: () => void guarded(failed, save) }, "Save and check again");
-  const onwards = h("a", { class: "button main", href: next }, "On to the methods");
-  return [h("div", { class: "actions" }, open ? button : onwards, open && h("span", { class: "quiet" }, "Not saved yet.")), failed];
+interface Space {
+  /** The recording in space, and where it stands with the markers and alone. */
+  stage: HTMLElement;
+  home: HTMLElement;
+  place: HTMLElement;
+  facts: HTMLElement;
 }
 
-function inSpace(
-  proof: ProofDocument,
-  job: string,
-  place: Context["place"],
-  markers: MarkerMap,
-  signal: AbortSignal,
-): HTMLElement {
+function inSpace(proof: ProofDocument, job: string, place: Context["place"], markers: MarkerMap, signal: AbortSignal): Space {
+  const [home, alone, facts, box, failed] = [h("div"), h("div"), h("section"), h("div"), h("div")];
   const [first] = [...proof.recordings].sort((a, b) => b.walked_m - a.walked_m);
-  if (first === undefined) return h("section");
-  const box = h("div");
-  const failed = h("div");
+  if (first === undefined) return { stage: box, home, place: alone, facts };
   let leaving = new AbortController();
   const show = async (name: string): Promise<void> => {
     leaving.abort();
     leaving = new AbortController();
     const recording = proof.recordings.find((one) => one.file === name) ?? first;
-    const preview = new Preview(recording, (file) => filePath(job, file), (label) => markers.clicked(label), AbortSignal.any([signal, leaving.signal]));
+    const preview = new Preview(recording, (file) => filePath(job, file), markers.names(), (label) => markers.clicked(label), AbortSignal.any([signal, leaving.signal]));
     markers.show = (label) => preview.mark(label);
-    fill(box, orientation(recording, proof, place), preview.element);
+    fill(box, preview.element);
+    fill(facts, orientation(recording, proof, place), preview.gaps);
     await preview.begin();
   };
   const names = proof.recordings.map(({ file }) => ({ value: file, text: file }));
   void guarded(failed, () => show(first.file));
   const chooser = select("Recording", names, first.file, (name) => void guarded(failed, () => show(name)));
-  return h("section", null, h("h2", null, "In space"), chooser, failed, box);
+  const stage = h("section", null, h("h2", { class: "sr" }, "In space"), chooser, failed, box);
+  return { stage, home, place: alone, facts };
 }

@@ -1,5 +1,6 @@
 /** One job: its progress while it runs, then what it found. */
 
+import { Problem } from "../api/problem.ts";
 import { end, finished, getJob, getOrigin } from "../api/jobs.ts";
 import type { JobDocument, Origin } from "../api/schema.ts";
 import { link, toSubject } from "../routes.ts";
@@ -13,6 +14,7 @@ import type { View } from "./view.ts";
 
 export const job: View = async ({ main, place, signal }) => {
   const id = place.parts[1] ?? "";
+  if (!/^[0-9a-f]{64}$/.test(id)) throw new Problem({ problem: "There is no such job", remedy: "Choose one under Jobs" });
   const [first, origin] = await Promise.all([getJob(id, signal), getOrigin(id)]);
   const progress = working();
   const failed = h("div");

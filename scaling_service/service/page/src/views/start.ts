@@ -4,7 +4,8 @@ import { listJobs } from "../api/jobs.ts";
 import { listSubjects } from "../api/subjects.ts";
 import { sendJson } from "../api/http.ts";
 import { link, toSubject } from "../routes.ts";
-import { h } from "../ui/dom.ts";
+import { fill, h } from "../ui/dom.ts";
+import result from "../../pictures/result.webp";
 import { guarded } from "../ui/problem.ts";
 import { moment } from "../ui/words.ts";
 import { dropZone } from "./drop.ts";
@@ -14,14 +15,16 @@ import type { Context, View } from "./view.ts";
 export const start: View = async (context) => {
   const { main, signal } = context;
   main.append(
-    h("h1", null, "Which scaled model to trust, and what the data still hide"),
-    h(
-      "p",
-      null,
-      "Bring recordings of markers, of forces and, where there are, of bones. Five methods scale a body model to the person; " +
-        "the page shows which one to use, how far to trust it, and which effect the model still lacks.",
-    ),
-    h("div", { class: "cards" }, bring(), tryOut()),
+    h("div", { class: "hero" },
+      h("div", null,
+        h("h1", null, "Which scaled model to trust, and what the data still hide"),
+        h("p", null, "Bring recordings of markers and, where you have them, of forces and bones."),
+        h("p", null, "Up to five methods scale a body model to the person; you see which one to use and how far to trust it."),
+        h("p", null, "Where model and recordings still disagree, a search names the missing effect and checks it on recordings that it has not seen."),
+        tryOut()),
+      h("figure", null, h("img", { src: result, width: 1100, height: 564, alt: "A verdict: which method to use and why, the models in space over measured markers, and the error of each method with its spread." }),
+        h("figcaption", { class: "note" }, "What you get: the verdict on the example"))),
+    bring(),
   );
   await goOn(context);
   signal.throwIfAborted();
@@ -35,23 +38,12 @@ function tryOut(): HTMLElement {
   const told = h("div", { role: "status" });
   const button = h("button", { class: "main", onclick: () => {
     button.disabled = true;
-    told.textContent = "A virtual person is being made …";
+    fill(told, h("progress", { "aria-label": "Making the example" }), h("p", { class: "quiet" }, "A virtual person is being made …"));
     void guarded(told, loadExample).finally(() => {
       button.disabled = false;
     });
   } }, "Load the example");
-  return h(
-    "section",
-    { class: "card" },
-    h("h2", null, "Try it"),
-    h(
-      "p",
-      null,
-      "A virtual person whose truth is known, with recordings, bones, and an effect hidden in them. The whole tour works on it.",
-    ),
-    h("div", { class: "actions" }, button),
-    told,
-  );
+  return h("div", null, h("div", { class: "actions" }, button, h("span", { class: "quiet" }, "A virtual person with bones, and an effect hidden in the recordings.")), told);
 }
 
 async function loadExample(): Promise<void> {
@@ -60,8 +52,9 @@ async function loadExample(): Promise<void> {
 }
 
 async function goOn({ main, signal }: Context): Promise<void> {
-  const [subjects, jobs] = await Promise.all([listSubjects(signal), listJobs({ limit: "8" }, signal)]);
+  const [subjects, jobs] = await Promise.all([listSubjects(signal), listJobs({ limit: "30" }, signal)]);
   if (signal.aborted || subjects.length === 0) return;
+  const analyses = jobs.items.filter(({ kind }) => kind !== "proof").slice(0, 8);
   const recent = subjects.slice(0, 8);
   main.append(
     h(
@@ -75,8 +68,8 @@ async function goOn({ main, signal }: Context): Promise<void> {
           h("li", null, h("a", { href: toSubject(id) }, id), h("span", { class: "quiet" }, ` ${moment(updated_at)}`)))),
         subjects.length > recent.length && h("p", null, h("a", { href: link(["subjects"]) }, `All ${subjects.length}`)),
       ),
-      jobs.items.length > 0 &&
-        h("section", { class: "card" }, h("h2", null, "Latest jobs"), jobList(jobs.items, signal, { compact: true })),
+      analyses.length > 0 &&
+        h("section", { class: "card" }, h("h2", null, "Latest results"), jobList(analyses, signal, { compact: true })),
     ),
   );
 }

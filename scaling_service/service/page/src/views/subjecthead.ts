@@ -14,7 +14,7 @@ export function subjectHead(id: string, present: "import" | "run"): HTMLElement 
       "Steps",
       [
         { name: "import", title: "1. Recordings", href: toSubject(id, "import") },
-        { name: "run", title: "2. Run", href: toSubject(id, "run") },
+        { name: "run", title: "2. Analyses", href: toSubject(id, "run") },
         { name: "jobs", title: "3. Results", href: link(["jobs"], { subject: id }) },
       ],
       present,

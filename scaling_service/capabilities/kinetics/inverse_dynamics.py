@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.capabilities.dynamics.settings import CUTOFF_HZ
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
@@ -27,6 +26,9 @@ from scaling_service.numerics.signals.splines import spline_rates
 from scaling_service.numerics.wrench import ground_wrench as wrench
 from scaling_service.numerics.wrench.ground_wrench import GRAVITY
 from scaling_service.recording.plates_feet import FootContacts
+
+CUTOFF_HZ = 5.0
+"""Muller et al. 2017, sec. 2.1."""
 
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
+from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Array, Repair, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.orientation import Orientation
@@ -192,3 +194,56 @@ def foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) -> di
             )
         found[foot] = np.stack([trial.position(label) for label in labels], axis=1)
     return found
+
+
+Plates = Mapping[Path, PlateRecording | TrialUnusable | None]
+"""Recording to what was read of its plates."""
+
+ReadForces = dict[Path, tuple[Path, GroundForces]]
+"""Recording to the file that its forces came from, and these as they stand."""
+
+
+def movement_forces(subject: Subject, plates: Plates) -> ReadForces:
+    """The forces of those movements that have some; refused where none has."""
+    read = read_movement_forces(subject, plates)
+    if not read:
+        raise TrialUnusable(
+            "no movement has forces: neither plates in its C3D file nor a file of forces",
+            field="forces",
+            remedy="Name each trial's file of forces under `forces:`, or record with force plates",
+        )
+    return read
+
+
+def read_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
+    """The forces of those movements that have some."""
+    moving = dict.fromkeys((*subject.calibration, *subject.evaluation))
+    found = {
+        path: read_trial_forces(path, plates.get(path), subject.forces.get(path.name)) for path in moving
+    }
+    return {path: forces for path, forces in found.items() if forces is not None}
+
+
+def assign_forces(
+    loaded: Loaded, read: ReadForces, cutoff_hz: Callable[[Trial], float]
+) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+    """By each movement's stem, its forces in the session's axes, filtered and given to its feet.
+
+    And whose forces cannot be used, and why, in words; TrialUnusable where that is so of all.
+    """
+    session, axes = loaded.session, loaded.orientation
+    assert axes is not None  # a session that was read has axes
+    trials = {trial.name: trial for trial in session.dynamic}
+    found: dict[str, TrialForces] = {}
+    unusable: dict[str, TrialUnusable] = {}
+    for path, (source, forces) in read.items():
+        trial = trials[path.stem]
+        try:
+            feet = foot_markers(session.model, trial, session.subject.extra_markers)
+            found[path.stem] = trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
+        except TrialUnusable as error:
+            unusable[path.stem] = error
+    if unusable and not found:
+        raise next(iter(unusable.values()))
+    said = (f"{name}: its forces are left out: {error.problem}" for name, error in unusable.items())
+    return found, tuple(said)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.gait_cycles import SIDES, Cycle, Side
 from scaling_service.model.anatomy.conventional import ANGLES, KNEE, conventional_angles, heel_level
+from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
 from scaling_service.model.results import Array, Motion
+from scaling_service.numerics.multibody.tree import forward, jacobian, positions
 from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
@@ -25,6 +27,9 @@ _BEHIND_M = 0.05
 _CENTRES = {"hip": "HJC", "knee": "KJC", "ankle": "AJC"}
 _TOES = re.compile(r"[RL]TOE(TIP)?")
 """The second metatarsal's head or the tip before it: on one line with the heel, seen from above."""
+
+Cycle = tuple[float, float]
+"""First and last time of a gait cycle, s."""
 
 _Place = tuple[str, Array]
 """Segment, and a position in ground where all turns of the model are zero, (3,), m."""
@@ -159,6 +164,9 @@ _TILT_UNSEEN = (
     "was followed, so they may be off by a constant of tens of degrees"
 )
 
+
+_STEP = 1e-5  # rad or m; chosen: the angles' curvature and rounding both stay below 1e-9
+
 _LOCKED = 1e-4
 """rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
 
@@ -183,6 +191,8 @@ class ClinicalAngles:
     heading: float
     left_out: tuple[str, ...] = ()
     doubtful: tuple[str, ...] = ()
+    # as ``values``: standard deviations, where they were asked for
+    sd: Mapping[Side, Mapping[str, Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,6 +238,37 @@ def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     left_out = tuple(_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
     return ClinicalAngles(motion.trial, motion.times, values, pelvis, heading, left_out, doubtful)
+
+
+AngleRates = Callable[[Array], Array]
+"""Of coordinates (n_frames, n_coordinates) how angles change, (n_frames, n_angles, n_coordinates)."""
+
+
+def clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
+    """Side and name of every conventional angle of a model, and how they change with its coordinates.
+
+    The landmarks' rates are exact; the angles of landmarks are differenced along each.
+    """
+    placed = clinical_landmarks(model)
+    names = tuple(placed)
+    carrier = model.with_markers(tuple(placed.values()))
+    tree, p = compile_model(carrier, names), parameter_values(carrier)
+
+    def angles(where: Array) -> dict[tuple[Side, str], Array]:
+        points = {name: where[k].T for k, name in enumerate(names)}
+        return {(s, a): v for s in SIDES for a, v in conventional_angles(points, s).items()}
+
+    def rates(q: Array) -> Array:
+        n, count = q.shape
+        poses = forward(tree, np.ascontiguousarray(q.T), p)
+        where = positions(tree, poses)
+        change = _STEP * jacobian(tree, poses, where, np.arange(count))
+        moved = where[None, None] + np.stack([change, -change])  # (2, n_coordinates, n_landmarks, 3, n)
+        ends = np.stack(list(angles(np.moveaxis(moved, (2, 3), (0, 1)).reshape(len(names), 3, -1)).values()))
+        rise = np.subtract(*ends.reshape(-1, 2, count, n).swapaxes(0, 1))
+        return np.asarray((np.arctan2(np.sin(rise), np.cos(rise)) / (2.0 * _STEP)).transpose(2, 0, 1))
+
+    return tuple(angles(np.zeros((len(names), 3, 0)))), rates
 
 
 def clinical_cycles(

@@ -1,0 +1,175 @@
+"""What recordings say of the bones beside the effects: how far skin moves, and where joints are expected.
+
+Markers alone do not show what skin does as a whole over a bone. Three things say something of it: pins, the
+published smaller rotations of joints, and the posture in which the markers were placed, which is where the
+model fits them best. What none of them shows is told as undetermined, and the bones are left as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion
+from scaling_service.capabilities.discovery.laws.profiles import Following
+from scaling_service.capabilities.discovery.search.findings import Findings
+from scaling_service.capabilities.motion.bones import Posed, is_revealed, learn_skin_sizes, revealed_share
+from scaling_service.capabilities.motion.inverse_kinematics import Task
+from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.capabilities.motion.skin import SkinField, skin_fields
+from scaling_service.model.anatomy.secondary import SecondaryRotation, secondary_rotations
+from scaling_service.model.body import BodyModel, Expectation, Law
+from scaling_service.model.compile import law_value
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+
+_BEST = 0.02  # of the frames; chosen: a second of standing in a minute of movement
+_FEWEST = 3  # frames, and markers of a cluster, for which a rigid fit leaves a residual
+_LEFT_OVER = 1.2  # chosen: times the noise floor, which itself is known to some 15 %
+_IMPLAUSIBLE = 3.0  # chosen: deviations off, on average, beyond which the published does not hold here
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoneKnowledge:
+    """What is added to the model beside the effects."""
+
+    skin: dict[str, float] = field(default_factory=dict)  # marker to sd along one axis, m
+    expectations: tuple[Expectation, ...] = ()
+    undetermined: tuple[str, ...] = ()  # segments of which nothing shows what their skin does as a whole
+    notes: tuple[str, ...] = ()
+
+    def added_to(self, model: BodyModel) -> BodyModel:
+        """A model with it, and without what it held of the kind before."""
+        markers = tuple(replace(m, skin_sd=self.skin.get(m.name)) for m in model.markers)
+        return replace(model, markers=markers, expectations=self.expectations)
+
+
+def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, ...]]:
+    """The fit without named movements that skin as a whole could as well be, and their names.
+
+    A law of skin or a joint set free moves the bones by what markers of a segment do alike, and that is what
+    they do not show. It is believed where what was named explains those markers down to their noise; where
+    more is left, skin moves there in ways that have no name, and a common part with them.
+    """
+    left_out = {
+        effect.candidate.key: effect.candidate.name
+        for effect in fit.effects
+        if _moves(effect) and _left_over(_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
+    }
+    reduced = fit.without(left_out)
+    return reduced, tuple(left_out.values())
+
+
+def _moves(effect: Estimate) -> bool:
+    """Whether it moves markers or joints from frame to frame."""
+    parts = [part for column in effect.candidate.columns for part in column.parts]
+    follows = any(isinstance(part.profile, Following) for part in parts)
+    return follows or isinstance(effect.candidate.change, FreeMotion)
+
+
+def _segments(effect: Estimate, model: BodyModel) -> set[str]:
+    """Those whose markers it moves."""
+    where = set(effect.candidate.where)
+    found = {m.segment for m in model.markers if m.name in where}
+    for segment in model.segments:
+        if where & {segment.name, segment.joint_name}:
+            found |= {segment.name, segment.parent}
+    return found
+
+
+def _left_over(segments: set[str], model: BodyModel, findings: Findings) -> float:
+    """What is left at the markers of some segments, times their noise floor."""
+    after = floor = 0.0
+    for gap in (findings.fit, findings.held_out):
+        for name, level in gap.places.items():
+            if name in model.marker_names and model.marker(name).segment in segments:
+                after, floor = after + level.after**2, floor + level.floor**2
+    return float(np.sqrt(after / floor)) if floor > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """A recording that was fitted, as the corrected model follows it."""
+
+    tracked: TrackedTrial
+    posed: Posed
+    fields: tuple[SkinField, ...]
+
+
+def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
+    """What the recordings to fit say; ``model``: with what was named in them."""
+    model = BoneKnowledge().added_to(model)
+    followed = [_follow(model, item.trial) for item in fit.tracked if item.role == "fit"]
+    if not followed:
+        return BoneKnowledge()
+    posed, fields = [f.posed.thinned() for f in followed], [f.fields for f in followed]
+    expectations, notes = [], []
+    for rotation in secondary_rotations(model):
+        found = _expect(rotation, model, followed)
+        if isinstance(found, str):
+            notes.append(found)
+        elif found is not None:
+            expectations.append(found)
+    hidden: dict[str, None] = {}
+    for item, own in zip(posed, fields, strict=True):
+        for one, share in zip(own, revealed_share(item, own), strict=True):
+            if not is_revealed(share):
+                hidden[model.marker(item.task.markers[one.markers[0]]).segment] = None
+    return BoneKnowledge(learn_skin_sizes(posed, fields), tuple(expectations), tuple(hidden), tuple(notes))
+
+
+def _follow(model: BodyModel, trial: Trial) -> _Followed:
+    tracked, task = track(model, trial), Task.of(model, trial)
+    known = np.isfinite(tracked.motion.q) & np.isin(tracked.motion.coordinates, tracked.motion.estimated)
+    posed = Posed(task, np.nan_to_num(tracked.motion.q), ~known)
+    return _Followed(tracked, posed, tuple(skin_fields(task)))
+
+
+def _expect(
+    rotation: SecondaryRotation, model: BodyModel, followed: Sequence[_Followed]
+) -> Expectation | str | None:
+    """The rotation about the posture in which markers were placed; a sentence where it cannot hold here."""
+    names = model.coordinate_names
+    column, flexion = names.index(rotation.coordinate), names.index(rotation.flexion)
+    gaps, turns, flexed, sds = [], [], [], []
+    for item in followed:
+        gap = _gaps(item, model, (rotation.parent, rotation.child))
+        sd = item.tracked.uncertainty.sd[:, column]
+        q = item.tracked.motion.q
+        known = np.isfinite(gap) & np.isfinite(sd) & np.isfinite(q[:, flexion]) & (sd > 0.0)
+        gaps.append(gap[known])
+        turns.append(q[known, column])
+        flexed.append(q[known, flexion])
+        sds.append(sd[known])
+    gap, turn, bent, sd = (np.concatenate(part) for part in (gaps, turns, flexed, sds))
+    if len(gap) < _FEWEST:
+        return None
+    best = np.argsort(gap)[: max(_FEWEST, round(_BEST * len(gap)))]
+    led = np.zeros_like(turn) + law_value(rotation.law, {rotation.flexion: bent})
+    reference = float(np.mean(turn[best] - led[best]))
+    # Skin is out of place in the best frames, too, by as much less as it deforms less there.
+    still = float(np.sqrt(np.mean(gap[best]) / np.mean(gap))) if gap.any() else 0.0
+    unsure = float(np.sqrt(np.mean(sd**2)))
+    spread = float(np.hypot(rotation.sd, still * unsure))
+    off = float(np.sqrt(np.mean((turn - led - reference) ** 2) / (spread**2 + unsure**2)))
+    if off > _IMPLAUSIBLE:
+        return (
+            f"{rotation.coordinate} is {off:.1f} standard deviations off what is published of this joint: "
+            "it is left to the markers"
+        )
+    law = rotation.law + Law.constant(reference)
+    return Expectation(rotation.coordinate, law, spread, rotation.source)
+
+
+def _gaps(item: _Followed, model: BodyModel, segments: tuple[str, str]) -> Array:
+    """Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are seen."""
+    motion = item.tracked.motion
+    owners = np.array([model.marker(name).segment for name in motion.markers])
+    own: NDArray[np.bool_] = np.isin(owners, segments)
+    if any(np.sum(owners == segment) < _FEWEST for segment in segments):
+        return np.full(len(motion.q), np.nan)
+    return np.asarray(np.square(motion.residuals[:, own]).mean(axis=(1, 2)))

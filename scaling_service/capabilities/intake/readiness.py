@@ -1,0 +1,145 @@
+"""What each analysis needs, what of it is there, and what to give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from scaling_service.capabilities.intake.document import (
+    MarkerProof,
+    Need,
+    ProblemEntry,
+    Readiness,
+    RecordingProof,
+    SizesProof,
+)
+from scaling_service.capabilities.kinetics.forces import FEWEST, feet_of
+from scaling_service.core.errors import ModelRefused
+from scaling_service.core.text import few
+from scaling_service.model.body import BodyModel
+
+
+def judge_readiness(
+    proposed: Mapping[str, Any] | None,
+    recordings: Sequence[RecordingProof],
+    markers: Sequence[MarkerProof],
+    model: BodyModel,
+    sizes: SizesProof,
+    problems: Sequence[ProblemEntry],
+) -> list[Readiness]:
+    """Whether each analysis can run, in the order in which people use them.
+
+    ``proposed``: the subject document as it would be given; None where no recording can be used.
+    """
+    trials = dict((proposed or {}).get("trials") or {})
+    moving = [*trials.get("calibration", ()), *trials.get("evaluation", ())]
+    pushed = [r.file for r in recordings if r.file in moving and (r.plates or r.force is not None)]
+    errors = [problem.problem for problem in problems if problem.severity == "error"]
+    usable = Need(
+        name="recordings",
+        there=proposed is not None and not errors,
+        text=errors[0]
+        if errors
+        else f"{len(recordings)} that can be used"
+        if proposed
+        else "none that can be used",
+        give="recordings",
+    )
+    static, held_out = trials.get("static"), trials.get("evaluation") or []
+    standing = Need(
+        name="standing trial",
+        there=static is not None,
+        required=False,
+        text=static or "without one, segments are measured on the movements, where skin slides",
+        give="static",
+    )
+    unseen = Need(
+        name="held-out movement",
+        there=bool(held_out),
+        required=False,
+        text=few(held_out) or "without one, nothing says how well a model follows what it was not fitted to",
+        give="evaluation",
+    )
+    movement = Need(
+        name="movement",
+        there=bool(moving),
+        text=few(moving) or "a recording in which the person moves",
+        give="recordings",
+    )
+    bones = (proposed or {}).get("bones")
+    imaged = Need(
+        name="bones",
+        there=bool(bones),
+        required=False,
+        text=few([name for name in bones if name != "units"])
+        if bones
+        else "with them, two more methods rest on images",
+        give="bones",
+    )
+    forces = Need(
+        name="forces",
+        there=bool(pushed),
+        text=f"with {few(pushed)}" if pushed else "no movement has force plates or a file of forces",
+        give="forces",
+    )
+    feet = _feet(model, markers)
+    height = _measure(
+        "height", sizes.height_m, "m", "residuals are told in shares of body weight times height"
+    )
+    mass = _measure("mass", sizes.mass_kg, "kg", "the plates' weight stands in for it", required=False)
+    both = Need(
+        name="fitted movement with forces",
+        there=any(file in trials.get("calibration", ()) for file in pushed),
+        text=few([file for file in pushed if file in trials.get("calibration", ())])
+        or "no movement that is fitted (calibration) has forces",
+        give="forces",
+    )
+    return [
+        _entry("comparisons", "Compare scaling methods", usable, standing, unseen, imaged),
+        _entry("discoveries", "Find the missing effect", usable, movement, unseen),
+        _entry("dynamics", "Check the forces", usable, forces, feet, height, mass),
+        _entry("consistent-motions", "Motion that agrees with the forces", usable, both, feet, height, mass),
+    ]
+
+
+def sum_up(problems: Sequence[ProblemEntry], readiness: Sequence[Readiness]) -> str:
+    """The state of the files in a sentence: what can run, and how much there is to look at first."""
+    errors = sum(problem.severity == "error" for problem in problems)
+    warnings = sum(problem.severity == "warning" for problem in problems)
+    if errors:
+        return f"{_count(errors, 'problem')} to solve before anything can run"
+    ready = sum(entry.ready for entry in readiness)
+    can = "Everything can run" if ready == len(readiness) else f"{ready} of {len(readiness)} analyses can run"
+    return f"{can}; {_count(warnings, 'thing')} to look at first" if warnings else can
+
+
+def _count(number: int, one: str) -> str:
+    return f"{number} {one}{'' if number == 1 else 's'}"
+
+
+def _entry(route: str, title: str, *needs: Need) -> Readiness:
+    ready = all(need.there or not need.required for need in needs)
+    return Readiness(analysis=route, title=title, ready=ready, needs=list(needs))
+
+
+def _measure(
+    name: Literal["height", "mass"], value: float | None, unit: str, why: str, *, required: bool = True
+) -> Need:
+    text = why if value is None else f"{value:g} {unit}"
+    return Need(name=name, there=value is not None, required=required, text=text, give=name)
+
+
+def _feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Need:
+    """That the model has feet, and each shows the markers that tell which plate it stands on."""
+    try:
+        bare = list(_bare_feet(model, markers))
+    except ModelRefused as error:
+        return Need(name="feet", there=False, text=error.problem, give="model")
+    text = f"{few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
+    return Need(name="feet", there=not bare, text=text, give="model")
+
+
+def _bare_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Iterator[str]:
+    for foot, segments in feet_of(model).items():
+        if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST:
+            yield foot

@@ -1,0 +1,203 @@
+"""Muscle-tendon lengths and moment arms, through OpenSim, and joint moments over trials, by every method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
+from scaling_service.capabilities.kinetics.inverse_dynamics import (
+    CUTOFF_HZ,
+    inverse_dynamics,
+    judged_frames,
+)
+from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.progress import Progress
+from scaling_service.documents.results import MuscleDifference, MuscleQuantity
+from scaling_service.files.osim import MuscleGeometry, measure_muscles
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Array, Motion
+
+MOST_FRAMES = 2000
+"""Of one trial that OpenSim looks at, equally spaced. Chosen: a minute of it for 80 muscles; what is between
+differs little from its neighbours."""
+
+MOST_ROWS = 10
+"""Differences of each method and quantity that are told, largest first. Chosen: what one looks through."""
+
+_UNIT: Mapping[MuscleQuantity, tuple[float, str]] = {
+    "moment arm": (1e3, "mm"),
+    "length": (1e3, "mm"),
+    "joint moment": (1.0, "N m"),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MuscleCourses:
+    """One method's muscles and joints over one trial."""
+
+    times: Array  # (n_frames,), s
+    angles: Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
+    geometry: MuscleGeometry
+    moments: Mapping[str, Array]
+    """Coordinate to its generalised force, (n_frames,), N m; NaN where forces do not determine it. Empty
+    without forces."""
+
+    def courses(self, quantity: MuscleQuantity) -> dict[tuple[str, str], Array]:
+        """Muscle and coordinate, either may be empty, to the quantity's course, (n_frames,), m or N m."""
+        if quantity == "length":
+            names = [(muscle, "") for muscle in self.geometry.muscles]
+            return dict(zip(names, self.geometry.lengths.T, strict=True))
+        if quantity == "moment arm":
+            return dict(self.geometry.arms)
+        return {("", coordinate): values for coordinate, values in self.moments.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MuscleComparison:
+    """What the methods make of the muscles."""
+
+    reference: str  # the method that the others are held against
+    courses: Mapping[str, Mapping[str, MuscleCourses]]  # method to trial to its courses
+    differences: tuple[MuscleDifference, ...]
+    """Of each method and quantity the largest, in descending order; a muscle or joint comes once for each
+    coordinate."""
+    notes: tuple[str, ...] = ()  # what is not compared, and why
+
+
+def compare_muscles(
+    loaded: Loaded,
+    models: Mapping[str, tuple[BodyModel, str]],
+    motions: Mapping[str, Mapping[str, Motion]],
+    trials: Sequence[str],
+    progress: Progress,
+) -> MuscleComparison:
+    """Compare what methods make of the muscles of an OpenSim model.
+
+    ``models``: method to its model and the text of its file. ``motions``: method to trial to its motion.
+    ``trials``: those that are looked at.
+    Raises SubjectInvalid: the model is none of OpenSim, or has no muscles, or no movement was recorded.
+    """
+    _check(loaded, trials)
+    forces, notes = _forces(loaded, trials)
+    found: dict[str, dict[str, MuscleCourses]] = {}
+    for k, (method, (model, text)) in enumerate(models.items()):
+        found[method] = {}
+        for trial in trials:
+            progress(f"{method}: muscles in {trial}", k / len(models))
+            found[method][trial] = _follow(model, text, motions[method][trial], forces.get(trial))
+    first = next(iter(next(iter(found.values())).values()))
+    if not first.geometry.muscles:
+        raise _no_muscles("has no muscles")
+    reference = "MB" if "MB" in found else next(iter(found))
+    differences = [
+        told
+        for method in found
+        if method != reference
+        for quantity in _UNIT
+        for told in _largest(_peaks(found[reference], found[method], quantity, (reference, method)))
+    ]
+    return MuscleComparison(reference, found, tuple(differences), notes)
+
+
+def _check(loaded: Loaded, trials: Sequence[str]) -> None:
+    if not loaded.session.subject.model.lower().endswith(".osim"):
+        raise _no_muscles("is no .osim model")
+    if not trials:
+        raise SubjectInvalid(
+            "muscles are compared over movements, and none was recorded",
+            field="trials",
+            remedy="Name evaluation trials",
+        )
+
+
+def _no_muscles(what: str) -> SubjectInvalid:
+    return SubjectInvalid(
+        f"muscles cannot be compared: the subject's model {what}",
+        field="model",
+        remedy="Give an .osim model with muscles, or compare without them",
+    )
+
+
+def _forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+    """The forces on the feet of those trials that have some, and why others have no joint moments."""
+    try:
+        read = read_movement_forces(loaded.session.subject, loaded.plates)
+        found, unusable = assign_forces(
+            loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: CUTOFF_HZ
+        )
+    except InputError as error:
+        return {}, (f"joint moments are not compared: {error}",)
+    without = [trial for trial in trials if trial not in found]
+    said = f"joint moments are not compared in {', '.join(without)}: there are no forces"
+    return found, (*unusable, said) if without else unusable
+
+
+def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | None) -> MuscleCourses:
+    stride = -(-len(motion.times) // MOST_FRAMES)
+    rows = slice(None, None, stride)
+    order = [motion.coordinates.index(name) for name in model.coordinate_names]
+    moments: dict[str, Array] = {}
+    if forces is not None:
+        dynamics = inverse_dynamics(model, motion, forces.loads)
+        judged = judged_frames(dynamics, forces.contacts, CUTOFF_HZ)
+        values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
+        moments = {name: values[:, dynamics.coordinates.index(name)] for name in _joint_angles(model)}
+    return MuscleCourses(
+        motion.times[rows],
+        {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
+        measure_muscles(text, model, motion.q[rows][:, order]),
+        moments,
+    )
+
+
+def _joint_angles(model: BodyModel) -> list[str]:
+    """Rotations that joints between segments leave free; those of the root carry residuals."""
+    root = {t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms}
+    return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
+
+
+def _largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
+    """The largest of all trials for each muscle and coordinate, the largest first."""
+    found: dict[tuple[str, str], MuscleDifference] = {}
+    for told in peaks:
+        known = found.get((told.muscle, told.coordinate))
+        if known is None or abs(told.difference) > abs(known.difference):
+            found[told.muscle, told.coordinate] = told
+    return sorted(found.values(), key=lambda told: -abs(told.difference))[:MOST_ROWS]
+
+
+def _peaks(
+    reference: Mapping[str, MuscleCourses],
+    method: Mapping[str, MuscleCourses],
+    quantity: MuscleQuantity,
+    names: tuple[str, str],
+) -> Iterator[MuscleDifference]:
+    """Where a method differs most from the reference in each trial, for each muscle and coordinate."""
+    factor, unit = _UNIT[quantity]
+    for trial, own in method.items():
+        theirs = reference[trial].courses(quantity)
+        for (muscle, coordinate), values in own.courses(quantity).items():
+            against = theirs.get((muscle, coordinate), np.zeros_like(values))  # no arm where it is left out
+            difference = values - against
+            if not np.isfinite(difference).any():
+                continue
+            at = int(np.nanargmax(np.abs(difference)))
+            yield MuscleDifference(
+                method=names[1],
+                against=names[0],
+                quantity=quantity,
+                muscle=muscle,
+                coordinate=coordinate,
+                trial=trial,
+                time_s=round(float(own.times[at]), 4),
+                angle_deg=round(float(np.degrees(own.angles[coordinate][at])), 2) if coordinate else None,
+                value=round(factor * float(values[at]), 4),
+                reference=round(factor * float(against[at]), 4),
+                difference=round(factor * float(difference[at]), 4),
+                rms=round(factor * float(np.sqrt(np.nanmean(difference**2))), 4),
+                unit=unit,
+            )

@@ -1,0 +1,37 @@
+"""What can be chosen for scaling and for a comparison of methods."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from scaling_service.capabilities.shared.flags import names
+from scaling_service.core.options import Flag, Options
+
+
+class ScaleOptions(Options):
+    """What is written beside each method's model."""
+
+    export: Annotated[
+        tuple[Literal["mjcf", "biomod"], ...],
+        Flag(metavar="FORMAT,…", kind=str | None, read=names),
+    ] = Field(
+        default=(),
+        description="Further forms of each model's skeleton, with markers and inertia: mjcf (MuJoCo), biomod "
+        "(biorbd).",
+    )
+
+
+class ComparisonOptions(ScaleOptions):
+    """What is compared beside models, motions and errors."""
+
+    muscles: Annotated[bool, Flag(name="--muscles")] = Field(
+        default=False,
+        description="Whether to compare what the methods make of the muscles: lengths and moment arms by "
+        "OpenSim, and joint moments where there are forces. For .osim models.",
+    )
+
+
+PLAIN = ComparisonOptions()
+"""Nothing chosen."""

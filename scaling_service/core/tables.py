@@ -1,0 +1,62 @@
+"""Results as tables for people who work with pandas, in notebooks and beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas
+    import plotly.graph_objects as go
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class ResultTable:
+    """Rows under columns whose names hold the units; a notebook shows it as a table.
+
+    Examples
+    --------
+    >>> table = ResultTable("lengths", ("segment", "length_mm"), (("femur_r", 419.9), ("shank_r", 407.7)))
+    >>> float(table.to_frame().set_index("segment")["length_mm"]["femur_r"])
+    419.9
+    >>> table
+    lengths
+    segment  length_mm
+    femur_r      419.9
+    shank_r      407.7
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Make a pandas frame of it, a row for a row."""
+        import pandas  # only where it is asked for: it takes half a second
+
+        return pandas.DataFrame(list(self.rows), columns=list(self.columns))
+
+    def plot(self) -> go.Figure:
+        """Draw it: curves over the first column where that is numbers, else bars of the first number."""
+        import plotly.graph_objects as go
+
+        frame = self.to_frame()
+        numbers = list(frame.select_dtypes("number").columns)
+        figure = go.Figure()
+        if numbers and self.columns[0] == numbers[0]:
+            for name in numbers[1:]:
+                figure.add_scatter(x=frame[numbers[0]], y=frame[name], name=name, mode="lines")
+            figure.update_layout(title=self.title, xaxis_title=numbers[0])
+        else:
+            words = frame.drop(columns=numbers).astype(str).agg(" · ".join, axis=1)
+            figure.add_bar(x=frame[numbers[0]], y=words, orientation="h")
+            figure.update_layout(title=self.title, xaxis_title=numbers[0], yaxis={"autorange": "reversed"})
+        return figure
+
+    def __repr__(self) -> str:
+        return f"{self.title}\n{self.to_frame().to_string(index=False, float_format='{:.4g}'.format)}"
+
+    def _repr_html_(self) -> str:
+        table = self.to_frame().to_html(index=False, float_format="{:.4g}".format, border=0, na_rep="–")
+        return f"<b>{escape(self.title)}</b>{table}"

@@ -1,0 +1,90 @@
+"""What contributors read is true of the code."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+import tomllib
+from types import SimpleNamespace
+
+import pytest
+import yaml
+
+from scaling_service.capabilities.discovery.laws.loads import PlateShift
+from tests.guide.draw import PAGE, ROOT, draw_layers
+from tests.plugins import test_plugins
+
+CONTRIBUTING = (ROOT / ".github" / "CONTRIBUTING.md").read_text(encoding="utf-8")
+SAMPLE = (test_plugins.DISTRIBUTION / "sample_lab.py").read_text(encoding="utf-8")
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    "program", re.findall(r"^```python\n(.*?)^```$", CONTRIBUTING, re.MULTILINE | re.DOTALL)
+)
+def test_the_additions_shown_are_those_that_are_tested(program: str) -> None:
+    assert program in SAMPLE
+
+
+class CaseSensitive(configparser.ConfigParser):
+    """Names of entry points are names of methods."""
+
+    def optionxform(self, optionstr: str) -> str:
+        return optionstr
+
+
+def test_the_entry_points_shown_are_those_that_are_tested() -> None:
+    (shown,) = re.findall(r"^```toml\n(.*?)^```$", CONTRIBUTING, re.MULTILINE | re.DOTALL)
+    installed = CaseSensitive()
+    installed.read(next(test_plugins.DISTRIBUTION.glob("*.dist-info/entry_points.txt")))
+    sections = {name: dict(installed[name]) for name in installed.sections()}
+    assert tomllib.loads(shown)["project"]["entry-points"] == sections
+
+
+def test_the_effect_shown_has_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(test_plugins.DISTRIBUTION))
+    from sample_lab import EFFECT
+
+    (found,) = EFFECT.candidates(SimpleNamespace(plates=("plate_1", "plate_2"), scopes_with_forces=(None,)))
+    assert [column.load for column in found.columns] == [PlateShift(p, 1) for p in ("plate_1", "plate_2")]
+
+
+def test_the_drawing_is_of_the_layers() -> None:
+    assert draw_layers() in PAGE.read_text(encoding="utf-8"), "run `python -m tests.guide.draw`"
+
+
+def test_the_walk_of_a_recording_goes_where_it_says() -> None:
+    steps = re.findall(r"`([\w/]+\.py): (\w+)`", PAGE.read_text(encoding="utf-8"))
+    assert len(steps) > 5
+    for file, name in steps:
+        module = ast.parse((ROOT / "scaling_service" / file).read_text(encoding="utf-8"))
+        assert name in {n.name for n in ast.walk(module) if isinstance(n, ast.FunctionDef)}, (file, name)
+
+
+def test_every_folder_and_option_named_is_there() -> None:
+    for folder in re.findall(r"^\| ((?:`\w+` ?)+)", CONTRIBUTING, re.MULTILINE):
+        for name in re.findall(r"`(\w+)`", folder):
+            assert (ROOT / "tests" / name).is_dir(), name
+    assert "dev" in PYPROJECT["project"]["optional-dependencies"]
+
+
+def test_files_for_github_can_be_read() -> None:
+    for file in [*(ROOT / ".github").rglob("*.yml"), ROOT / ".pre-commit-config.yaml"]:
+        assert yaml.safe_load(file.read_text(encoding="utf-8")), file
+    check = yaml.safe_load((ROOT / ".github/workflows/check.yml").read_text(encoding="utf-8"))
+    assert {"run": ".ci/run"} in check["jobs"]["check"]["steps"]
+
+
+def test_the_citation_is_of_this_version() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == PYPROJECT["project"]["version"]
+    assert cited["license"] == PYPROJECT["project"]["license"]
+    released = f"## {cited['version']} ({cited['date-released']})"
+    assert released in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_links_of_contributors_pages_lead_somewhere() -> None:
+    for page in (ROOT / ".github").rglob("*.md"):
+        for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), (page, target)

@@ -1,0 +1,191 @@
+"""Every page of the guide is true: its commands run and print what it shows, its links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import scaling_service
+from scaling_service.cli import main
+from scaling_service.guide import pages
+from scaling_service.guide.site import make_site, write_site
+from tests.guide.renew import MEASURES, PAPERS, measure_bank
+from tests.guide.running import LEFT_OUT, assert_shown, blocks, commands, run
+from tests.safety.running import find_data, program_environment
+from tests.service.page.visitor import ARGUMENTS, CHROMIUM
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RUN = [n for n in pages.names() if any(b.language in ("bash", "python") for b in blocks(pages.read_page(n)))]
+SLOW = "# half a minute"
+"""Begins blocks that are run only where what takes long is."""
+
+
+@pytest.fixture(scope="session")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the reader of the first page has made."""
+    folder = tmp_path_factory.mktemp("reader") / "lab"
+    assert main(["example", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("name", RUN)
+def test_what_a_page_says_to_do_does_what_it_shows(
+    name: str, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = blocks(pages.read_page(name))
+    if not any("--out lab" in block.text for block in found):
+        (tmp_path / "lab").symlink_to(lab)
+    if name == "python":
+        assert main(["example", "--plates", "--out", "plates"]) == 0
+    space: dict[str, object] = {}
+    for block in found:
+        if not block.text.startswith(SLOW):
+            run(block, capsys, space)
+
+
+@pytest.mark.costly
+def test_what_takes_half_a_minute_runs(
+    lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lab").symlink_to(lab)
+    slow = [b for n in RUN for b in blocks(pages.read_page(n)) if b.text.startswith(SLOW)]
+    assert slow
+    for block in slow:
+        run(block, capsys, {"ss": scaling_service})
+
+
+def test_every_public_name_is_used_or_described_by_the_page_on_python() -> None:
+    text = (pages.FOLDER / "python.md").read_text(encoding="utf-8")
+    told = {"Results", "Scaling", "Subject", "Tracked"}  # what functions return
+    for name in set(scaling_service.__all__) - told:
+        assert re.search(rf"\bss\.{name}\b|`{name}`", text), name
+
+
+def test_what_is_shown_must_be_printed() -> None:
+    assert_shown("a  1.23 mm\n...\nb 7", "b 7.0001\na 1.24 mm\n".replace("7.0001", "7"))
+    for wrong in ("a 1.30 mm", "c 1.24 mm"):
+        with pytest.raises(AssertionError):
+            assert_shown(wrong, "a 1.24 mm\n")
+
+
+def test_commands_that_need_other_machines_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    """Those in blocks that are not run: every command and option is one of the program's."""
+    shells = [b for n in pages.names() for b in blocks(pages.read_page(n)) if b.language == "sh"]
+    found = [words for block in shells for words in commands(block.text)]
+    assert len(found) > 10
+    for words in found:
+        named = words[:2] if words[0] in ("keys", "data", "settings", "datasets") else words[:1]
+        assert main([*named, "--help"]) == 0
+        screen = capsys.readouterr().out
+        for option in (word for word in words if word.startswith("--")):
+            assert option in screen, (words, option)
+
+
+def test_links_lead_somewhere() -> None:
+    site = make_site()
+    for name in pages.names():
+        html = site[f"{name}.html"].decode()
+        assert html.count("<h1") == 1
+        for target in re.findall(r'(?:href|src)="([^"]+)"', html):
+            file, _, anchor = target.partition("#")
+            if target.startswith(("https://", "data:")):
+                continue
+            assert not file or file in site, (name, target)
+            if anchor:
+                assert f'id="{anchor}"' in (site[file].decode() if file else html), (name, target)
+
+
+def test_no_figure_is_missing_and_no_mark_is_left() -> None:
+    for name in pages.names():
+        assert "{{" not in pages.read_page(name)
+
+
+def test_figures_of_the_bank_are_those_of_its_records() -> None:
+    assert pages.read_figures()["bank"] == measure_bank(), "run `python -m tests.guide.renew bank`"
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("name", [name for name in MEASURES if name != "bank"])
+def test_figures_are_what_is_measured(name: str) -> None:
+    if name not in PAPERS and find_data() is None:
+        pytest.skip("the real recordings are not here: set SCALING_SERVICE_DATA")
+    assert pages.read_figures()[name] == MEASURES[name](), f"run `python -m tests.guide.renew {name}`"
+
+
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [("Plug-in Gait", "own-recording"), ("residual", "forces"), ("soft tissue", "missing-effect")],
+)
+def test_search_finds(words: str, page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert page in [section.page for section in pages.search(words)][:3]
+    assert main(["guide", "--search", words]) == 0
+    assert page in capsys.readouterr().out
+
+
+def test_the_guide_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["guide"]) == 0
+    assert "first-steps" in capsys.readouterr().out
+    assert main(["guide", "cohort"]) == 0
+    assert "what is done and unchanged is kept" in " ".join(capsys.readouterr().out.split())
+    assert main(["guide", "nothing"]) == 2
+    assert "Choose one of first-steps" in capsys.readouterr().err
+
+
+def test_the_guide_loads_nothing_that_computes() -> None:
+    code = (
+        "import sys; from scaling_service.guide import site; site.make_site(); print('numpy' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=program_environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"
+
+
+@pytest.fixture(scope="module")
+def visitor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+    """A browser without a network, at the guide's first page in a folder."""
+    if not CHROMIUM.is_file():
+        pytest.skip(f"no Chromium at {CHROMIUM}")
+    folder = tmp_path_factory.mktemp("guide")
+    write_site(folder)
+    api = pytest.importorskip("playwright.sync_api")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        page = browser.new_context(offline=True, viewport={"width": 360, "height": 740}).new_page()
+        page.goto((folder / "index.html").as_uri())
+        yield page
+        browser.close()
+
+
+def test_it_opens_and_searches_offline(visitor: object) -> None:
+    page = visitor
+    for words, expected in (("plug-in gait", "Your first own recording"), ("soft tissue", "missing effect")):
+        page.fill("#words", words)
+        assert expected in page.inner_text("#found li:first-child")
+    page.press("#words", "Enter")
+    page.wait_for_url("**/missing-effect.html*")
+    assert page.inner_text("h1") == "Finding the missing effect"
+
+
+def test_it_fits_a_phone(visitor: object) -> None:
+    page = visitor
+    for name in pages.names():
+        page.goto(page.url.rpartition("/")[0] + f"/{name}.html")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360, name
+
+
+def test_the_readme_is_short_and_shows_what_the_guide_shows() -> None:
+    assert len(README.split()) <= 700
+    (shown,) = (text for text in re.findall(r"^```text\n(.*?)^```$", README, re.MULTILINE | re.DOTALL))
+    page = pages.read_page("first-steps").splitlines()
+    assert all(line in page for line in shown.splitlines() if line != LEFT_OUT)
+    for target in re.findall(r"\]\((?!http)([^)#]+)", README):
+        assert (ROOT / target).exists(), target

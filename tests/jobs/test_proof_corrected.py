@@ -1,0 +1,99 @@
+"""Labels that look exchanged are put right by what the look itself offers, and by what the document says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.errors import InputError, MarkerMissing
+from scaling_service.documents.reading import check_document
+from scaling_service.model.trial import Relabelling
+from scaling_service.recording.exchanged import relabel
+from tests.jobs.test_proof_mended import BARE, looked, moving, standing
+
+WRONG = slice(60, 140)
+CYCLE = {"RLFE": "RMFE", "RMFE": "RFH", "RFH": "RLFE"}
+
+
+def exchanged(folder: Path, document: Mapping[str, Any] = BARE) -> ProofDocument:
+    right = moving(1, "two")
+    wrong = right.markers.copy()
+    a, b = right.index("RLFE"), right.index("RMFE")
+    wrong[WRONG, [a, b]] = right.markers[WRONG, [b, a]]
+    bad = replace(right, markers=wrong)
+    return looked(folder, {"one": standing(), "two": bad, "three": moving(2, "three")}, document)
+
+
+def test_the_offer_puts_it_right(tmp_path: Path) -> None:
+    """Also where no distance tells, but the direction of the line between the landmarks."""
+    found = exchanged(tmp_path / "lab")
+    (problem,) = [p for p in found.problems if p.corrections]
+    (offer,) = problem.corrections
+    assert offer.labels == {"RLFE": "RMFE", "RMFE": "RLFE"}
+    assert (offer.from_s, offer.to_s) == pytest.approx((0.6, 1.39), abs=0.011)
+    given = {**BARE, "corrections": {offer.file: [offer.model_dump(exclude={"file"})]}}
+    again = exchanged(tmp_path / "lab", given)
+    assert [p for p in again.problems if "exchanged" in p.problem] == []
+    assert again.proposal is not None
+    assert again.proposal["corrections"] == given["corrections"]
+
+
+def test_scaling_reads_the_recording_as_corrected(tmp_path: Path) -> None:
+    import yaml
+
+    found = exchanged(tmp_path / "lab")
+    assert found.proposal is not None
+    (offer,) = next(p.corrections for p in found.problems if p.corrections)
+    document = {**found.proposal, "corrections": {offer.file: [offer.model_dump(exclude={"file"})]}}
+    file = tmp_path / "lab" / "subject.yaml"
+    file.write_text(yaml.safe_dump(document), encoding="utf-8")
+    (two,) = [t for t in open_subject(file).session.dynamic if t.name == "two"]
+    true = moving(1, "two")
+    away = np.linalg.norm(two.position("RLFE") - true.position("RLFE"), axis=1)
+    assert np.nanmax(away) < 0.02  # smoothing; exchanged labels are 0.1 m apart
+    assert any(repair.what == "labels_exchanged" for repair in two.repairs)
+
+
+def test_a_cycle_of_labels_is_undone() -> None:
+    right = moving(3, "walk")
+    columns = {name: right.index(name) for name in CYCLE}
+    wrong = right.markers.copy()
+    for label, true in CYCLE.items():
+        wrong[WRONG, columns[label]] = right.markers[WRONG, columns[true]]
+    item = Relabelling(CYCLE, float(right.times[60]), float(right.times[139]))
+    np.testing.assert_array_equal(relabel(replace(right, markers=wrong), [item]).markers, right.markers)
+    with pytest.raises(MarkerMissing, match="RNOSE"):
+        relabel(right, [Relabelling({"RNOSE": "RLFE", "RLFE": "RNOSE"}, 0.0, 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("labels", "times"),
+    [({"RLFE": "RMFE"}, (0.0, 1.0)), ({"RLFE": "RMFE", "RMFE": "RFH"}, (0.0, 1.0)), (CYCLE, (2.0, 1.0))],
+)
+def test_what_is_no_exchange_is_refused(labels: dict[str, str], times: tuple[float, float]) -> None:
+    corrections = {"a.trc": [{"labels": labels, "from_s": times[0], "to_s": times[1]}]}
+    document = {
+        **BARE,
+        "model": "lower_limb_14dof",
+        "trials": {"static": "a.trc"},
+        "corrections": corrections,
+    }
+    with pytest.raises(InputError, match=r"exchanged with each other|ends before it begins"):
+        check_document(document)
+
+
+def test_readiness_names_what_lacks(tmp_path: Path) -> None:
+    found = looked(tmp_path / "lab", {"one": standing(), "two": moving(1, "two")})
+    ready = {entry.analysis: entry for entry in found.readiness}
+    assert ready["comparisons"].ready
+    assert not ready["dynamics"].ready
+    lacks = [need.name for need in ready["dynamics"].needs if need.required and not need.there]
+    assert lacks == ["forces", "feet"]  # the model that is proposed without forces has none
+    assert found.headline.startswith("2 of 4 analyses can run")

@@ -158,8 +158,8 @@ MISTAKES = {
     "too high a cutoff": Mistake(
         lambda _: None, "sway_grf.mot", ("cutoff_hz", "80 Hz", "between 0 and 50"), ("--cutoff-hz", "80")
     ),
-    "a table without a sex": Mistake(
-        person(sex=None), "S01.yaml", ("subject.sex", "inertial tables"), ("--inertia", "dumas2007")
+    "a table without a mass": Mistake(
+        person(mass_kg=None), "S01.yaml", ("subject.mass_kg", "inertial tables"), ("--inertia", "dumas2007")
     ),
 }
 

@@ -95,5 +95,5 @@ def test_readiness_names_what_lacks(tmp_path: Path) -> None:
     assert ready["comparisons"].ready
     assert not ready["dynamics"].ready
     lacks = [need.name for need in ready["dynamics"].needs if need.required and not need.there]
-    assert lacks == ["forces", "feet"]  # the model that is proposed without forces has none
+    assert lacks == ["forces", "feet", "whole body"]  # what is proposed without forces has legs alone
     assert found.headline.startswith("2 of 4 analyses can run")

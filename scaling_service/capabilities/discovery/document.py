@@ -63,6 +63,7 @@ class QuantityDocument(Part):
         default=None, description="What laboratories meet, lowest and highest; null where that is not known."
     )
     at_bound: bool = Field(default=False, description="Whether it stands at a bound of the search.")
+    determined: bool = Field(default=True, description="Whether the recordings tell it at all.")
 
     @property
     def implausible(self) -> bool:

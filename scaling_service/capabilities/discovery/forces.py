@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, band_hz
+from scaling_service.capabilities.dynamics.weight import FAR_OFF
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
@@ -44,7 +45,7 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
     read = read_movement_forces(loaded.session.subject, loaded.plates)
     if not read:
         return {}, (f"no recording has forces: {NOT_TRIED}",)
-    lacking = _lacking(model)
+    lacking = _lacking(model, loaded.session.subject.mass_kg)
     if lacking:
         return {}, (f"{lacking}: {NOT_TRIED}",)
     found, unusable = assign_forces(loaded, read, lambda trial: band_hz(trial.rate_hz))
@@ -71,13 +72,19 @@ def _unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
     return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
 
 
-def _lacking(model: BodyModel) -> str:
-    """What a model lacks to answer forces; empty where it has all."""
+def _lacking(model: BodyModel, mass_kg: float | None) -> str:
+    """What a model lacks to answer the forces on a person of this mass; empty where it has all."""
     try:
         feet_of(model)
     except ModelRefused:
         return f"model '{model.name}' ends above its feet, so the ground's forces act on nothing"
-    return "" if total_mass(model) > 0.0 else f"model '{model.name}' has no mass"
+    mass = total_mass(model)
+    if mass_kg is not None and 0.0 < mass < mass_kg / FAR_OFF:
+        return (
+            f"model '{model.name}' weighs {mass:.1f} of the person's {mass_kg:.1f} kg, so it cannot answer "
+            "the forces on the whole person; use a model of the whole body"
+        )
+    return "" if mass > 0.0 else f"model '{model.name}' has no mass"
 
 
 def usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:

@@ -220,7 +220,7 @@ def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]
             known, bound = usual(name), bounds.get(name)
             ends = None if known is None else (known.low, known.high)
             at_bound = bound is not None and bound.at_end(quantity.value)
-            quantity = QuantityDocument(value=quantity.value, sd=quantity.sd, usual=ends, at_bound=at_bound)
+            quantity = quantity.model_copy(update={"usual": ends, "at_bound": at_bound})
         found[name] = quantity
     return found
 
@@ -255,7 +255,7 @@ def quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
         names, values, covariance = _place_load(names, values, covariance)
     sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = {
-        name: QuantityDocument(value=value, sd=sd if sd > 0.0 else None)
+        name: QuantityDocument(value=value, sd=sd if sd > 0.0 else None, determined=sd > 0.0 or not any(sds))
         for name, value, sd in zip(names, values.tolist(), sds.tolist(), strict=True)
     }
     change = named.effect.candidate.change

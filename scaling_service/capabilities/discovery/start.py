@@ -33,7 +33,7 @@ from scaling_service.recording.exchanged import without_exchanges
 NOTE = "as calibrated"
 """Marks what a calibration freed, so that it is not taken for an effect that was named."""
 
-_OWN_INERTIA = "sex, height_m or mass_kg is not given: the model's own inertia was taken"
+_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 
 _SAME_CHANGE = {"length": "segment_length", "axis": "joint_axis_tilt", "marker": "marker_offset"}
 """The group of a calibration's parameter to the effect that is the same change."""
@@ -82,7 +82,7 @@ def prepare(
     start = scale_model(sound, chosen.start, settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
-    unknown = chosen.inertia is None and None in (subject.sex, subject.height_m, subject.mass_kg)
+    unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)
     massive = with_inertia(start.model, subject, OWN if unknown else chosen.inertia, scaled=scaled)
     forces, notes = read_ground_forces(loaded, massive.model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}

@@ -345,6 +345,8 @@ def format_quantity(name: str, quantity: QuantityDocument, *, spread: bool = Fal
         stem, unit = "", " kg"
     if isinstance(quantity.value, tuple):
         return f"{stem} ({', '.join(f'{v:.2f}' for v in quantity.value)}){unit}"
+    if not quantity.determined:
+        return f"{stem} not determined".strip()
     sd = quantity.sd if spread else None
     if sd is None or sd <= 0.0:
         return f"{stem} {quantity.value:.3g}{unit}".strip()

@@ -141,8 +141,8 @@ def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, sca
     chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else OWN)
     if chosen == OWN:
         return Massive(model, OWN)
-    if subject.sex is None or subject.height_m is None or subject.mass_kg is None:
-        lacking = next(n for n in ("sex", "height_m", "mass_kg") if getattr(subject, n) is None)
+    if subject.height_m is None or subject.mass_kg is None:
+        lacking = "mass_kg" if subject.mass_kg is None else "height_m"
         raise SubjectInvalid(
             f"inertial tables need the person's {lacking.split('_')[0]}",
             field=f"subject.{lacking}",

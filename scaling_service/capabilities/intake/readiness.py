@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+from scaling_service.capabilities.dynamics.weight import FAR_OFF
 from scaling_service.capabilities.intake.document import (
     MarkerProof,
     Need,
@@ -13,10 +14,13 @@ from scaling_service.capabilities.intake.document import (
     RecordingProof,
     SizesProof,
 )
+from scaling_service.capabilities.intake.markers import WHOLE
 from scaling_service.capabilities.kinetics.forces import FEWEST, feet_of
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import few
 from scaling_service.model.body import BodyModel
+from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
+from scaling_service.model.inertia import total_mass
 
 
 def judge_readiness(
@@ -82,7 +86,7 @@ def judge_readiness(
         text=f"with {few(pushed)}" if pushed else "no movement has force plates or a file of forces",
         give="forces",
     )
-    feet = _feet(model, markers)
+    feet, whole = _feet(model, markers), _whole_body(model, sizes.mass_kg)
     height = _measure(
         "height", sizes.height_m, "m", "residuals are told in shares of body weight times height"
     )
@@ -94,11 +98,12 @@ def judge_readiness(
         or "no movement that is fitted (calibration) has forces",
         give="forces",
     )
+    persons = (feet, whole, height, mass)
     return [
         _entry("comparisons", "Compare scaling methods", usable, standing, unseen, imaged),
         _entry("discoveries", "Find the missing effect", usable, movement, unseen),
-        _entry("dynamics", "Check the forces", usable, forces, feet, height, mass),
-        _entry("consistent-motions", "Motion that agrees with the forces", usable, both, feet, height, mass),
+        _entry("dynamics", "Check the forces", usable, forces, *persons),
+        _entry("consistent-motions", "Motion that agrees with the forces", usable, both, *persons),
     ]
 
 
@@ -137,6 +142,18 @@ def _feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Need:
         return Need(name="feet", there=False, text=error.problem, give="model")
     text = f"{few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
     return Need(name="feet", there=not bare, text=text, give="model")
+
+
+def _whole_body(model: BodyModel, mass_kg: float | None) -> Need:
+    """That the model has about a person's mass: the plates bear the whole person."""
+    person = generic_person(model.name).mass_kg if model.name in BUILTIN_NAMES else mass_kg
+    share = total_mass(model) / person if person else 1.0
+    there = share * FAR_OFF >= 1.0
+    text = "the model has a person's mass"
+    if not there:
+        text = f"{model.name} is {share:.0%} of a person, and the plates bear all of it"
+        text += f"; to check the forces, choose {WHOLE}" if model.name in BUILTIN_NAMES else ""
+    return Need(name="whole body", there=there, text=text, give="model")
 
 
 def _bare_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Iterator[str]:

@@ -321,7 +321,14 @@ def unknown_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
     """One question for all of height, mass and sex that is not known."""
     values = {"height_m": sizes.height_m, "mass_kg": sizes.mass_kg, "sex": sizes.sex}
     missing = [name for name, value in values.items() if value is None]
-    if missing:
+    if missing == ["sex"]:
+        yield ProblemEntry(
+            severity="note",
+            field="subject.sex",
+            problem="the person's sex is not known: inertia is taken as the mean of women's and men's",
+            remedy="Nothing is to be done; `subject: {sex: F or M}` makes it more certain",
+        )
+    elif missing:
         are = "is" if len(missing) == 1 else "are"
         words = {"height_m": "height", "mass_kg": "mass", "sex": "sex"}
         example = {"height_m": "1.70", "mass_kg": "62.0", "sex": "F or M"}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -53,6 +54,9 @@ MASSES_KG = (20.0, 250.0)
 """Masses that tables of adults may be applied to (chosen)."""
 
 
+NO_SEX = "the person's sex is not given: the inertia is the mean of women's and men's"
+
+
 @dataclass(frozen=True, slots=True)
 class InertiaResult:
     """A model with the inertia of a table."""
@@ -85,12 +89,13 @@ class Person:
 
 
 def apply_inertia_table(
-    model: BodyModel, table: str, *, sex: Sex, height_m: float, mass_kg: float
+    model: BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
 ) -> InertiaResult:
     """Give every segment the mass, centre of mass and tensor that a table says.
 
     ``model``: a built-in one of three dimensions, of any size. For the planar squat see ``apply_to_squat``.
     ``table``: one of ``TABLE_NAMES``.
+    ``sex``: None where it is not known: the mean of what the table says of women and of men.
     ``height_m``: stature: for lengths that the model does not show (the head's, a foot's to the tip of its
         toes).
     Masses of a whole-body model sum to ``mass_kg``.
@@ -106,6 +111,14 @@ def apply_inertia_table(
     >>> round(result.model.segment("femur_r").mass, 2)
     8.87
     """
+    if sex is None:
+        woman, man = (
+            apply_inertia_table(model, table, sex=each, height_m=height_m, mass_kg=mass_kg)
+            for each in get_args(Sex)
+        )
+        between = map(_mean_segment, woman.model.segments, man.model.segments)
+        said = tuple(dict.fromkeys((NO_SEX, *woman.notes, *man.notes)))
+        return InertiaResult(replace(model, segments=tuple(between)), table, said)
     person = Person(sex, height_m, mass_kg)
     person.check()
     published = inertia_table(table)
@@ -114,6 +127,13 @@ def apply_inertia_table(
     segments = [_with_inertia(s, neutral, published, person, notes) for s in model.segments]
     segments = _summing_up(segments, mass_kg, notes)
     return InertiaResult(replace(model, segments=tuple(segments)), table, tuple(dict.fromkeys(notes)))
+
+
+def _mean_segment(one: Segment, other: Segment) -> Segment:
+    mass, com, inertia = (
+        np.mean((getattr(one, name), getattr(other, name)), axis=0) for name in ("mass", "com", "inertia")
+    )
+    return replace(one, mass=float(mass), com=vector(com), inertia=tuple(inertia.tolist()))
 
 
 def possible_tensor(tensor: Array) -> tuple[Array, bool]:

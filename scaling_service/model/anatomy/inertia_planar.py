@@ -54,7 +54,7 @@ _ITSELF = {name: replace(part, pieces=(name,), whole=part.planar) for name, part
 
 
 def apply_to_squat(
-    model: BodyModel, table: str, *, sex: Sex, height_m: float, mass_kg: float
+    model: BodyModel, table: str, *, sex: Sex | None, height_m: float, mass_kg: float
 ) -> InertiaResult:
     """Give the planar squat the inertia that a table says.
 

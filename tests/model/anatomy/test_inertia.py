@@ -68,6 +68,18 @@ def test_rows_sum_to_what_the_publications_sum_to(table: str, sums: dict[str, fl
         assert found == pytest.approx(total, abs=0.011)
 
 
+def test_without_a_sex_inertia_lies_midway_and_says_so() -> None:
+    woman, man = (applied("dumas2007", sex).model for sex in "FM")
+    result = apply_inertia_table(BODY, "dumas2007", sex=None, height_m=1.762, mass_kg=67.3)
+    assert total_mass(result.model) == pytest.approx(67.3)
+    assert any("sex is not given" in note for note in result.notes)
+    for one, other, between in zip(
+        inertias_of(woman).tensor, inertias_of(man).tensor, inertias_of(result.model).tensor, strict=True
+    ):
+        np.testing.assert_allclose(between, 0.5 * (one + other), atol=1e-12)
+        assert not possible_tensor(between)[1]
+
+
 def test_the_built_in_models_are_the_table_at_their_own_size() -> None:
     # Feet, head, pelvis and hands have lengths of the mean subject there, and here the model's own.
     result = applied()

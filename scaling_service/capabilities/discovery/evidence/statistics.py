@@ -27,6 +27,9 @@ has three, each with another share of the load)."""
 _MOST_OF_IT = 0.8
 """Share of what stands above the noise that is most of it (chosen: a cause leaves what its law misses)."""
 
+_DETERMINED = 0.99
+"""Share of a column's direction that must be shown for its number to mean anything (chosen)."""
+
 _FEWEST = 3
 """Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
 
@@ -123,7 +126,17 @@ def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
     hotelling = float(((vector.T @ total) ** 2 / value).sum())
     p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
     covariance = directions @ variance @ directions.T
+    shown = _share_shown(directions, raw) > _DETERMINED
+    covariance *= np.outer(shown, shown)
     return Fitted(size, covariance, gain, float(np.trace(variance)), p, identifiable, freedom)
+
+
+def _share_shown(directions: Array, raw: Array) -> Array:
+    """How much of each column (k,) lies in the directions (k, rank) of which the blocks show something."""
+    if not directions.shape[1]:
+        return np.zeros(len(raw))
+    basis = np.linalg.qr(np.sqrt(raw)[:, None] * directions)[0]
+    return np.asarray((basis**2).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1117,6 +1117,7 @@ export interface QuantityDocument {
   sd: number | null;
   usual: [number, number] | null;
   at_bound: boolean;
+  determined: boolean;
 }
 
 export interface QuantityEntry {

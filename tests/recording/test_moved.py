@@ -1,0 +1,52 @@
+"""A marker that was knocked between recordings is told, and only there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scaling_service.model.trial import Trial
+from scaling_service.recording.moved import find_moved_markers
+
+LABELS = ("HEE", "CPG", "LCA", "STL", "NAV")
+FOOT = np.array([[0, 0, 0], [-70, 20, 10], [30, 5, 40], [35, 10, -30], [90, 40, -20]]) / 1000.0
+CLUSTERS = {"calcn_l": list(LABELS)}
+
+
+def recording(seed: int, moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trial:
+    """A foot that turns and travels, 1 mm of noise; its second marker moved."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0.0, 1.0, 60)
+    turn = np.zeros((60, 3, 3))
+    turn[:, 0, 0] = turn[:, 2, 2] = np.cos(angle)
+    turn[:, 0, 2], turn[:, 2, 0], turn[:, 1, 1] = np.sin(angle), -np.sin(angle), 1.0
+    place = FOOT.copy()
+    place[1] += np.array(moved_mm) / 1000.0
+    markers = np.einsum("nij,mj->nmi", turn, place) + rng.normal(0.0, 0.001, (60, 5, 3))
+    return Trial(f"r{seed}", angle, LABELS, markers, 60.0)
+
+
+def found(*trials: Trial) -> list[tuple[str, str]]:
+    by_file = {trial.name: trial for trial in trials}
+    clusters = dict.fromkeys(by_file, CLUSTERS)
+    return [(file, moved.label) for file, moved in find_moved_markers(by_file, clusters)]
+
+
+def test_a_knocked_marker_is_found_in_its_recording_alone() -> None:
+    assert found(recording(1), recording(2, (30.0, 30.0, 20.0)), recording(3)) == [("r2", "CPG")]
+
+
+def test_of_two_recordings_either_may_be_wrong() -> None:
+    assert found(recording(1), recording(2, (30.0, 30.0, 20.0))) == [("r1", "CPG"), ("r2", "CPG")]
+
+
+@pytest.mark.parametrize("moved_mm", [(0.0, 0.0, 0.0), (0.0, 8.0, 0.0)])
+def test_noise_and_skin_are_not_told(moved_mm: tuple[float, float, float]) -> None:
+    assert found(recording(1), recording(2, moved_mm), recording(3)) == []
+
+
+def test_three_markers_do_not_tell_which_of_them_moved() -> None:
+    short = [t.selected(LABELS[:3]) for t in (recording(1), recording(2, (30.0, 30.0, 20.0)))]
+    by_file = {trial.name: trial for trial in short}
+    clusters = {file: {"calcn_l": list(LABELS[:3])} for file in by_file}
+    assert not list(find_moved_markers(by_file, clusters))

@@ -10,7 +10,7 @@ from scaling_service.recording.moved import find_moved_markers
 
 LABELS = ("HEE", "CPG", "LCA", "STL", "NAV")
 FOOT = np.array([[0, 0, 0], [-70, 20, 10], [30, 5, 40], [35, 10, -30], [90, 40, -20]]) / 1000.0
-CLUSTERS = {"calcn_l": list(LABELS)}
+KNOCKED = (30.0, 30.0, 20.0)
 
 
 def recording(seed: int, moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trial:
@@ -26,18 +26,20 @@ def recording(seed: int, moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0))
     return Trial(f"r{seed}", angle, LABELS, markers, 60.0)
 
 
-def found(*trials: Trial) -> list[tuple[str, str]]:
-    by_file = {trial.name: trial for trial in trials}
-    clusters = dict.fromkeys(by_file, CLUSTERS)
-    return [(file, moved.label) for file, moved in find_moved_markers(by_file, clusters)]
+def found(*trials: Trial, labels: tuple[str, ...] = LABELS) -> list[tuple[str, str]]:
+    return [(moved.trial, moved.label) for moved in find_moved_markers(trials, {"calcn_l": labels})]
 
 
 def test_a_knocked_marker_is_found_in_its_recording_alone() -> None:
-    assert found(recording(1), recording(2, (30.0, 30.0, 20.0)), recording(3)) == [("r2", "CPG")]
+    assert found(recording(1), recording(2, KNOCKED), recording(3)) == [("r2", "CPG")]
 
 
-def test_of_two_recordings_either_may_be_wrong() -> None:
-    assert found(recording(1), recording(2, (30.0, 30.0, 20.0))) == [("r1", "CPG"), ("r2", "CPG")]
+def test_of_two_recordings_the_first_tells() -> None:
+    trials = (recording(1), recording(2, KNOCKED))
+    assert found(*trials) == [("r1", "CPG")]
+    (moved,) = find_moved_markers(trials, {"calcn_l": LABELS})
+    assert str(moved).startswith("r1: CPG lies")
+    assert "in r2" in str(moved)
 
 
 @pytest.mark.parametrize("moved_mm", [(0.0, 0.0, 0.0), (0.0, 8.0, 0.0)])
@@ -45,8 +47,11 @@ def test_noise_and_skin_are_not_told(moved_mm: tuple[float, float, float]) -> No
     assert found(recording(1), recording(2, moved_mm), recording(3)) == []
 
 
+def test_exchanged_labels_are_not_taken_for_moved_markers() -> None:
+    wrong = recording(2)
+    exchanged = wrong.markers[:, [1, 0, 2, 3, 4]]
+    assert found(recording(1), wrong.with_markers(exchanged), recording(3)) == []
+
+
 def test_three_markers_do_not_tell_which_of_them_moved() -> None:
-    short = [t.selected(LABELS[:3]) for t in (recording(1), recording(2, (30.0, 30.0, 20.0)))]
-    by_file = {trial.name: trial for trial in short}
-    clusters = {file: {"calcn_l": list(LABELS[:3])} for file in by_file}
-    assert not list(find_moved_markers(by_file, clusters))
+    assert found(recording(1), recording(2, KNOCKED), labels=LABELS[:3]) == []

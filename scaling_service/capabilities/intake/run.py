@@ -301,10 +301,7 @@ class _Look:
         yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
         yield from warnings.check_units(self.seen)
         yield from warnings.check_labels(self.seen)
-        exchanges = list(warnings.check_exchanges(self.trials))
-        yield from exchanges
-        exchanged = {label for problem in exchanges for one in problem.corrections for label in one.labels}
-        yield from warnings.check_moved_markers(self.trials, exchanged)
+        yield from warnings.check_exchanges(self.trials)
         yield from warnings.check_times(self.recordings, spans)
         yield from warnings.check_plates(self.recordings)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.document import (
     CorrectionEntry,
@@ -21,7 +21,6 @@ from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.exchanged import Exchange, find_exchanges, find_turned_limbs, measure_shape
-from scaling_service.recording.moved import find_moved_markers
 from scaling_service.recording.unlabelled import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
@@ -117,28 +116,6 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
                     if one.labels == item.labels
                 ],
             )
-
-
-def check_moved_markers(trials: Mapping[str, Trial], exchanged: Collection[str]) -> Iterator[ProblemEntry]:
-    """Markers that sit elsewhere on their segment than in the other recordings, each pair of rivals once.
-
-    ``exchanged``: labels that are known to stand for each other, which tell nothing of their neighbours.
-    """
-    clusters = {
-        file: sort_by_segment([label for label in trial.labels if label not in exchanged])
-        for file, trial in trials.items()
-    }
-    told: set[tuple[str, str]] = set()
-    for file, moved in find_moved_markers(trials, clusters):
-        if (moved.label, moved.other) not in told:
-            yield _warning(
-                f"{moved.label} lies {1e3 * moved.here_m:.0f} mm from {moved.neighbour}, and "
-                f"{1e3 * moved.there_m:.0f} mm in {moved.other}, while the others on that segment keep their "
-                f"distances within {1e3 * moved.left_m:.0f} mm: it was knocked, re-stuck, or is another",
-                "Look at the recordings; leave the marker out, or use recordings of one placement",
-                file=file,
-            )
-        told.add((moved.label, file))
 
 
 def _correction(file: str, wrong: Exchange) -> CorrectionEntry:
@@ -269,6 +246,9 @@ _REMEDIES: Mapping[str, str] = {
     r" and sizes stand in for them$": "Nothing is to be done; measured widths make it more certain",
     r" though no extra_markers name them$": (
         "Nothing is to be done; name them under `extra_markers:` to decide it yourself"
+    ),
+    r": it was knocked, stuck on again, or is another$": (
+        "Look at the recordings; leave the marker out, or use recordings of one placement"
     ),
     r": it is left out$": "Correct the label under `extra_markers:`, or remove it there",
     r" labelled, but never seen$": "Label them in the recording if they matter; they are not used",

@@ -15,7 +15,8 @@ from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.recording.exchanged import find_exchanged_sides
+from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
+from scaling_service.recording.moved import find_moved_markers
 
 SAME_M = 1e-5
 """Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two
@@ -180,10 +181,13 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
+def summarise_recordings(
+    model: BodyModel, subject: Subject, trials: Sequence[Trial], clusters: Clusters
+) -> Iterator[str]:
     """One plain sentence for each thing.
 
-    ``trials``: with the model's names, before gaps are filled and positions smoothed.
+    ``trials``: with the model's names, before gaps are filled and positions smoothed. ``clusters``: segment
+    to the markers on it.
     """
     shown = {trial.name: _seen_labels(trial) for trial in trials}
     if subject.calibration and not subject.evaluation:
@@ -197,6 +201,7 @@ def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Tr
         yield from find_exchanged_sides(
             trial, {label: role for label in trial.labels if (role := canonical(label))}
         )
+    yield from map(str, find_moved_markers(trials, clusters))
 
 
 def _seen_labels(trial: Trial) -> set[str]:

@@ -111,7 +111,7 @@ def load(
             *of_tracking,
             *of_setup,
             *of_images,
-            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
+            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()], clusters),
         ),
         images,
     )

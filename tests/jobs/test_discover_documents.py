@@ -79,7 +79,9 @@ def test_a_load_has_a_place() -> None:
 def test_effects_without_columns_have_their_own_numbers() -> None:
     locked, touch = (effect["parameters"] for effect in written(LOCKED, TOUCH)["effects"])
     assert locked["axis"]["value"] == [0.0, 1.0, 0.0]
-    assert locked["rms_deg"] == {"value": 4.0, "sd": None, "usual": [0.0, 15.0], "at_bound": False}
+    assert locked["rms_deg"] == {
+        "value": 4.0, "sd": None, "usual": [0.0, 15.0], "at_bound": False, "determined": True,
+    }  # fmt: skip
     assert locked.keys() == {"axis", "rms_deg"}
     assert {name: touch[name]["value"] for name in ("start_s", "end_s", "rms_N")} == {
         "start_s": 0.5, "end_s": 1.5, "rms_N": 40.0,

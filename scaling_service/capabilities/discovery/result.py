@@ -220,7 +220,7 @@ def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]
             known, bound = usual(name), bounds.get(name)
             ends = None if known is None else (known.low, known.high)
             at_bound = bound is not None and bound.at_end(quantity.value)
-            quantity = quantity.model_copy(update={"usual": ends, "at_bound": at_bound})
+            quantity = QuantityDocument(**dict(quantity) | {"usual": ends, "at_bound": at_bound})
         found[name] = quantity
     return found
 

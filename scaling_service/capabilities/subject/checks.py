@@ -221,13 +221,14 @@ def _describe_unseen(
             f"{few(computed)} are points that software computed from markers: they are not followed; "
             f"map them under `markers:` to use them"
         )
-    replaced = {name: found for name in missing if (found := _stand_in(name, landmarks)) is not None}
+    absent = [name for name in missing if canonical(name) not in landmarks]
+    replaced = {name: found for name in absent if (found := _stand_in(name, landmarks)) is not None}
     if replaced:
         stand_ins = list(dict.fromkeys(replaced.values()))
         yield f"{few(list(replaced))} not recorded: {few(stand_ins)} and sizes stand in for them"
     missing = [name for name in missing if name not in replaced]
     if missing:
-        yield f"no recording shows {', '.join(missing)} of the model: not used"
+        yield f"no recording shows {few(missing)} of the model: not used"
     for label in subject.extra_markers:
         if label not in shown:
             yield f"extra marker '{label}' is in no recording: it is left out"

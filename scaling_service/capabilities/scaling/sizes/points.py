@@ -106,7 +106,7 @@ def person_points(
     ``regression``: gives the hip centres that ``joints`` does not.
     ``scale``: see :class:`PersonPoints`.
     """
-    landmarks = read_landmarks(trial)
+    landmarks = without_raised_shoulders(read_landmarks(trial))
     if standing:
         sizes = sizes.with_leg_lengths(standing_leg_lengths(landmarks))
     hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
@@ -120,6 +120,35 @@ def read_landmarks(trial: Trial) -> dict[str, Array]:
     for label in trial.labels:
         points.setdefault(_name(label), trial.position(label))
     return points
+
+
+HANGING = np.cos(np.radians(45.0))
+"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third of
+it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
+
+_PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
+
+
+def without_raised_shoulders(points: Points) -> dict[str, Array]:
+    """The landmarks, an acromion only while its arm hangs: with raised arms it rises and draws inwards.
+
+    In one person's T pose the acromia stand 61 to 74 mm nearer to each other than in walking, and 50 to 65 mm
+    nearer to the elbows. Where elbows or pelvis are not marked, nothing is taken away.
+    """
+    shoulders = [points[name] for name in ("RSHO", "LSHO") if name in points]
+    pelvic = [points[name] for name in _PELVIC if name in points]
+    kept = dict(points)
+    if not (shoulders and pelvic):
+        return kept
+    down = np.mean(pelvic, axis=0) - np.mean(shoulders, axis=0)
+    for side in "RL":
+        shoulder, elbow = points.get(f"{side}SHO"), points.get(f"{side}ELB")
+        if shoulder is not None and elbow is not None:
+            arm = elbow - shoulder
+            reach = np.linalg.norm(arm, axis=1) * np.linalg.norm(down, axis=1)
+            raised = np.einsum("ni,ni->n", arm, down) < HANGING * reach
+            kept[f"{side}SHO"] = np.where(raised[:, None], np.nan, shoulder)
+    return kept
 
 
 def _name(label: str) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
+import trimesh
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
@@ -120,7 +121,11 @@ def _carry(start: pv.PolyData, end: pv.PolyData, cells: NDArray[np.intp], points
 
 
 def _surface(bone: Bone) -> pv.PolyData:
-    return _facing(pv.PolyData.from_regular_faces(bone.vertices, np.asarray(bone.faces, dtype=int)).clean())
+    mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
+    mesh.merge_vertices()
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    return _facing(pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces))
 
 
 def _facing(mesh: pv.PolyData) -> pv.PolyData:

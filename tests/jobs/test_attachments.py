@@ -10,9 +10,10 @@ import pytest
 import pyvista
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.run import Results, compare, run
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.osim import read_attachments, read_osim
@@ -42,15 +43,16 @@ def followed(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tup
     model.write_bytes(Path(document["model"]).read_bytes())
     file = folder / "subject.json"
     file.write_text(json.dumps(document | {"model": str(model)}), encoding="utf-8")
-    plain = compare(file, ("EB",), Settings())
+    loaded = open_subject(file)
+    plain = run(loaded, ("EB",))
     save(plain, folder / "plain", comparison=False)
     person = read_mesh(folder / "plain" / "EB" / "bones" / "femur_r.stl")
     size = plain.scalings["EB"].calibration.scale_factors["femur_r"]
     (folder / "Geometry").mkdir()
     own = pyvista.PolyData.from_regular_faces(broaden(person.vertices) / size, person.faces)
     own.save(folder / "Geometry" / "r_femur.vtp")
-    results = compare(file, ("EB",), Settings(), ON_SURFACE)
-    save(results, folder / "out")
+    results = run(loaded, ("EB",), options=ON_SURFACE)
+    save(results, folder / "out", comparison=False)
     return results, folder
 
 

@@ -691,6 +691,7 @@ export interface JointAngleComparison {
 
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -733,6 +734,7 @@ export interface KinematicErrorDocument {
 
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -792,6 +794,7 @@ export interface LevelDocument {
 
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -971,6 +974,7 @@ export interface Need {
 
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am";
@@ -1234,6 +1238,7 @@ export interface ScalingDocument {
 
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1287,6 +1292,7 @@ export interface SegmentLengthComparison {
 
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1363,6 +1369,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   bones?: Bones | null;
+  bone_bodies?: Record<string, string>;
   image_markers?: string | null;
   sizes?: Record<string, number>;
 }

@@ -211,6 +211,14 @@ class Limits:
     low: Array
     high: Array
 
+    def fixed(self, columns: NDArray[np.bool_], way: Array) -> Limits:
+        """The same, with some columns (c, n) to move just so far (c, n)."""
+        return Limits(np.where(columns, way, self.low), np.where(columns, way, self.high))
+
+    def take(self, rows: NDArray[np.intp]) -> Limits:
+        """The limits in these frames."""
+        return Limits(self.low[:, rows], self.high[:, rows])
+
 
 def step(
     plan: Elimination,
@@ -220,7 +228,7 @@ def step(
     *,
     second: Array,
     pull: Pull | None = None,
-    limits: Limits | None = None,
+    limits: Limits,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
@@ -252,8 +260,7 @@ def step(
             whole += damping.floor
             np.divide(impulse, whole[:, None], out=share)
             np.divide(own[:, 6], whole, out=free[columns])
-            if limits is not None:
-                _stop(limits, columns, block, impulse, share, free[columns])
+            _stop(limits, columns, block, impulse, share, free[columns])
             block -= share[:, :, None] * own[:, None]
         for row, parent in depth.carried:
             mass[parent] += mass[row]

@@ -75,6 +75,7 @@ class MarkerPlacement:
 class ScaleSetup:
     """An OpenSim scale set-up, read.
 
+    ``height_m`` and ``mass_kg`` are the person's where it states them.
     ``manual`` holds factors given outright (segment to x, y, z factors). ``order`` holds
     ``'measurements'`` and ``'manualScale'`` in the order in which they apply.
     """
@@ -86,6 +87,7 @@ class ScaleSetup:
     preserve_mass_distribution: bool
     mass_kg: float | None
     placement: MarkerPlacement | None
+    height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

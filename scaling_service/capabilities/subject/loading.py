@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -227,12 +226,14 @@ def _axes(
 def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
+    A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
+
     ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
     standing, which counts only where there is no other.
     """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
-    most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
-    chosen = next(axes for axes in moving if axes.forward == most)
+    votes = {axes.forward: sum(a.clarity for a in moving if a.forward == axes.forward) for axes in moving}
+    chosen = max(moving, key=lambda axes: (votes[axes.forward], axes.clarity))
     why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
     return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 

@@ -39,6 +39,7 @@ class Subject:
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)  # Segment to mesh file, in ``bone_units``
     bone_units: Literal["mm", "m"] = "mm"
+    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)  # Bone to the model's segment
     image_markers: Path | None = None
     # Measured by hand: keys of ``RANGES_M`` to m
     sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)

@@ -175,7 +175,8 @@ def solve_task(
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    return _solve(task, slice(None), close, progress, _FINE)
+    fine = _solve(task, slice(None), close, progress, _FINE)
+    return free_trapped(fine, lambda some, near: _solve(task, some, near))
 
 
 def _stride(times: Array) -> int:

@@ -89,4 +89,5 @@ class Visitor:
 
     def met_no_defect(self) -> None:
         violations = self.page.evaluate("() => window.violations ?? []")
-        assert (self.defects, violations, self.foreign) == ([], [], [])
+        met = {"defects": self.defects, "violations": violations, "foreign": self.foreign}
+        assert not any(met.values()), f"{self.page.url} met {met}"

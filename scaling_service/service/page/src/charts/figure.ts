@@ -1,5 +1,6 @@
 /** A figure: its title, its drawing, and its being saved as SVG, PNG and, where it has rows, CSV. */
 
+import { part } from "../api/connection.ts";
 import { fill, h } from "../ui/dom.ts";
 import { csv, save, saveText } from "../ui/save.ts";
 import { onTheme, theme } from "../ui/theme.ts";
@@ -35,7 +36,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
 
   const redraw = (): void => chart?.setOption(options.option(inkOf(theme())), { notMerge: true });
   const draw = async (): Promise<void> => {
-    const { onCanvas } = await import("./engine.ts");
+    const { onCanvas } = await part(() => import("./engine.ts"));
     if (signal.aborted || chart !== null) return;
     chart = onCanvas(plot, options.option(inkOf(theme())));
     options.drawn?.(chart);
@@ -106,7 +107,7 @@ function tools(options: FigureOptions, width: () => number): HTMLElement[] {
 
 /** Saved figures are light, whatever the page is: they go into papers. */
 async function asSvgText(options: FigureOptions, width: number): Promise<string> {
-  const { asSvg } = await import("./engine.ts");
+  const { asSvg } = await part(() => import("./engine.ts"));
   const ink = inkOf("light");
   return asSvg({ ...options.option(ink), backgroundColor: ink.paper }, width, options.height);
 }
@@ -119,7 +120,7 @@ async function asPng(options: FigureOptions, width: number): Promise<Blob> {
   place.style.height = `${options.height}px`;
   document.body.append(place);
   try {
-    const { onCanvas } = await import("./engine.ts");
+    const { onCanvas } = await part(() => import("./engine.ts"));
     const ink = inkOf("light");
     const chart = onCanvas(place, options.option(ink));
     const address = chart.getDataURL({ type: "png", pixelRatio: PNG_SCALE, backgroundColor: ink.paper });

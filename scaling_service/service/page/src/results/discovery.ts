@@ -1,5 +1,6 @@
 /** The search for a missing effect as a story: where, what, with and without it, on unseen data. */
 
+import { part } from "../api/connection.ts";
 import { getResult } from "../api/jobs.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
@@ -25,7 +26,7 @@ export const discovery: ResultView = async (found) => {
 
 async function withAndWithout(found: Finished, place: HTMLElement): Promise<void> {
   place.append(h("p", null, "The model as given, and with what was named, in the same recording. The map shows what is left over; choose the other model under “Error of” to compare."));
-  await (await import("./space.ts")).space(found, place, ["with what was named", "as given"]);
+  await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"]);
 }
 
 const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;

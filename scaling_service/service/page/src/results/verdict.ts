@@ -1,5 +1,6 @@
 /** Which method to use for this person, why, and how far to trust it. */
 
+import { part } from "../api/connection.ts";
 import type { ComparisonDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { intervalsOption } from "../charts/intervals.ts";
@@ -34,7 +35,7 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
       }),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
-    void import("./picture.ts").then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
+    void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
       .then((figure) => figure !== null && seen.append(figure))
       .catch(() => seen.append(h("p", { class: "quiet" }, "There is no picture of the models here.")));
   }

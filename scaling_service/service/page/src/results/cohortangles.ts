@@ -32,6 +32,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
     title: `${words(entry.coordinate)} (${decided(entry.anova)})`,
     name: `cohort_${entry.coordinate}_deg`,
     alt: `${words(entry.coordinate)} over the gait cycle, mean over ${plural(entry.compared.subjects.length, "subject")}, by ${entry.compared.methods.join(", ")}.`,
+    zoom: true,
     height: 230,
     option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: clusters, xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
     rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],

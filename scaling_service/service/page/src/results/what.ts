@@ -56,7 +56,8 @@ function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement
   });
 }
 
-const valueOf = ({ value }: QuantityDocument): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
+const valueOf = ({ value, at_bound }: QuantityDocument): string =>
+  (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value)) + (at_bound ? ", a bound of the search" : "");
 
 /** Whether a number stands at a bound of the search, or outside of what laboratories meet. */
 const doubtful = ({ value, usual, at_bound }: QuantityDocument): boolean =>

@@ -18,8 +18,9 @@ const GIVEN: Record<string, string> = { subject: "height", "trials.static": "sta
 /** Errors first, then what is to be looked at, each with what solves it; what asks for nothing is folded. */
 export function problemList(all: readonly ProblemEntry[], { correct, give }: Help): HTMLElement {
   const box = (one: ProblemEntry): HTMLElement => {
-    const element = problemBox(one, one.severity);
     const field = GIVEN[one.field ?? ""];
+    // Where a button does it, nobody has to know what is written into the subject file.
+    const element = problemBox(field === undefined && one.corrections.length === 0 ? one : { ...one, remedy: null }, one.severity);
     const buttons = one.corrections.map((found) => {
       const span = `from ${found.from_s.toFixed(2)} to ${found.to_s.toFixed(2)} s`;
       return h("button", { onclick: () => correct(found.file, found) }, `Exchange ${Object.keys(found.labels).join(" and ")} in ${found.file} ${span}`);

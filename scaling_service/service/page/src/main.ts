@@ -19,7 +19,7 @@ import { asProblem, isAbort, Problem } from "./api/problem.ts";
 import { parsed, type Place } from "./routes.ts";
 import { shell } from "./shell.ts";
 import { askForKeyOnScreen } from "./ui/dialog.ts";
-import { fill } from "./ui/dom.ts";
+import { fill, h } from "./ui/dom.ts";
 import { notices } from "./ui/flash.ts";
 import { problemBox } from "./ui/problem.ts";
 import { apply } from "./ui/theme.ts";
@@ -69,6 +69,7 @@ async function go(): Promise<void> {
 function tell(error: unknown, place: HTMLElement): void {
   if (isAbort(error)) return;
   if (!(error instanceof Problem)) console.error(error);
+  if (place === page.main && place.querySelector("h1") === null) place.append(h("h1", null, "This cannot be shown"));
   place.append(problemBox(asProblem(error)));
 }
 

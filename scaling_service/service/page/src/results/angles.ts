@@ -11,7 +11,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
-import { chance, plural, words } from "../ui/words.ts";
+import { chance, plural, withChance, words } from "../ui/words.ts";
 import type { Finished } from "./result.ts";
 
 const CYCLE = "gait cycle";
@@ -86,7 +86,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
 }
 
 const tested = (cycle: CycleScene): string =>
-  `${plural(cycle.cycles, "cycle")}, ${cycle.can_decide ? `p ${chance(cycle.p)}` : "too few to test"}`;
+  `${plural(cycle.cycles, "cycle")}, ${cycle.can_decide ? withChance(cycle.p) : "too few to test"}`;
 
 function whereInWords({ differ_percent }: CycleScene): string {
   if (differ_percent.length === 0) return "The methods do not differ significantly anywhere.";

@@ -6,7 +6,7 @@ import { linesOption, type Curve } from "../charts/lines.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
-import { chance, plural, words } from "../ui/words.ts";
+import { chance, plural, withChance, words } from "../ui/words.ts";
 
 export function cohortAngles(entries: readonly CurveEntry[], signal: AbortSignal, place: HTMLElement): void {
   if (entries.length === 0) {
@@ -42,7 +42,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
 }
 
 const decided = (test: CurveTestEntry | null): string =>
-  test === null ? "not tested" : test.can_decide ? `p ${chance(test.p)}` : "too few subjects to test";
+  test === null ? "not tested" : test.can_decide ? withChance(test.p) : "too few subjects to test";
 
 function pairs(entries: readonly CurveEntry[]): HTMLElement {
   const rows = entries.flatMap((entry) =>

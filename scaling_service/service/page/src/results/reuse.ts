@@ -36,7 +36,7 @@ export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): H
   return h(
     "section",
     { class: "card" },
-    h("h3", null, "Use a model again"),
+    h("h2", null, "Use a model again"),
     h("p", { class: "quiet" }, "It follows other recordings of this person; without any chosen, all of the subject's movements."),
     h("div", { class: "actions" },
       models.length > 1 && select("model", models.map((name) => ({ value: name, text: name })), chosen, (name) => void (chosen = name)),

@@ -85,7 +85,7 @@ function bars({ methods }: ComparisonDocument, { signal }: Finished): HTMLElemen
     name: "verdict_errors_mm",
     alt: intervals.map(({ name, middle, high }) => `${name} ${number(middle)} ± ${number(high - middle)} mm`).join("; "),
     height: 66 + 24 * intervals.length,
-    option: (ink) => intervalsOption(ink, intervals, "mean distance between measured and model markers, mm", 70, 0),
+    option: (ink) => intervalsOption(ink, intervals, "mean distance, mm", 70, 0),
     rows: () => [["method", "mean_mm", "sd_mm"], ...intervals.map((one) => [one.name, one.middle, one.high - one.middle])],
   }, signal).element;
 }

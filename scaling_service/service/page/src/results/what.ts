@@ -40,17 +40,17 @@ function chapter(effect: EffectDocument): HTMLElement[] {
   ];
 }
 
-function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement {
+function numbers(effect: EffectDocument): HTMLElement {
   return table({
-    caption: "Its numbers",
+    caption: `Numbers of the ${placed(effect)}`,
     name: "effect",
     columns: ["number", "value", "95 % interval", "met", "named from"].map((title) => ({ title })),
-    rows: Object.entries(parameters).map(([name, quantity]) => [
+    rows: Object.entries(effect.parameters).map(([name, quantity]) => [
       cell(name),
       cell(valueOf(quantity), undefined, doubtful(quantity) ? "fair" : undefined),
       cell(interval(quantity)),
       cell(quantity.usual == null ? "–" : quantity.usual.map((end) => figures(end)).join(" to ")),
-      cell(figures(smallest_nameable[name]), smallest_nameable[name] ?? null),
+      cell(figures(effect.smallest_nameable[name]), effect.smallest_nameable[name] ?? null),
     ]),
     note: "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in laboratories. Named from: the size that is named nine times in ten.",
   });

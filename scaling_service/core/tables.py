@@ -55,6 +55,8 @@ class ResultTable:
         return figure
 
     def __repr__(self) -> str:
+        if not self.rows:
+            return f"{self.title}\nnone"
         return f"{self.title}\n{self.to_frame().to_string(index=False, float_format='{:.4g}'.format)}"
 
     def _repr_html_(self) -> str:

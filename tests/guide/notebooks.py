@@ -99,7 +99,9 @@ def _show(value: Any, draw: bool) -> dict[str, Any]:
 def _photograph(figure: Any) -> str:
     from playwright.sync_api import sync_playwright
 
-    figure.update_layout(width=760, height=380, template="plotly_white", margin={"l": 10, "r": 10, "t": 50})
+    figure.update_layout(
+        width=760, height=380, template="plotly_white", margin={"l": 10, "r": 10, "t": 50, "b": 40}
+    )
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         page = browser.new_page(viewport={"width": 776, "height": 396})

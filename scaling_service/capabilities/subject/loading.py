@@ -138,11 +138,30 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
-    """A built-in model by name, or by path an OpenSim model or one that this program wrote.
+    """Read a body model: a built-in one by its name, another by its path.
 
-    ``name_or_path`` str or path: anything that ends in ``.osim`` or ``.json`` is a path.
-    ``marker_set``: OpenSim markers to add; ``.osim`` only.
-    Raises InputError: there is no such model, or it cannot be read or represented.
+    Parameters
+    ----------
+    name_or_path : str or path
+        What ends in ``.osim`` (OpenSim's) or ``.json`` (written by this program) is a path.
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+
+    Returns
+    -------
+    BodyModel
+        Lengths in m, masses in kg.
+
+    Raises
+    ------
+    InputError
+        There is no such model, or it cannot be read or represented.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.read_model("lower_limb_14dof")
+    BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):

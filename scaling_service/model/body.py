@@ -206,7 +206,7 @@ class Expectation:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class BodyModel:
     """A body model as one frozen value.
 
@@ -223,6 +223,13 @@ class BodyModel:
     expectations: tuple[Expectation, ...] = ()
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
     bones: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        mass = sum(segment.mass for segment in self.segments)
+        return (
+            f"BodyModel '{self.name}': {len(self.segments)} segments, {len(self.coordinates)} coordinates, "
+            f"{len(self.markers)} markers, {mass:.1f} kg"
+        )
 
     def __post_init__(self) -> None:
         known = {GROUND}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -139,11 +138,30 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
-    """A built-in model by name, or by path an OpenSim model or one that this program wrote.
+    """Read a body model: a built-in one by its name, another by its path.
 
-    ``name_or_path`` str or path: anything that ends in ``.osim`` or ``.json`` is a path.
-    ``marker_set``: OpenSim markers to add; ``.osim`` only.
-    Raises InputError: there is no such model, or it cannot be read or represented.
+    Parameters
+    ----------
+    name_or_path : str or path
+        What ends in ``.osim`` (OpenSim's) or ``.json`` (written by this program) is a path.
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+
+    Returns
+    -------
+    BodyModel
+        Lengths in m, masses in kg.
+
+    Raises
+    ------
+    InputError
+        There is no such model, or it cannot be read or represented.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.read_model("lower_limb_14dof")
+    BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
@@ -232,12 +250,14 @@ def _axes(
 def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
+    A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
+
     ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
     standing, which counts only where there is no other.
     """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
-    most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
-    chosen = next(axes for axes in moving if axes.forward == most)
+    votes = {axes.forward: sum(a.clarity for a in moving if a.forward == axes.forward) for axes in moving}
+    chosen = max(moving, key=lambda axes: (votes[axes.forward], axes.clarity))
     why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
     return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 

@@ -123,8 +123,8 @@ def read_landmarks(trial: Trial) -> dict[str, Array]:
 
 
 HANGING = np.cos(np.radians(45.0))
-"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third of
-it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
+"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third
+of it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
 
 _PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 

@@ -179,8 +179,8 @@ class GaitAngleWord(Part):
     negative: str = Field(description="What its negative values mean.")
     positive: str = Field(description="What its positive values mean.")
     usual_deg: list[float] | None = Field(
-        description="The reference population's mean over the gait cycle, at even steps from 0 to 100 %; null "
-        "where it has none."
+        description="The reference population's mean over the gait cycle, at even steps from 0 to 100 %; "
+        "null where it has none."
     )
     usual_sd_deg: list[float] | None
 

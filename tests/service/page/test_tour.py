@@ -137,7 +137,7 @@ def reads(visitor: Visitor, look: Look) -> None:
     assert ElementTree.parse(drawing).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     assert visitor.saves("PNG", name).read_bytes().startswith(b"\x89PNG")
     look()
-    visitor.page.get_by_label("Over").select_option("as a clinic reads them")
+    visitor.page.get_by_label("Over", exact=True).select_option("as a clinic reads them")
     visitor.sees("of 83 typically developing children")
     rows = list(
         csv.reader(visitor.saves("CSV", "knee flexion, deg: flexion +, extension −").open(encoding="utf-8"))

@@ -1374,6 +1374,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   bones?: Bones | null;
+  bone_bodies?: Record<string, string>;
   image_markers?: string | null;
   sizes?: Record<string, number>;
 }

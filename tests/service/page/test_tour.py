@@ -139,9 +139,8 @@ def reads(visitor: Visitor, look: Look) -> None:
     look()
     visitor.page.get_by_label("Over", exact=True).select_option("as a clinic reads them")
     visitor.sees("of 83 typically developing children")
-    rows = list(
-        csv.reader(visitor.saves("CSV", "knee flexion, deg: flexion +, extension −").open(encoding="utf-8"))
-    )
+    knee = visitor.saves("CSV", "knee flexion, deg: flexion +, extension −")
+    rows = list(csv.reader(knee.read_text(encoding="utf-8").splitlines()))
     columns = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
     assert columns["percent"][-1] == 100.0
     assert 45.0 < columns["usual_mean_deg"].max() < 70.0  # a swinging knee, of children and of the example

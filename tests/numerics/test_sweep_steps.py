@@ -169,7 +169,7 @@ def test_half_a_step_is_tried_before_a_stronger_damping(monkeypatch: pytest.Monk
     this = case(20, n=200, noise=0.03)
     this = replace(this, start=this.truth + np.random.default_rng(0).normal(0.0, 0.6, this.truth.shape))
     half = this.solve(SweepSettings())
-    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._SHORTER", 0.0)
+    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._SHORTER", 1.0)
     damped = this.solve(SweepSettings())
     assert half.steps.mean() < damped.steps.mean()
     assert np.median(half.cost) <= np.median(damped.cost) * (1.0 + 1e-6)

@@ -88,10 +88,35 @@ def prove_folder(
     ``proof.json`` is the document, ``proof/`` holds the tables that it names, and ``subject.yaml`` is the
     subject file that is proposed, where there is a recording.
 
-    ``folder``, ``out``: ``out`` is made if it does not exist; other files in it stay.
-    ``settings``: the laboratory's axes, where they are known.
-    Raises FileUnreadable: there is no such folder.
-    Raises InputError: the axes are none, or ``out`` cannot be written to.
+    Parameters
+    ----------
+    folder : path
+        Holds recordings and what belongs to them; folders inside are not looked at.
+    out : path
+        Made if it does not exist. Other files in it stay.
+    settings : Settings
+        The laboratory's axes, where they are known.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    ProofDocument
+        What the files are, what is wrong with each remedy, and which analyses can run. mm, kg.
+
+    Raises
+    ------
+    FileUnreadable
+        There is no such folder.
+    InputError
+        The axes are none, or ``out`` cannot be written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> proof = ss.prove_folder("plates", "looked")
+    >>> [analysis.analysis for analysis in proof.readiness if analysis.ready]
+    ['comparisons', 'discoveries', 'dynamics', 'consistent-motions']
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():

@@ -137,15 +137,45 @@ def inverse_kinematics(
 ) -> Motion:
     """Coordinates that bring the model nearest to the measured markers in every frame.
 
-    ``trial``: labels are the model's marker names; NaN where not seen.
-    ``weights``: marker weights that replace the model's own.
-    ``loss``: robust losses lower the influence of outliers.
-    ``bounded``: whether clamped coordinates keep to their range.
-    ``start`` (n_frames, n_coordinates): a first guess; otherwise the root is placed on its markers.
-    ``progress``: called with the number of frames done.
-    Raises TrialUnusable: no marker of the model is seen.
+    Parameters
+    ----------
+    model : BodyModel
+        It stays as it is.
+    trial : Trial
+        Markers (n_frames, n_markers, 3), m, in the model's axes; labels are the model's marker names. NaN
+        where a marker is not seen.
+    weights : mapping of str to float, optional
+        Marker weights that replace the model's own.
+    loss : Loss
+        Robust losses lower the influence of outliers.
+    bounded : bool
+        Whether clamped coordinates keep to their range.
+    start : ndarray, optional
+        A first guess (n_frames, n_coordinates), rad or m; otherwise the root is placed on its markers.
+    progress : callable, optional
+        Called with the number of frames done.
 
+    Returns
+    -------
+    Motion
+        Coordinates (n_frames, n_coordinates) in rad or m, and residuals (n_frames, n_markers, 3) in m.
+
+    Raises
+    ------
+    TrialUnusable
+        No marker of the model is seen.
+
+    Notes
+    -----
     Lu & O'Connor 1999, J Biomech 32:129-134.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> session = ss.scale("lab/subject.json", "MB").session
+    >>> motion = ss.inverse_kinematics(session.model, session.evaluation[0])
+    >>> motion.q.shape, motion.residuals.shape
+    ((278, 14), (278, 14, 3))
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
     return motion_of(task, trial, solve_task(task, trial.times, start, progress))
@@ -175,7 +205,8 @@ def solve_task(
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    return _solve(task, slice(None), close, progress, _FINE)
+    fine = _solve(task, slice(None), close, progress, _FINE)
+    return free_trapped(fine, lambda some, near: _solve(task, some, near))
 
 
 def _stride(times: Array) -> int:

@@ -553,6 +553,15 @@ export interface FriedmanEntry {
   pairs: Array<RankedPairEntry>;
 }
 
+export interface GaitAngleWord {
+  name: string;
+  title: string;
+  negative: string;
+  positive: string;
+  usual_deg: Array<number> | null;
+  usual_sd_deg: Array<number> | null;
+}
+
 export interface GaitEntry {
   trials: Array<string>;
   held_out: boolean;
@@ -1365,6 +1374,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   bones?: Bones | null;
+  bone_bodies?: Record<string, string>;
   image_markers?: string | null;
   sizes?: Record<string, number>;
 }
@@ -1530,6 +1540,7 @@ export interface Vocabulary {
   models: Array<ModelWord>;
   methods: Array<MethodWord>;
   bones: Array<string>;
+  gait_angles: Array<GaitAngleWord>;
   hidden_in_example: Array<string>;
 }
 

@@ -75,6 +75,7 @@ class Subject:
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
+    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)  # Bone to the model's segment
     image_markers: Path | None = None
     sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
 
@@ -110,6 +111,7 @@ class MarkerPlacement:
 class ScaleSetup:
     """An OpenSim scale set-up, read.
 
+    ``height_m`` and ``mass_kg`` are the person's where it states them.
     ``manual`` holds factors given outright (segment to x, y, z factors). ``order`` holds
     ``'measurements'`` and ``'manualScale'`` in the order in which they apply.
     """
@@ -121,6 +123,7 @@ class ScaleSetup:
     preserve_mass_distribution: bool
     mass_kg: float | None
     placement: MarkerPlacement | None
+    height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, possible_metho
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
+from scaling_service.capabilities.cohort.verdict import headline, reasons
 from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
@@ -163,14 +164,17 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
+    statistics = cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
     document = CohortDocument(
         code_version=code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
         settings=settings.resolved(),
         seed=settings.seed,
+        headline=headline(statistics),
+        why=reasons(statistics),
         subjects=[_entry(outcome) for outcome in outcomes],
-        statistics=cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed),
+        statistics=statistics,
         notes=list(notes),
         wall_s=round(time.perf_counter() - started, 3),
     )

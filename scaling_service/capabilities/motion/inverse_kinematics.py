@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion.start import first_guess
 from scaling_service.capabilities.motion.uncertainty import determined
@@ -44,7 +45,7 @@ _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
 )
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_ROUGH = SweepSettings(left=5e-2)
+_ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
@@ -204,7 +205,8 @@ def solve_task(
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    return _solve(task, slice(None), close, progress, _FINE)
+    fine = _solve(task, slice(None), close, progress, _FINE)
+    return free_trapped(fine, lambda some, near: _solve(task, some, near))
 
 
 def _stride(times: Array) -> int:
@@ -271,22 +273,11 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
 
 
 def _interpolate(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
-    """The coarse motion at all times, by cubic pieces through four neighbours; angles without jumps."""
+    """The coarse motion at all times, by cubic splines; angles without jumps."""
     turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
     q = q.copy()
     q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
-    knots = times[rows]
-    slope = np.gradient(q, knots, axis=0) if len(rows) > 1 else np.zeros_like(q)
-    left = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(rows) - 2)
-    width = (knots[left + 1] - knots[left])[:, None]
-    s = ((times - knots[left])[:, None]) / width
-    result: Array = (
-        q[left] * (1 + 2 * s) * (1 - s) ** 2
-        + slope[left] * width * s * (1 - s) ** 2
-        + q[left + 1] * s**2 * (3 - 2 * s)
-        + slope[left + 1] * width * s**2 * (s - 1)
-    )
-    return result
+    return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
 
 
 def free_trapped(

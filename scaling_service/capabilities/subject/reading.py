@@ -82,6 +82,7 @@ def subject_from_document(
         corrections={name: relabellings(found) for name, found in document.corrections.items()},
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
+        bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
         image_markers=find.optional(document.image_markers, "image_markers"),
         sizes_m=document.sizes_m,
     )

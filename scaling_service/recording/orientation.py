@@ -108,9 +108,10 @@ def decide(
         why_up = "given"
     clarity, why_forward = 1.0, "given"
     if forward_vector is None:
-        facing, reason = _find_facing(positions, where, up_vector)
-        forward_vector, clarity = _snapped(facing), _share(facing)
-        why_forward = reason.format(off=f"{_off_axis(facing)} off it")
+        facing, why_forward = _find_facing(positions, where, up_vector)
+        kept = _unit(0 if up_vector[0] == 0 else 1, 1.0)
+        forward_vector = kept if facing is None else _snapped(facing)
+        clarity = 0.0 if facing is None else _share(facing)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
     said = (
@@ -194,24 +195,23 @@ def _floor_misfit(lowest: Array) -> Array:
     return misfit
 
 
-def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array, str]:
-    """Which way the person faces, square to ``up``, and from what; ``{off}`` is how far off an axis."""
+def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array | None, str]:
+    """Which way the person faces, square to ``up``, and from what; None where nothing tells."""
     front, back = _midpoint(where, _FRONT), _midpoint(where, _BACK)
     if front is not None and back is not None:
         facing = _horizontal(_typical(front - back), up)
         if facing is not None:
-            return facing, "from PSIS to ASIS, {off}"
+            return facing, f"from PSIS to ASIS, {_off_axis(facing)} off it"
     pairs = [where[right] - where[left] for right, left in _PAIRS if right in where and left in where]
     if pairs:
         rightwards = [mean for pair in pairs if (mean := _typical(pair)) is not None]
         facing = _horizontal(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
         if facing is not None:
-            return facing, "square to right and left markers, {off}"
+            return facing, f"square to right and left markers, {_off_axis(facing)} off it"
     way = _horizontal(_displacement(positions), up)
     if way is not None and np.linalg.norm(way) >= WALKED_M:
-        return way, f"displacement of {np.linalg.norm(way):.1f} m, {{off}}"
-    kept = "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
-    return _unit(0 if up[0] == 0 else 1, 1.0), kept
+        return way, f"displacement of {np.linalg.norm(way):.1f} m, {_off_axis(way)} off it"
+    return None, "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
 
 
 def _horizontal(vector: Array | None, up: Array) -> Array | None:

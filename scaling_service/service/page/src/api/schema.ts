@@ -702,6 +702,7 @@ export interface JointAngleComparison {
 
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -744,6 +745,7 @@ export interface KinematicErrorDocument {
 
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -803,6 +805,7 @@ export interface LevelDocument {
 
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -982,6 +985,7 @@ export interface Need {
 
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am";
@@ -1245,6 +1249,7 @@ export interface ScalingDocument {
 
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1298,6 +1303,7 @@ export interface SegmentLengthComparison {
 
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;

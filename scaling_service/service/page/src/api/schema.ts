@@ -553,6 +553,15 @@ export interface FriedmanEntry {
   pairs: Array<RankedPairEntry>;
 }
 
+export interface GaitAngleWord {
+  name: string;
+  title: string;
+  negative: string;
+  positive: string;
+  usual_deg: Array<number> | null;
+  usual_sd_deg: Array<number> | null;
+}
+
 export interface GaitEntry {
   trials: Array<string>;
   held_out: boolean;
@@ -1537,6 +1546,7 @@ export interface Vocabulary {
   models: Array<ModelWord>;
   methods: Array<MethodWord>;
   bones: Array<string>;
+  gait_angles: Array<GaitAngleWord>;
   hidden_in_example: Array<string>;
 }
 

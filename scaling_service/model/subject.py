@@ -47,6 +47,8 @@ class Subject:
         Segment to mesh file, in ``bone_units``.
     bone_units : str
         ``mm`` or ``m``.
+    bone_bodies : mapping of str to str
+        Bone to the model's segment, where names and joints do not tell.
     image_markers : Path, optional
         Markers in the image's frame.
     sizes_m : mapping of str to float
@@ -75,7 +77,7 @@ class Subject:
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
-    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)  # Bone to the model's segment
+    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
     image_markers: Path | None = None
     sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
 

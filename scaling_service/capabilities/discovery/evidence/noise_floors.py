@@ -24,6 +24,10 @@ from scaling_service.capabilities.discovery.laws.candidates import Seen
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
+_ALIKE = 1.5
+"""Of the mean square: how much more the median place may have than the quieter ones so that what both have
+is noise (chosen: noise of any memory is alike everywhere within a fifth, a fault is not)."""
+
 _QUIETER = 0.1  # quantile of all places in all recordings (chosen: a fault shows less in one of ten)
 _SLACK = 1.25
 """Of the mean square: how much noisier than those a place may be (chosen: in recordings of some hundred
@@ -52,13 +56,16 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
 
     What is missing lifts what is not predicted, too, at some places and in some recordings. Memory and tails
     of an instrument's noise are the same everywhere: how much more there is than third differences tell is
-    taken from the quieter places, and no place may have much more.
+    taken from the quieter places, and no place may have much more. Where places differ, even the quieter
+    ones hold something of what is missing, and the instrument's noise is all that is believed, if it shows.
     """
     found = {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
     own = {observation.name: _instrument(fit, observation) for observation in OBSERVATIONS}
     known = found[MARKERS.name].noise
     more = np.concatenate([noise / own[MARKERS.name][trial] for trial, noise in known.items()])
     usual = max(1.0, float(np.nanquantile(more, _QUIETER))) if np.isfinite(more).any() else 1.0
+    if any(item.shows_noise for item in fit.tracked) and float(np.nanmedian(more)) > _ALIKE * usual:
+        usual = 1.0
     return {
         name: replace(
             floor, noise={t: np.minimum(n, _SLACK * usual * own[name][t]) for t, n in floor.noise.items()}

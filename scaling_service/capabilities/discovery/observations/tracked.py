@@ -149,7 +149,7 @@ class TrackedTrial:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of one coordinate's noise of each marker, its memory counted, (n_markers,), m."""
+        """Standard deviation of one coordinate's noise, its memory counted, (n_markers,), m."""
         return np.asarray(self.floor * np.sqrt(_growth(0.0) / _growth(self.memory)))
 
     @cached_property
@@ -239,8 +239,8 @@ def _remembered(white: Array, memory: float) -> Array:
 def _strays(item: TrackedTrial) -> Array:
     """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
 
-    Noise of each marker's own size and with the memory of the trial's noise, to which the pose of the frame gives way as far as it does when
-    it is solved for: to first order, without the limits of joints.
+    Noise of each marker's own size and of the trial's memory, to which the pose of the frame gives way as far
+    as it does when it is solved for: to first order, without the limits of joints.
     """
     tree, free = item.task.tree, np.flatnonzero(item.task.free)
     poses = item.poses

@@ -63,7 +63,7 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
 
 
 def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
-    """Places that the movement or the time still predicts, and places that stand above the noise that is known.
+    """Places that the movement or the time still predicts, and places that stand above their noise.
 
     Whatever its course, what no noise of the instruments makes has a cause.
     """

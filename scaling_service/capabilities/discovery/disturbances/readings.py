@@ -21,6 +21,7 @@ from scaling_service.capabilities.discovery.observations.wrench import COMPONENT
 from scaling_service.numerics.multibody.laws import Array
 
 _PART = 0.25  # of what the largest component is off by, in floors, from which another is told (chosen)
+_ALIKE = 0.03  # of the largest direction of all readings, below which one is no other (chosen: of its noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +75,7 @@ def following_readings(fit: Fit) -> Iterator[Disturbance]:
     p = held_out = _by_chance(squares)
     others = [part for part in parts if part.item.role == "held_out"]
     if others:
-        law = np.linalg.lstsq(x, y)[0]
+        law = np.linalg.lstsq(x, y, rcond=_ALIKE)[0]
         held = [part.squares(_functions(part.readings, mean, scale) @ law) for part in others]
         held_out = _by_chance(np.concatenate(held))
         p = min(1.0, 2.0 * min(p, held_out))  # neither is a test of what fitted it

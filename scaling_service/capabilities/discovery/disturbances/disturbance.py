@@ -64,7 +64,7 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
 
 
 def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
-    """Whether a law that a fit still shows explains more than the effects that the fit has beyond another one.
+    """Whether a law explains more without some effects than these effects do.
 
     An effect that resembles a disturbance takes the most of it, and leaves what the same law explains.
     """

@@ -36,8 +36,9 @@ _UNLIKE = 2.0
 """How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
 times). What shows less was smoothed, what shows more is no noise of the cameras."""
 
-_MEMORIES = np.linspace(0.0, 0.99, 100)
-"""Correlations from frame to frame of first-order autoregressive noise that are told apart."""
+_MEMORIES = np.concatenate([[0.0], np.linspace(0.2, 0.99, 80)])
+"""Correlations from frame to frame of first-order autoregressive noise that are told apart (chosen: less is
+within the error of a walk of a hundred frames and fifteen markers)."""
 
 _STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
 

@@ -27,6 +27,7 @@ from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, Masked
 from scaling_service.capabilities.discovery.search.elimination import (
     drop_insufficient,
+    drop_negligible,
     drop_predictable,
     eliminate_backward,
     settle,
@@ -95,10 +96,13 @@ def discover(
     steps.begin("settling all numbers", _SETTLING, _MEASURING)
     named, fit = drop_predictable(search.named, search.fit, before)
     named, fit = settle(named, fit)
-    named, fit, said = drop_insufficient(named, fit, before)
+    named, fit, negligible = drop_negligible(named, fit, before)
+    named, fit, insufficient = drop_insufficient(named, fit, before)
     fit, seen = _unmasked(fit)
     steps.begin("measuring the gap", _MEASURING, 1.0)
-    findings = summarise(named, scored, search.disturbance, (before, fit, seen), (*notes, *said))
+    findings = summarise(
+        named, scored, search.disturbance, (before, fit, seen), (*notes, *negligible, *insufficient)
+    )
     steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, fit)
 

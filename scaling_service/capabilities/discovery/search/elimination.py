@@ -203,8 +203,8 @@ def drop_insufficient(
 
 
 _NEGLIGIBLE = (
-    "the cameras' noise is known, and what the catalogue offers for the motion ({names}) takes little of what "
-    "stands above it: it is not named"
+    "the cameras' noise is known, and what the catalogue offers for the motion ({names}) takes little of "
+    "what stands above it: it is not named"
 )
 
 
@@ -213,8 +213,8 @@ def drop_negligible(
 ) -> tuple[list[NamedEffect], Fit, tuple[str, ...]]:
     """Effects of the motion that together take little of what is wrong taken back, and what is told of it.
 
-    Where the cameras' noise shows, it is known how much stands above it. A law that is none of the catalogue's
-    resembles some effect a little, here and there.
+    Where the cameras' noise shows, it is known how much stands above it. A law that the catalogue does not
+    have resembles some effect a little, here and there.
     """
     moved = [n for n in named if MARKERS.shows(n.candidate)]
     if not moved or not all(item.shows_noise for item in before.tracked):

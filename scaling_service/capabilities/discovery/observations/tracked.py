@@ -133,9 +133,13 @@ class TrackedTrial:
         if not self.shows_noise:
             return 0.0
         spread = np.array([[_spread(steps) for steps in self._strides(k)] for k in _STRIDES])
-        longer = np.nanmedian(2.0 * np.log(spread[1:] / spread[0]), axis=1)[:, None]
-        expected = np.log(_growth(_MEMORIES ** np.array(_STRIDES[1:])[:, None]) / _growth(_MEMORIES))
-        return float(_MEMORIES[np.nansum(np.abs(longer - expected), axis=0).argmin()])
+        spread[spread == 0.0] = np.nan
+        longer = 2.0 * np.log(spread[1:] / spread[0])
+        told = np.isfinite(longer).any(axis=1)
+        powers = np.array(_STRIDES[1:])[told, None]
+        expected = np.log(_growth(_MEMORIES**powers) / _growth(_MEMORIES))
+        off = np.abs(np.nanmedian(longer[told], axis=1)[:, None] - expected).sum(axis=0)
+        return float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
 
     @property
     def shows_noise(self) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -31,7 +32,7 @@ class _Frames:
     readings: Array  # (n, m): of all plates, and their rates, as they are compared
     off: Array  # (n, 6): residuals, N and N m, the moment about the ground origin
     folds: Array  # (n,)
-    blocks: tuple[Array, ...]  # the numbers of the frames of each
+    blocks: tuple[NDArray[np.intp], ...]  # the numbers of the frames of each
     item: WrenchFit
 
     @classmethod

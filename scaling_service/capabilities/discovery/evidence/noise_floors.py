@@ -64,10 +64,11 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     own = {observation.name: _instrument(fit, observation) for observation in OBSERVATIONS}
     known = found[MARKERS.name].noise
     more = np.concatenate([noise / own[MARKERS.name][trial] for trial, noise in known.items()])
-    usual, median = np.nanquantile(more, (_QUIETER, 0.5)) if np.isfinite(more).any() else (1.0, 1.0)
+    finite = more[np.isfinite(more)]
+    usual, median = np.quantile(finite, (_QUIETER, 0.5)).tolist() if len(finite) else [1.0, 1.0]
     lasting = usual > 1.0 and median <= _ALIKE * usual
     shown = any(item.shows_noise for item in fit.tracked)
-    most = _SLACK * max(1.0, float(usual)) if lasting or not shown else 1.0
+    most = _SLACK * max(1.0, usual) if lasting or not shown else 1.0
     return {
         name: replace(floor, noise={t: np.minimum(n, most * own[name][t]) for t, n in floor.noise.items()})
         for name, floor in found.items()

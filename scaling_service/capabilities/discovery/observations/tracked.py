@@ -36,9 +36,12 @@ _UNLIKE = 2.0
 """How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
 times). What shows less was smoothed, what shows more is no noise of the cameras."""
 
-_MEMORIES = np.concatenate([[0.0], np.linspace(0.2, 0.99, 80)])
-"""Correlations from frame to frame of first-order autoregressive noise that are told apart (chosen: less is
-within the error of a walk of a hundred frames and fifteen markers)."""
+_MEMORIES = np.linspace(0.0, 0.99, 100)
+"""Correlations from frame to frame of first-order autoregressive noise that are told apart."""
+
+_WHITE = 0.2
+"""Correlation below which noise counts as white (chosen: the error of a walk of a hundred frames and fifteen
+markers)."""
 
 _STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
 
@@ -139,7 +142,8 @@ class TrackedTrial:
         powers = np.array(_STRIDES[1:])[told, None]
         expected = np.log(_growth(_MEMORIES**powers) / _growth(_MEMORIES))
         off = np.abs(np.nanmedian(longer[told], axis=1)[:, None] - expected).sum(axis=0)
-        return float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
+        memory = float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
+        return memory if memory >= _WHITE else 0.0
 
     @property
     def shows_noise(self) -> bool:
@@ -238,7 +242,8 @@ def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
 def _remembered(white: Array, memory: float) -> Array:
     """White noise (draws, n, numbers) of unit variance as noise of a correlation from frame to frame."""
     white[:, 1:] *= np.sqrt(1.0 - memory**2)
-    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=1))
+    found: Array = scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=1)
+    return found
 
 
 def _strays(item: TrackedTrial) -> Array:

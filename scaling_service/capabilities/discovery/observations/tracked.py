@@ -205,8 +205,8 @@ def marker_noise(measured: Array) -> Array:
     steps = np.diff(measured, n=3, axis=0)
     spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
     typical = float(np.nanmedian(spread)) if np.isfinite(spread).any() else LEAST_M
-    alike = np.clip(np.where(np.isfinite(spread), spread, typical), typical / _UNLIKE, typical * _UNLIKE)
-    return np.maximum(alike, LEAST_M)
+    known = np.where(np.isfinite(spread), spread, typical)
+    return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
 
 
 def _growth(memory: Any) -> Any:

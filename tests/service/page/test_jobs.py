@@ -14,6 +14,7 @@ def test_several_jobs_at_once(visit: Visit, url: str) -> None:
     requests.post(f"{url}/v1/dynamics", json={"subject": "example_2"}, timeout=30).raise_for_status()
     visitor = visit(url)
     visitor.go("subjects/example_2/run")
+    visitor.sees("Scale by several methods and compare them")  # after the files were looked at
     visitor.press("Start: Find the missing effect")
     page = visitor.page
     search = page.get_by_role("listitem").filter(has_text="Search for the missing effect")

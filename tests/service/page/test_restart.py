@@ -76,6 +76,7 @@ def lose(visitor: Visitor, lost: int) -> list[str]:
 def begins_a_job(visitor: Visitor) -> None:
     assert requests.post(f"{visitor.url}/v1/examples", timeout=30).json() == {"subjects": ["example"]}
     visitor.go("subjects/example/run")
+    visitor.sees("Scale by several methods and compare them")  # after the files were looked at
     boxes = visitor.page.locator(".methods input")
     boxes.first.wait_for()
     for box in boxes.all()[1:]:  # one method will do: reading alone takes long enough

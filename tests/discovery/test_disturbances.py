@@ -11,6 +11,7 @@ import pytest
 from scaling_service.capabilities.discovery.disturbances import disturbance
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
 from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot, WarpedSpot
 from scaling_service.capabilities.discovery.search.discover import discover
@@ -116,3 +117,18 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
     monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
     found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
     assert found is (law if told else None)
+
+
+@pytest.mark.parametrize(("share", "yields"), [(0.8, False), (1.2, True)])
+def test_an_effect_yields_to_a_law_that_explains_more(
+    share: float, yields: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
+    without, known = (
+        fit_recordings(SearchContext(person().model, recorded(person(), body)))
+        for body in (truth, person().model)
+    )
+    taken = MARKERS.squares(without) - MARKERS.squares(known)
+    law = Disturbance(("markers",), "any law", share * taken, 0.0, 0.0)
+    monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
+    assert disturbance.outdoes(law, without, known) is yields

@@ -63,6 +63,17 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     return max(clear, key=lambda law: law.expected, default=None)
 
 
+def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
+    """Whether a law explains more without some effects than these effects do.
+
+    An effect that resembles a disturbance takes the most of it, and leaves what the same law explains.
+    """
+    observation = next(o for o in OBSERVATIONS if o.name == disturbance.seen_in)
+    taken = observation.squares(without) - observation.squares(fit)
+    laws = [law for law in _found(without) if law.seen_in == disturbance.seen_in]
+    return any(max(law.p, law.held_out) <= fit.settings.level and law.expected > taken for law in laws)
+
+
 def _clear(
     law: Disturbance, effects: Sequence[ScoredCandidate], above: float, settings: DiscoverySettings
 ) -> bool:

@@ -24,6 +24,10 @@ from scaling_service.capabilities.discovery.laws.candidates import Seen
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
+_ALIKE = 1.4
+"""Of the mean square: how much more the median place may have than the quieter ones so that what both have
+is noise (chosen: mean squares of thirty independent numbers differ by so much)."""
+
 _QUIETER = 0.1  # quantile of all places in all recordings (chosen: a fault shows less in one of ten)
 _SLACK = 1.25
 """Of the mean square: how much noisier than those a place may be (chosen: in recordings of some hundred
@@ -52,17 +56,21 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
 
     What is missing lifts what is not predicted, too, at some places and in some recordings. Memory and tails
     of an instrument's noise are the same everywhere: how much more there is than third differences tell is
-    taken from the quieter places, and no place may have much more.
+    taken from the quieter places, and no place may have much more. Where there is no more, or places differ
+    so much that even the quieter ones hold something of what is missing, the instrument's noise is the floor,
+    if it shows.
     """
     found = {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
     own = {observation.name: _instrument(fit, observation) for observation in OBSERVATIONS}
     known = found[MARKERS.name].noise
     more = np.concatenate([noise / own[MARKERS.name][trial] for trial, noise in known.items()])
-    usual = max(1.0, float(np.nanquantile(more, _QUIETER))) if np.isfinite(more).any() else 1.0
+    finite = more[np.isfinite(more)]
+    usual, median = np.quantile(finite, (_QUIETER, 0.5)).tolist() if len(finite) else [1.0, 1.0]
+    lasting = usual > 1.0 and median <= _ALIKE * usual
+    shown = any(item.shows_noise for item in fit.tracked)
+    most = _SLACK * max(1.0, usual) if lasting or not shown else 1.0
     return {
-        name: replace(
-            floor, noise={t: np.minimum(n, _SLACK * usual * own[name][t]) for t, n in floor.noise.items()}
-        )
+        name: replace(floor, noise={t: np.minimum(n, most * own[name][t]) for t, n in floor.noise.items()})
         for name, floor in found.items()
     }
 
@@ -105,8 +113,18 @@ def _predicted(
 ) -> list[Array]:
     """Residuals of every block as those between predict them, each (n, n_numbers); NaN where not known."""
     items, values = zip(*residuals, strict=True)
-    x, folds = _functions(items, moving), np.concatenate([_folds(item, block_s) for item in items])
-    y = np.concatenate(values)
+    folds = np.concatenate([folds_of(item, block_s) for item in items])
+    chosen = predict_between(_functions(items, moving), np.concatenate(values), folds)
+    edges = np.cumsum([0, *(len(r) for r in values)])
+    pairs = zip(values, edges[:-1], edges[1:], strict=True)
+    return [np.where(np.isfinite(r), chosen[a:b], np.nan) for r, a, b in pairs]
+
+
+def predict_between(x: Array, y: Array, folds: Array) -> Array:
+    """Numbers (n, k) by functions (n, m): those of each fold (0 or 1) as the other one predicts them.
+
+    Of several ridges each number takes the one that leaves least; what is not known (NaN) counts as zero.
+    """
     known = np.isfinite(y)
     filled = np.where(known, y, 0.0)
     guesses = []
@@ -118,14 +136,13 @@ def _predicted(
             guess[new] = x[new] @ np.linalg.solve(normal, x[known_side].T @ filled[known_side])
         guesses.append(guess)
     left = [np.where(known, (filled - g) ** 2, 0.0).sum(axis=0) for g in guesses]
-    best = np.argmin(left, axis=0)
-    chosen = np.take_along_axis(np.stack(guesses), best[None, None, :], axis=0)[0]
-    edges = np.cumsum([0, *(len(r) for r in values)])
-    pairs = zip(values, edges[:-1], edges[1:], strict=True)
-    return [np.where(np.isfinite(r), chosen[a:b], np.nan) for r, a, b in pairs]
+    return np.asarray(
+        np.take_along_axis(np.stack(guesses), np.argmin(left, axis=0)[None, None, :], axis=0)[0]
+    )
 
 
-def _folds(item: TrackedTrial, block_s: float) -> Array:
+def folds_of(item: TrackedTrial, block_s: float) -> Array:
+    """Every other block of time, (n,): 0 or 1."""
     fold = np.zeros(len(item.q))
     for k, rows in enumerate(item.blocks(block_s)):
         fold[rows] = k % 2

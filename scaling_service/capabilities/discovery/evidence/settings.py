@@ -95,6 +95,9 @@ class DiscoverySettings:
     wrench_left: float = 0.25
     # mean square above the floor, in floors, that the estimate of the floor itself may miss (chosen)
     wrench_slight: float = 0.5
+    # share of the markers' mean square above their noise that effects of the motion must take together
+    # (chosen: skin's laws in one angle take a fifth of what real skin does, and more with several of them)
+    negligible: float = 0.15
 
     # Unmodelled disturbances
 

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
@@ -28,11 +29,21 @@ of a millimetre). Recordings that show less were smoothed before."""
 
 MOVEMENT_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
 
-_GROWTH = np.sqrt(20.0)
-"""White noise of unit variance has third differences of variance 1 + 9 + 9 + 1."""
-
 _NORMAL = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution."""
+
+_UNLIKE = 2.0
+"""How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
+times). What shows less was smoothed, what shows more is no noise of the cameras."""
+
+_MEMORIES = np.linspace(0.0, 0.99, 100)
+"""Correlations from frame to frame of first-order autoregressive noise that are told apart."""
+
+_WHITE = 0.2
+"""Correlation below which noise counts as white (chosen: the error of a walk of a hundred frames and fifteen
+markers)."""
+
+_STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
 
 _ENOUGH = 30
 """Third differences from which a spread is told (chosen: its own error is then 15 %)."""
@@ -114,6 +125,43 @@ class TrackedTrial:
         return np.asarray(self.task.measured - self.places)
 
     @cached_property
+    def memory(self) -> float:
+        """Correlation of the noise from one frame to the next: first-order autoregressive, alike everywhere.
+
+        The longer noise lasts, the more residuals differ over some frames than over one: third differences
+        over several strides are compared with those over one frame, at the median marker. Most strides
+        decide: what moves slowly and is no noise shows in the long ones. Zero where recordings were smoothed
+        until no noise shows.
+        """
+        if not self.shows_noise:
+            return 0.0
+        spread = np.array([[_spread(steps) for steps in self._strides(k)] for k in _STRIDES])
+        spread[spread == 0.0] = np.nan
+        longer = 2.0 * np.log(spread[1:] / spread[0])
+        told = np.isfinite(longer).any(axis=1)
+        powers = np.array(_STRIDES[1:])[told, None]
+        expected = np.log(_growth(_MEMORIES**powers) / _growth(_MEMORIES))
+        off = np.abs(np.nanmedian(longer[told], axis=1)[:, None] - expected).sum(axis=0)
+        memory = float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
+        return memory if memory >= _WHITE else 0.0
+
+    @property
+    def shows_noise(self) -> bool:
+        """Whether the cameras' noise is there to be told, and was not smoothed away."""
+        return float(np.median(self.floor)) > LEAST_M
+
+    def _strides(self, stride: int) -> Iterator[Array]:
+        """Third differences of each marker's residuals over so many frames, (n - 3 stride, 3)."""
+        for path in np.moveaxis(self.residuals, 1, 0):
+            third = path[3 * stride :] - path[: -3 * stride]
+            yield third - 3.0 * (path[2 * stride : -stride] - path[stride : -2 * stride])
+
+    @property
+    def noise(self) -> Array:
+        """Standard deviation of one coordinate's noise, its memory counted, (n_markers,), m."""
+        return np.asarray(self.floor * np.sqrt(_growth(0.0) / _growth(self.memory)))
+
+    @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:
         """The same recording with as much noise of the markers once more, anew in each of a few draws."""
         return tuple(replace(self, q=self.q + stray) for stray in _strays(self))
@@ -157,14 +205,20 @@ def marker_noise(measured: Array) -> Array:
     steps = np.diff(measured, n=3, axis=0)
     spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
     typical = float(np.nanmedian(spread)) if np.isfinite(spread).any() else LEAST_M
-    return np.maximum(np.where(np.isfinite(spread), spread, typical), LEAST_M)
+    known = np.where(np.isfinite(spread), spread, typical)
+    return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
+
+
+def _growth(memory: Any) -> Any:
+    """Variance of third differences of noise of unit variance with a correlation from frame to frame."""
+    return 20.0 - 30.0 * memory + 12.0 * memory**2 - 2.0 * memory**3
 
 
 def _spread(steps: Array) -> float:
     known = steps[np.isfinite(steps).all(axis=1)]
     if len(known) < _ENOUGH:
         return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / _GROWTH)
+    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_growth(0.0)))
 
 
 def _weights(task: Task, floor: Array) -> dict[str, float]:
@@ -185,11 +239,18 @@ def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
     return q
 
 
+def _remembered(white: Array, memory: float) -> Array:
+    """White noise (draws, n, numbers) of unit variance as noise of a correlation from frame to frame."""
+    white[:, 1:] *= np.sqrt(1.0 - memory**2)
+    found: Array = scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=1)
+    return found
+
+
 def _strays(item: TrackedTrial) -> Array:
     """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
 
-    White noise of each marker's own floor, to which the pose of the frame gives way as far as it does when
-    it is solved for: to first order, without the limits of joints.
+    Noise of each marker's own size and of the trial's memory, to which the pose of the frame gives way as far
+    as it does when it is solved for: to first order, without the limits of joints.
     """
     tree, free = item.task.tree, np.flatnonzero(item.task.free)
     poses = item.poses
@@ -199,7 +260,8 @@ def _strays(item: TrackedTrial) -> Array:
     bend = white @ white.transpose(0, 2, 1)
     size = np.einsum("nqq->nq", bend).max(axis=1)
     stream = np.random.default_rng(0)
-    noise = stream.normal(size=(DRAWS, *white.shape[::2]))
+    noise = _remembered(stream.normal(size=(DRAWS, *white.shape[::2])), item.memory)
+    noise *= np.repeat(item.noise / item.floor, 3)
     pull = white @ np.moveaxis(noise, 0, -1)
     moved = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
     found = np.zeros((DRAWS, *item.q.shape))

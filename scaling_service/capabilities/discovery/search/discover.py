@@ -15,6 +15,7 @@ import numpy as np
 from scaling_service.capabilities.discovery.disturbances.disturbance import (
     Disturbance,
     find_disturbance,
+    outdoes,
 )
 from scaling_service.capabilities.discovery.disturbances.free_marker import find_free_marker
 from scaling_service.capabilities.discovery.effects.catalogue import ask_questions
@@ -26,12 +27,18 @@ from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, Masked
 from scaling_service.capabilities.discovery.search.elimination import (
     drop_insufficient,
+    drop_negligible,
     drop_predictable,
     eliminate_backward,
     settle,
     withdraw_answers,
 )
-from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate, observations_of
+from scaling_service.capabilities.discovery.search.estimation import (
+    ROUGHLY,
+    estimate,
+    observations_of,
+    remove,
+)
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
 from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
@@ -89,10 +96,13 @@ def discover(
     steps.begin("settling all numbers", _SETTLING, _MEASURING)
     named, fit = drop_predictable(search.named, search.fit, before)
     named, fit = settle(named, fit)
-    named, fit, said = drop_insufficient(named, fit, before)
+    named, fit, negligible = drop_negligible(named, fit, before)
+    named, fit, insufficient = drop_insufficient(named, fit, before)
     fit, seen = _unmasked(fit)
     steps.begin("measuring the gap", _MEASURING, 1.0)
-    findings = summarise(named, scored, search.disturbance, (before, fit, seen), (*notes, *said))
+    findings = summarise(
+        named, scored, search.disturbance, (before, fit, seen), (*notes, *negligible, *insufficient)
+    )
     steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, fit)
 
@@ -120,8 +130,20 @@ class Search:
             assert self.scored is not None
             if not self._eliminate(self.scored) or self.disturbance is not None:
                 break
+        self._yield_to_disturbance()
         assert self.scored is not None
         return self.scored
+
+    def _yield_to_disturbance(self) -> None:
+        """Take back what was named in the stead of the disturbance: what its law explains better."""
+        law = self.disturbance
+        same = [n for n in self.named if law is not None and n.candidate.seen_in == law.seen_in]
+        if law is None or not same:
+            return
+        without = remove(self.fit, [n.effect for n in same])
+        if outdoes(law, without, self.fit):
+            self.named = [n for n in self.named if n not in same]
+            self.fit = without
 
     def _round(self) -> bool:
         """Name what passes best; whether to go on."""

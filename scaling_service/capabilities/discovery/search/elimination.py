@@ -202,6 +202,32 @@ def drop_insufficient(
     return [n for n in named if n not in loads], fit, (_INSUFFICIENT.format(names=names),)
 
 
+_NEGLIGIBLE = (
+    "the cameras' noise is known, and what the catalogue offers for the motion ({names}) takes little of "
+    "what stands above it: it is not named"
+)
+
+
+def drop_negligible(
+    named: Sequence[NamedEffect], fit: Fit, before: Fit
+) -> tuple[list[NamedEffect], Fit, tuple[str, ...]]:
+    """Effects of the motion that together take little of what is wrong taken back, and what is told of it.
+
+    Where the cameras' noise shows, it is known how much stands above it. A law that the catalogue does not
+    have resembles some effect a little, here and there.
+    """
+    moved = [n for n in named if MARKERS.shows(n.candidate)]
+    if not moved or not all(item.shows_noise for item in before.tracked):
+        return list(named), fit, ()
+    noise = measure_noise_floors(fit, before.scene.moving)[MARKERS.name].noise
+    was, left = (_excess(MARKERS.tally(each, None, noise)) for each in (before, fit))
+    if was <= fit.settings.tracked_excess or left <= (1.0 - fit.settings.negligible) * was:
+        return list(named), fit, ()
+    names = ", ".join(n.candidate.name for n in moved)
+    fit = remove(fit, [n.effect for n in moved])
+    return [n for n in named if n not in moved], fit, (_NEGLIGIBLE.format(names=names),)
+
+
 def sufficient(before: Fit, after: Fit) -> bool:
     """Whether the effects that lie between two fits explain the forces, as far as that can be told."""
     floors, settings = measure_noise_floors(after, before.scene.moving), after.settings

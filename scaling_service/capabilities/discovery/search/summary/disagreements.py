@@ -24,7 +24,7 @@ _HEAVY = 3  # degrees of freedom; chosen: noise with tails as heavy keeps to the
 def locate_disagreements(fit: Fit, floors: Floors) -> tuple[Disagreement, ...]:
     """All places, those that stand highest above their floors first; the p-values pay for their number."""
     rows = places_of(fit, floors)
-    p = holm(np.array([_p(tally, k) for _, tally, k in rows]))
+    p = holm(np.array([p_above_floor(tally, k) for _, tally, k in rows]))
     excess = np.array([_excess(tally, k) for _, tally, k in rows])
     share = excess / max(float(excess.sum()), 1e-300)
     found = [_place(fit, *row, float(share[i]), float(p[i])) for i, row in enumerate(rows)]
@@ -53,9 +53,9 @@ def _excess(tally: Tally, k: int) -> float:
     return frames * max(float(tally.square[:, k].sum()) / max(floor, 1e-300) - 1.0, 0.0)
 
 
-def _p(tally: Tally, k: int) -> float:
+def p_above_floor(tally: Tally, k: int, trial: str | None = None) -> float:
     """How likely a place stands so far above its floor by chance: on the whole, or in any one block."""
-    used = tally.frames[:, k] > 0
+    used = (tally.frames[:, k] > 0) & np.array([trial in {None, name} for name in tally.trials])
     if used.sum() < _FEWEST:
         return 1.0
     height = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)

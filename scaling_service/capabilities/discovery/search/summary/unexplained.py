@@ -14,11 +14,15 @@ from scaling_service.capabilities.discovery.disturbances.disturbance import Dist
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors, NoiseFloor
-from scaling_service.capabilities.discovery.evidence.observation import Observation
+from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
 from scaling_service.capabilities.discovery.evidence.statistics import holm
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, observable_of
-from scaling_service.capabilities.discovery.search.summary.disagreements import by_trial, places_of
+from scaling_service.capabilities.discovery.search.summary.disagreements import (
+    by_trial,
+    p_above_floor,
+    places_of,
+)
 from scaling_service.numerics.multibody.laws import Array
 
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
@@ -34,11 +38,11 @@ class _Function:
 def describe_unexplained(
     fit: Fit, floors: Floors, disturbance: Disturbance | None = None
 ) -> tuple[Unexplained, ...]:
-    """Places of which the movement or the time still predicts much, the largest first.
+    """Places where the search leaves what is no noise, the largest first.
 
     An unmodelled disturbance comes before all, and stands for every place of its observation.
     """
-    left = _predicted(fit, floors)
+    left = _left(fit, floors)
     if disturbance is None:
         return left
     others = [u for u in left if (u.observable != "marker") != (disturbance.seen_in == "wrench")]
@@ -58,10 +62,22 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
     return Unexplained(disturbance.where, observable, disturbance.law, rms, floor)
 
 
-def _predicted(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
+def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
+    """Places that the movement or the time still predicts, and places that stand above their noise.
+
+    Whatever its course, what no noise of the instruments makes has a cause.
+    """
     rows = places_of(fit, floors)
     strength = [_strength(fit, floors[o.name], k) for o, _, k in rows]
-    p = holm(_chances(strength))
+    predicted = _chances(strength)
+    p = holm(
+        np.array(
+            [
+                min(1.0, 2.0 * min(q, _p_of_level(fit, *row[1:])))
+                for q, row in zip(predicted, rows, strict=True)
+            ]
+        )
+    )
     found = []
     for (observation, tally, k), chance in zip(rows, p.tolist(), strict=True):
         if chance <= fit.settings.unexplained_level and tally.frames[:, k].any():
@@ -71,6 +87,18 @@ def _predicted(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
                 law = _law(fit, observation, place)
                 found.append(Unexplained((place,), observable_of(place), law, rms, floor))
     return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
+
+
+def _p_of_level(fit: Fit, tally: Tally, k: int) -> float:
+    """How likely noise alone stands so high in any of the trials in which the cameras' noise shows."""
+    telling = {item.name for item in fit.tracked if item.shows_noise}
+    high = [
+        trial
+        for trial, rms, floor in by_trial(tally, k)
+        if trial in telling and rms > fit.settings.unexplained_ratio * floor
+    ]
+    chances = [p_above_floor(tally, k, trial) for trial in high]
+    return min(1.0, len(telling) * min(chances, default=1.0))
 
 
 def _strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:

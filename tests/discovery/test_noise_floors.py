@@ -1,0 +1,76 @@
+"""Floors are the noise that was put in, whatever its memory, and no fault of a marker lifts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
+from scaling_service.capabilities.discovery.observations.tracked import marker_noise
+from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.laws import Array
+from tests.discovery.hidden import person, recorded
+
+NOISE_M = 1e-3
+
+
+def tracked(change: Callable[[Trial, np.random.Generator], Array]) -> Fit:
+    """The person, seen by perfect cameras, with something added to the markers."""
+    rng, clean = np.random.default_rng(3), recorded(person(), person().model, noise_m=0.0)
+    seen = [replace(r, trial=replace(r.trial, markers=r.trial.markers + change(r.trial, rng))) for r in clean]
+    return fit_recordings(SearchContext(person().model, seen))
+
+
+def noise(trial: Trial, rng: np.random.Generator, memory: float = 0.0) -> Array:
+    """First-order autoregressive, of :data:`NOISE_M`."""
+    white = rng.normal(size=(len(trial.times) + 200, *trial.markers.shape[1:]))
+    long = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)
+    return NOISE_M * np.asarray(long[200:])
+
+
+def floor_and_left(fit: Fit) -> tuple[float, float]:
+    """RMS of the markers' floor, and of what noise of that size leaves where the pose follows it, m."""
+    floors = measure_noise_floors(fit, fit.scene.moving)
+    tally = MARKERS.tally(fit, None, floors["markers"].noise)
+    assert tally is not None
+    freedom = sum(item.freedom for item in fit.tracked)
+    frames = float(tally.frames.sum())
+    return float(np.sqrt(tally.floor.sum() / frames)), NOISE_M * float(np.sqrt(freedom / frames))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.7, 0.9])
+def test_noise_of_any_memory_is_told_and_is_no_more(memory: float) -> None:
+    fit = tracked(lambda trial, rng: noise(trial, rng, memory))
+    told = np.median([item.memory for item in fit.tracked])
+    assert told == pytest.approx(memory, abs=0.06)
+    floor, left = floor_and_left(fit)
+    assert floor == pytest.approx(left, rel=0.1)
+    assert not describe_unexplained(fit, measure_noise_floors(fit, fit.scene.moving))
+
+
+def test_a_marker_that_flickers_is_unexplained_and_lifts_no_floor() -> None:
+    def flickering(trial: Trial, rng: np.random.Generator) -> Array:
+        added = noise(trial, rng)
+        away = np.repeat(rng.random(len(trial.times) // 3 + 1) < 0.2, 3)[: len(trial.times)]
+        added[away, trial.index("RFH")] += np.array([0.0, 0.02, 0.02])
+        return added
+
+    fit = tracked(flickering)
+    floor, left = floor_and_left(fit)
+    assert floor == pytest.approx(left, rel=0.1)
+    found = describe_unexplained(fit, measure_noise_floors(fit, fit.scene.moving))
+    assert found[0].where == ("RFH",)
+
+
+def test_a_smoothed_marker_is_not_believed_to_have_no_noise() -> None:
+    path = np.random.default_rng(0).normal(size=(500, 5, 3)) * NOISE_M
+    path[:, 2] *= 0.01
+    path[:, 3] *= 50.0
+    np.testing.assert_allclose(marker_noise(path) / NOISE_M, [1.0, 1.0, 0.5, 2.0, 1.0], rtol=0.15)

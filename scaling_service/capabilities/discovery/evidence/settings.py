@@ -66,10 +66,6 @@ class DiscoverySettings:
     # the model is right but for one thing, that thing leaves no more than this)
     whole_cause: float = 0.8
 
-    # share of the level that a candidate's fit may spend, the rest going to recordings that fitted nothing
-    # (chosen: most effects are decided by the fit)
-    of_fit: float = 0.9
-
     # share of what stands above the noise that an oscillation must explain at a frequency beside its own to
     # be tuned before it is tested (chosen: a grid's neighbour explains half or more)
     oscillation_main: float = 0.5

@@ -106,18 +106,16 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
             f, of_blocks = follow[:, rows], scores[:, rows]
             mixed = f.T @ cross[:, :, rows]
             here, own = fits, evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
-        square, noise = sum(s.square for s in here), sum(s.freedom for s in here)
-        found.append(fit_columns(of_blocks, own, raw[rows], square, noise))
+        found.append(fit_columns(of_blocks, own, raw[rows], here))
     return tuple(found)
 
 
-def fit_columns(scores: Array, own: Array, raw: Array, square: float = 0.0, noise: float = 0.0) -> Fitted:
+def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] = ()) -> Fitted:
     """Fit columns to blocks: scores (n_blocks, k), products (n_blocks, k, k), squares as they were (k,).
 
-    ``square``, ``noise``: whitened squares of these blocks, and those that noise makes. Few blocks do not
-    tell how scores stray, least where one of them shows most of the effect. What takes off most of what
-    surely stands above the noise is held against noise alone, too: scores stray as here, at least as white
-    noise and as what is left, and each block counts as a marker in one frame.
+    ``blocks``: these. Few do not tell how scores stray, least where one of them shows most of the effect.
+    What takes off most of what surely stands above the noise is held against noise alone, too: scores stray
+    as here, at least as white noise and as what is left, and each block counts as a marker in one frame.
     """
     curvature = own.sum(axis=0)
     inverse, identifiable, directions = inverse_of(curvature, raw)
@@ -138,9 +136,9 @@ def fit_columns(scores: Array, own: Array, raw: Array, square: float = 0.0, nois
         hotelling = float(((vector.T @ total) ** 2 / value).sum())
         by_chance = float(np.trace(variance))
         p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
-    above = square - noise
-    if above > _SURELY * np.sqrt(2.0 * noise) and gain > _MOST_OF_IT * above:
-        strays, few = max(1.0, (square - gain) / noise, float(np.trace(variance)) / rank), 3.0 * len(scores)
+    if _takes_most(gain, blocks):
+        unexplained = (sum(s.square for s in blocks) - gain) / sum(s.freedom for s in blocks)
+        strays, few = max(1.0, unexplained, float(np.trace(variance)) / rank), 3.0 * len(blocks)
         p = min(1.0, 2.0 * min(p, float(scipy.special.fdtrc(rank, few, gain / (rank * strays)))))
         if freedom < 1.0:
             freedom, by_chance, variance = few, rank * strays, strays * np.eye(rank)
@@ -151,6 +149,19 @@ def fit_columns(scores: Array, own: Array, raw: Array, square: float = 0.0, nois
     shown = _share_shown(directions, raw) > _DETERMINED
     covariance *= np.outer(shown, shown)
     return Fitted(size, covariance, gain, by_chance, p, identifiable, freedom)
+
+
+def _takes_most(gain: float, blocks: Sequence[Block]) -> bool:
+    """Whether a gain is most of what surely stands above the noise of blocks.
+
+    Noise with memory is larger than the floors, and no larger than in the quietest block.
+    """
+    if not blocks:
+        return False
+    square, count = np.array([(s.square, s.freedom) for s in blocks]).T
+    noise = max(1.0, float((square / count).min())) * float(count.sum())
+    above = float(square.sum()) - noise
+    return above > _SURELY * noise * np.sqrt(2.0 / float(count.sum())) and gain > _MOST_OF_IT * above
 
 
 def _share_shown(directions: Array, raw: Array) -> Array:
@@ -259,8 +270,7 @@ def try_held_out(
         freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    above = square - freedom
-    most = bool(every.sum() > _MOST_OF_IT * above > 0.0)
+    most = _takes_most(float(every.sum()), [s for _, new in rounds for s in new])
     p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
     if np.isfinite(overdispersion) and (most or (len(every) < _FEW and outweighs)):
         left = max(square - float(every.sum()), 0.0) / freedom

@@ -114,15 +114,17 @@ def test_a_single_block_that_moves_says_nothing_of_little_or_of_louder_noise(
     assert one_sided(noise, effect=effect).p == 1.0
 
 
-def scored(fit_p: float, unseen_p: float, *, folds: bool = False) -> ScoredCandidate:
+def scored(fit_p: float, unseen_p: float, *, folds: bool = False, outweighs: bool = True) -> ScoredCandidate:
     """Something with the given chances."""
-    return ScoredCandidate(CHOICE[0], replace(NOTHING, p=fit_p), None, HeldOut(0.5, unseen_p, folds))
+    return ScoredCandidate(
+        CHOICE[0], replace(NOTHING, p=fit_p), None, HeldOut(0.5, unseen_p, folds, outweighs)
+    )
 
 
 def test_chances_of_the_fit_and_of_other_recordings_combine() -> None:
     assert scored(1e-4, 1e-5).p_family(2000) < 1e-3 < scored(1e-4, 1.0).p_family(2000)
     assert scored(1e-4, 1e-5, folds=True).p_family(2000) == pytest.approx(0.2)
-    assert scored(1e-4, float("nan")).p_family(2000) == pytest.approx(0.2)
+    assert scored(1e-4, 1e-5, outweighs=False).p_family(2000) == pytest.approx(0.2)
 
 
 def test_of_nothing_the_combined_chance_is_as_likely_as_it_says() -> None:

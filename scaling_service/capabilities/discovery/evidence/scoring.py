@@ -37,10 +37,11 @@ class ScoredCandidate:
         """Of as much by chance in a catalogue of so many: in the fit and in recordings that fitted nothing.
 
         These are other data, so the two combine (Fisher 1932, Statistical Methods for Research Workers,
-        21.1). A fit of few blocks of time cannot pay for the whole catalogue, however much it explains.
+        21.1): a fit of few blocks of time cannot pay for the whole catalogue, however much it explains. Not
+        so for gains below the noise, as noise in the motion gives them to masses that swing with it.
         """
         p = self.fitted.p
-        if not (self.held_out.folds or math.isnan(self.held_out.p)):
+        if self.held_out.outweighs_noise and not self.held_out.folds:
             product = max(p * self.held_out.p, 1e-300)
             p = product * (1.0 - math.log(product))
         return min(1.0, count * p)

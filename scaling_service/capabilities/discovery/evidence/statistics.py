@@ -237,6 +237,8 @@ class HeldOut:
     gain: float  # share of their whitened sum of squares that it takes off
     p: float  # of as consistent a gain by chance
     folds: bool  # whether these were blocks of time of the same trial, for want of another one
+    # whether the gain is more than all squares of noise there, or most of what stands above them
+    outweighs_noise: bool = False
 
 
 def try_held_out(
@@ -277,7 +279,7 @@ def try_held_out(
         noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
         alone = float(scipy.special.ndtr(-every.sum() / np.sqrt(noise))) if noise > 0.0 else 1.0
         p = min(1.0, 2.0 * min(p, alone))
-    return HeldOut(share, p, len(rounds) > 1)
+    return HeldOut(share, p, len(rounds) > 1, most or outweighs)
 
 
 def p_above_zero(values: Array) -> float:

@@ -97,25 +97,22 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
     for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
         alone = [s for s in evidence.blocks if s.trial in candidate.trials]
         if alone and held_out.issuperset(s.trial for s in alone):
-            here, own, of_blocks = (
-                alone,
-                evidence.products(k, alone),
-                np.array([s.scores[rows] for s in alone]),
-            )
+            own, of_blocks = evidence.products(k, alone), np.array([s.scores[rows] for s in alone])
         else:
             f, of_blocks = follow[:, rows], scores[:, rows]
             mixed = f.T @ cross[:, :, rows]
-            here, own = fits, evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
-        found.append(fit_columns(of_blocks, own, raw[rows], here))
+            own = evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
+        found.append(fit_columns(of_blocks, own, raw[rows], () if candidate.trials else fits))
     return tuple(found)
 
 
 def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] = ()) -> Fitted:
     """Fit columns to blocks: scores (n_blocks, k), products (n_blocks, k, k), squares as they were (k,).
 
-    ``blocks``: these. Few do not tell how scores stray, least where one of them shows most of the effect.
-    What takes off most of what surely stands above the noise is held against noise alone, too: scores stray
-    as here, at least as white noise and as what is left, and each block counts as a marker in one frame.
+    ``blocks``: these, if the effect is in all recordings, so that others confirm it. Few do not tell how
+    scores stray, least where one of them shows most of the effect. What takes off most of what surely stands
+    above the noise is held against noise alone, too: scores stray as here, at least as white noise and as
+    what is left, and each block counts as a marker in one frame.
     """
     curvature = own.sum(axis=0)
     inverse, identifiable, directions = inverse_of(curvature, raw)

@@ -1,14 +1,19 @@
-"""The examples in docstrings run, and what is exported exists."""
+"""The examples in docstrings run, and every public name teaches how it is used."""
 
 from __future__ import annotations
 
 import doctest
+import inspect
 import pkgutil
+import re
 from importlib import import_module
+from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 import scaling_service
+from scaling_service.cli import main
 
 # Worker processes of libraries that must stay out of this one; they have no examples.
 APART = (
@@ -21,12 +26,46 @@ MODULES = [
     for module in pkgutil.walk_packages(scaling_service.__path__, "scaling_service.")
     if not module.name.startswith(APART)
 ]
+PUBLIC = {f"scaling_service.{home}" for home in scaling_service.HOMES.values()}
+
+
+@pytest.fixture(scope="session")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the reader of the guide's first pages has made."""
+    folder = tmp_path_factory.mktemp("reader")
+    lab = str(folder / "lab")
+    assert main(["example", "--out", lab]) == 0
+    assert main(["example", "--plates", "--out", str(folder / "plates")]) == 0
+    compared = ["--no-report", "--out", str(folder / "compared")]
+    assert main(["compare", f"{lab}/subject.json", "--methods", "MB", *compared]) == 0
+    return folder
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples(name: str) -> None:
+def test_examples(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if name in PUBLIC:
+        monkeypatch.chdir(request.getfixturevalue("reader"))
     options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.testmod(import_module(name), optionflags=options).failed == 0
+
+
+@pytest.mark.parametrize("name", scaling_service.__all__)
+def test_a_public_name_is_described_whole(name: str) -> None:
+    """What goes in and comes out, what is refused, and an example with it in use."""
+    thing = getattr(scaling_service, name)
+    text = inspect.getdoc(thing)
+    sections = dict(re.findall(r"^([A-Z][a-z]+)\n-+\n(.*?)(?=^[A-Z][a-z]+\n-+$|\Z)", text, re.M | re.S))
+    assert re.search(rf"^(>>>|\.\.\.) .*\b{name}\b", sections["Examples"], re.MULTILINE)
+    if inspect.isfunction(thing):
+        entries = re.findall(r"^(\w+) : ", sections["Parameters"], re.MULTILINE)
+        assert entries == list(inspect.signature(thing).parameters)
+        assert sections["Returns"].strip()
+        assert sections["Raises"].strip()
+    elif issubclass(thing, BaseModel):
+        assert not [field for field, info in thing.model_fields.items() if not info.description]
+    elif not issubclass(thing, Exception):
+        entries = re.findall(r"^(\w[\w, ]*) : ", sections["Attributes"], re.MULTILINE)
+        assert [e for entry in entries for e in entry.split(", ")] == list(thing.__dataclass_fields__)
 
 
 def test_exports_are_exact() -> None:

@@ -19,6 +19,15 @@ class InputError(Exception):
         The key, column, label or component in that file.
     remedy : str, optional
         What to do about it, one sentence.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> try:
+    ...     ss.read_model("lower_limb")
+    ... except ss.InputError as error:
+    ...     print(error.remedy)
+    Use one of lower_limb_14dof, ..., or the path of an .osim file
     """
 
     def __init__(

@@ -9,6 +9,12 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 
+def _leave_examples_out(schema: dict[str, Any]) -> None:
+    """Of a schema for other programs: examples in docstrings are for Python."""
+    if "description" in schema:
+        schema["description"] = schema["description"].partition("\n\nExamples\n")[0]
+
+
 class Options(BaseModel):
     """Base of all options: frozen; unknown keys are errors, so are numbers that are none.
 
@@ -16,7 +22,9 @@ class Options(BaseModel):
     :class:`Flag` is an option of the commands whose function takes the model.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_leave_examples_out
+    )
 
     def resolved(self) -> dict[str, Any]:
         """All options with their defaults, as plain values for a document."""

@@ -38,7 +38,10 @@ class ResultTable:
         return pandas.DataFrame(list(self.rows), columns=list(self.columns))
 
     def plot(self) -> go.Figure:
-        """Draw it: curves over the first column where that is numbers, else bars of the first number."""
+        """Draw it: curves over the first column where that is numbers, else bars of the first number.
+
+        Bars have a colour for each word of the first column where there are more columns of words.
+        """
         import plotly.graph_objects as go
 
         frame = self.to_frame()
@@ -49,12 +52,16 @@ class ResultTable:
                 figure.add_scatter(x=frame[numbers[0]], y=frame[name], name=name, mode="lines")
             figure.update_layout(title=self.title, xaxis_title=numbers[0])
         else:
-            words = frame.drop(columns=numbers).astype(str).agg(" · ".join, axis=1)
-            figure.add_bar(x=frame[numbers[0]], y=words, orientation="h")
+            first, *others = (name for name in self.columns if name not in numbers)
+            for word, rows in frame.groupby(first, sort=False) if others else ((None, frame),):
+                words = rows[others or [first]].astype(str).agg(" · ".join, axis=1)
+                figure.add_bar(x=rows[numbers[0]], y=words, name=word, orientation="h")
             figure.update_layout(title=self.title, xaxis_title=numbers[0], yaxis={"autorange": "reversed"})
         return figure
 
     def __repr__(self) -> str:
+        if not self.rows:
+            return f"{self.title}\nnone"
         return f"{self.title}\n{self.to_frame().to_string(index=False, float_format='{:.4g}'.format)}"
 
     def _repr_html_(self) -> str:

@@ -177,6 +177,10 @@ class Vocabulary(Part):
     models: list[ModelWord]
     methods: list[MethodWord]
     bones: list[str] = Field(description="Segments of which meshes can be given.")
+    hidden_in_example: list[str] = Field(
+        description="What the built-in example's recordings hold that its model lacks, a sentence each: the "
+        "answer to a discovery on it."
+    )
 
 
 MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body

@@ -52,6 +52,10 @@ MODEL_SUFFIXES = (".osim", ".json")
 """Of models that are files: OpenSim's, and this program's own (model.json)."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+
+BoneName = Literal[
+    "pelvis", "femur_r", "tibia_r", "talus_r", "calcn_r", "femur_l", "tibia_l", "talus_l", "calcn_l"
+]
 Identifier = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
 
 
@@ -190,6 +194,11 @@ class SubjectDocument(_Strict):
         default={}, description="A trial's file name to labels that are exchanged in it for a while."
     )
     bones: Bones | None = None
+    bone_bodies: dict[BoneName, Name] = Field(
+        default={},
+        description="A bone (as under `bones`) to the model's segment that it belongs to; only where neither "
+        "names nor joints tell.",
+    )
     image_markers: Name | None = Field(default=None, description="CSV: marker,segment,x_mm,y_mm,z_mm.")
     sizes: dict[Name, float] = Field(default={}, description="Measured by hand, such as knee_width_r_mm.")
 

@@ -33,7 +33,7 @@ READERS: Mapping[str, EntryPoint] = MappingProxyType(
 NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Recording(Trial):
     """All that one file holds: the markers of a Trial, sizes of the person, and force plates."""
 
@@ -63,10 +63,29 @@ class Recording(Trial):
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Read a recording by the suffix of its name.
 
-    Positions in m in the file's own axes, with force plates and sizes where the file has them.
-    Raises FileUnreadable: if the suffix is not supported, or as the format's reader says.
-    Raises TrialUnusable: as the format's reader says. Plates that cannot be used are no error: ``plates``
-        says why.
+    Parameters
+    ----------
+    path : path
+        A C3D or TRC file, or one in a format that another distribution adds.
+
+    Returns
+    -------
+    Recording
+        Markers (n_frames, n_markers, 3) in m, in the file's own axes, NaN where not seen; force plates and
+        sizes where the file has them. ``plates`` says why plates cannot be used, which is no error.
+
+    Raises
+    ------
+    FileUnreadable
+        The suffix is not supported, or the file is absent or not what its suffix says.
+    TrialUnusable
+        The file can be read, but holds no usable trial.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.read_recording("lab/gait_1.trc")
+    Recording 'gait_1': 278 frames at 100 Hz, 14 markers
     """
     file = Path(path)
     reader = READERS.get(file.suffix.lower())

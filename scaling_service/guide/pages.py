@@ -16,9 +16,9 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 from scaling_service.core.errors import InputError
+from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, render_notebook
 from scaling_service.guide.reference import describe_interface
 
-FOLDER = Path(__file__).with_name("pages")
 FIGURES = Path(__file__).with_name("figures.json")
 
 PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -42,7 +42,14 @@ PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "method-effects",
             "studies",
         ),
-        "Look up": ("files", "python"),
+        "Notebooks": (
+            "notebook-scale",
+            "notebook-compare",
+            "notebook-bones",
+            "notebook-cohort",
+            "notebook-effect",
+        ),
+        "Look up": ("files", "python", "python-names", "http"),
     }
 )
 """Headings of the table of contents, and the pages under each: file names without suffix."""
@@ -78,6 +85,8 @@ def read_page(name: str) -> str:
     """
     if name not in names():
         raise NoSuchPage(f"the guide has no page '{name}'", remedy=f"Choose one of {', '.join(names())}")
+    if name.startswith(NOTEBOOK):
+        return render_notebook(name)
     text = (FOLDER / f"{name}.md").read_text(encoding="utf-8").replace("{{interface}}", describe_interface())
     return fill(text, read_figures())
 
@@ -149,6 +158,8 @@ def sections() -> tuple[Section, ...]:
 
 def title_of(name: str) -> str:
     """The page's own heading."""
+    if name.startswith(NOTEBOOK):
+        return render_notebook(name).partition("\n")[0].removeprefix("# ")
     with (FOLDER / f"{name}.md").open(encoding="utf-8") as page:
         return page.readline().removeprefix("# ").rstrip()
 

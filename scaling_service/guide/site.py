@@ -13,10 +13,11 @@ from types import MappingProxyType
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from scaling_service.guide.pages import FOLDER, PARTS, names, parse, sections, title_of
+from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, draw_images
+from scaling_service.guide.pages import PARTS, names, parse, sections, title_of
 
 _HERE = Path(__file__).parent
-_AS_THEY_ARE = (".svg", ".png")
+_AS_THEY_ARE = (".svg", ".png", ".ipynb")
 
 
 @cache
@@ -29,6 +30,9 @@ def make_site() -> Mapping[str, bytes]:
     for file in (_HERE / "guide.css", _HERE / "guide.js", *FOLDER.iterdir()):
         if file.suffix in (".css", ".js", *_AS_THEY_ARE):
             files[file.name] = file.read_bytes()
+    for name in names():
+        if name.startswith(NOTEBOOK):
+            files |= draw_images(name)
     return MappingProxyType(files)
 
 

@@ -206,7 +206,7 @@ class Expectation:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class BodyModel:
     """A body model as one frozen value.
 
@@ -221,6 +221,15 @@ class BodyModel:
     couplers: tuple[Coupler, ...] = ()
     source: str = ""
     expectations: tuple[Expectation, ...] = ()
+    # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
+    bones: tuple[tuple[str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        mass = sum(segment.mass for segment in self.segments)
+        return (
+            f"BodyModel '{self.name}': {len(self.segments)} segments, {len(self.coordinates)} coordinates, "
+            f"{len(self.markers)} markers, {mass:.1f} kg"
+        )
 
     def __post_init__(self) -> None:
         known = {GROUND}
@@ -267,6 +276,10 @@ class BodyModel:
     def coordinate(self, name: str) -> Coordinate:
         """The coordinate of that name (KeyError if none)."""
         return _named(self.coordinates, name)
+
+    def bone_of(self, segment: str) -> str:
+        """The bone that a segment stands for: what is told of it, else its own name."""
+        return next((bone for bone, name in self.bones if name == segment), segment)
 
     @property
     def segment_names(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from scaling_service.model.trial import ImagePose
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Motion:
     """The coordinates of a model over one trial, with what they leave unexplained."""
 
@@ -29,6 +29,10 @@ class Motion:
     residuals: Array  # (n_frames, n_markers, 3), m: measured minus model; NaN where the marker was not seen
     estimated: tuple[str, ...]  # coordinates that the recording determines; the others stand at their default
     iterations: int = 0
+
+    def __repr__(self) -> str:
+        determined = f"{len(self.estimated)} of {len(self.coordinates)} coordinates determined"
+        return f"Motion of '{self.trial}': {len(self.times)} frames, {determined}"
 
     @property
     def distances(self) -> Array:

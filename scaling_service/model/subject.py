@@ -17,30 +17,66 @@ _NO_SIZES: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """A subject file after validation: names and absolute paths, nothing read yet."""
+    """A subject file after validation: names and absolute paths, nothing read yet.
+
+    Attributes
+    ----------
+    id : str
+        Names the person in results.
+    model : str
+        A built-in name, or the absolute path of an ``.osim`` file or a ``model.json``.
+    sex : str, optional
+        ``F`` or ``M``.
+    height_m, mass_kg : float, optional
+        m and kg.
+    marker_set, scale_setup : Path, optional
+        OpenSim's, for ``.osim`` models.
+    marker_map : mapping of str to str
+        Model marker to label in the recordings.
+    extra_markers : mapping of str to str
+        Further labels to use, and the segment each sits on.
+    static : Path, optional
+        The standing trial.
+    calibration, evaluation : tuple of Path
+        Movements to fit, and movements that are never fitted.
+    forces : mapping of str to Path
+        A trial's file name to the file with its ground forces.
+    corrections : mapping of str to tuple of Relabelling
+        A trial's file name to labels that are exchanged in it.
+    bones : mapping of str to Path
+        Segment to mesh file, in ``bone_units``.
+    bone_units : str
+        ``mm`` or ``m``.
+    image_markers : Path, optional
+        Markers in the image's frame.
+    sizes_m : mapping of str to float
+        Measured by hand, m; keys of ``RANGES_M``.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.Subject("S01", "lower_limb_14dof", sex="F", height_m=1.70).height_m
+    1.7
+    """
 
     id: str
-    model: str  # The name of a built-in model, or the absolute path of an ``.osim`` file or a ``model.json``
+    model: str
     sex: Literal["F", "M"] | None = None
     height_m: float | None = None
     mass_kg: float | None = None
     marker_set: Path | None = None
     scale_setup: Path | None = None
-    # Model marker to label in the recordings
     marker_map: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
-    # Further labels to use, and the segment each sits on
     extra_markers: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
     static: Path | None = None
     calibration: tuple[Path, ...] = ()
     evaluation: tuple[Path, ...] = ()
-    # A trial's file name to the file with its ground forces
     forces: Mapping[str, Path] = field(default_factory=dict)
-    # A trial's file name to labels that are exchanged in it
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
-    bones: Mapping[str, Path] = field(default_factory=dict)  # Segment to mesh file, in ``bone_units``
+    bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
+    bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)  # Bone to the model's segment
     image_markers: Path | None = None
-    # Measured by hand: keys of ``RANGES_M`` to m
     sizes_m: Mapping[str, float] = field(default_factory=lambda: _NO_SIZES)
 
 
@@ -75,6 +111,7 @@ class MarkerPlacement:
 class ScaleSetup:
     """An OpenSim scale set-up, read.
 
+    ``height_m`` and ``mass_kg`` are the person's where it states them.
     ``manual`` holds factors given outright (segment to x, y, z factors). ``order`` holds
     ``'measurements'`` and ``'manualScale'`` in the order in which they apply.
     """
@@ -86,6 +123,7 @@ class ScaleSetup:
     preserve_mass_distribution: bool
     mass_kg: float | None
     placement: MarkerPlacement | None
+    height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,7 +118,7 @@ def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, deta
     return [Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Trial:
     """Marker trajectories on one clock."""
 
@@ -144,6 +144,10 @@ class Trial:
             )
         self.times.setflags(write=False)
         self.markers.setflags(write=False)
+
+    def __repr__(self) -> str:
+        what, count = type(self).__name__, len(self.labels)
+        return f"{what} '{self.name}': {self.n_frames} frames at {self.rate_hz:g} Hz, {count} markers"
 
     @property
     def n_frames(self) -> int:

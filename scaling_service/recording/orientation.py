@@ -52,6 +52,7 @@ class Orientation:
 
     R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
     repairs: tuple[Repair, ...] = ()  # what was decided and from what
+    clarity: float = 1.0  # cosine between where the person faces and the axis taken for forward
 
     @property
     def description(self) -> str:
@@ -105,17 +106,19 @@ def decide(
         up_vector, why_up = _find_up(positions, where, forward_vector)
     else:
         why_up = "given"
+    clarity, why_forward = 1.0, "given"
     if forward_vector is None:
-        forward_vector, why_forward = _find_forward(positions, where, up_vector)
-    else:
-        why_forward = "given"
+        facing, why_forward = _find_facing(positions, where, up_vector)
+        kept = _unit(0 if up_vector[0] == 0 else 1, 1.0)
+        forward_vector = kept if facing is None else _snapped(facing)
+        clarity = 0.0 if facing is None else _share(facing)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
     said = (
         Repair("up_axis", trial.name, f"up is {up_name} of the laboratory ({why_up})"),
         Repair("forward_axis", trial.name, f"forward is {forward_name} of the laboratory ({why_forward})"),
     )
-    return Orientation(rotation, (*said, *unit_repairs))
+    return Orientation(rotation, (*said, *unit_repairs), clarity)
 
 
 def apply(orientation: Orientation, trial: Trial) -> Trial:
@@ -192,24 +195,23 @@ def _floor_misfit(lowest: Array) -> Array:
     return misfit
 
 
-def _find_forward(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array, str]:
+def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array | None, str]:
+    """Which way the person faces, square to ``up``, and from what; None where nothing tells."""
     front, back = _midpoint(where, _FRONT), _midpoint(where, _BACK)
     if front is not None and back is not None:
         facing = _horizontal(_typical(front - back), up)
         if facing is not None:
-            return _snapped(facing), f"from PSIS to ASIS, {_off_axis(facing)} off it"
+            return facing, f"from PSIS to ASIS, {_off_axis(facing)} off it"
     pairs = [where[right] - where[left] for right, left in _PAIRS if right in where and left in where]
     if pairs:
         rightwards = [mean for pair in pairs if (mean := _typical(pair)) is not None]
         facing = _horizontal(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
         if facing is not None:
-            return _snapped(facing), f"square to right and left markers, {_off_axis(facing)} off it"
+            return facing, f"square to right and left markers, {_off_axis(facing)} off it"
     way = _horizontal(_displacement(positions), up)
     if way is not None and np.linalg.norm(way) >= WALKED_M:
-        return _snapped(way), f"displacement of {np.linalg.norm(way):.1f} m, {_off_axis(way)} off it"
-    return _unit(
-        0 if up[0] == 0 else 1, 1.0
-    ), "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
+        return way, f"displacement of {np.linalg.norm(way):.1f} m, {_off_axis(way)} off it"
+    return None, "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
 
 
 def _horizontal(vector: Array | None, up: Array) -> Array | None:
@@ -240,8 +242,12 @@ def _snapped(vector: Array) -> Array:
 
 
 def _off_axis(vector: Array) -> str:
-    share = float(np.abs(vector).max() / np.linalg.norm(vector))
-    return f"{np.degrees(np.arccos(min(share, 1.0))):.0f} deg"
+    return f"{np.degrees(np.arccos(_share(vector))):.0f} deg"
+
+
+def _share(vector: Array) -> float:
+    """Cosine between a vector and the nearest lab axis."""
+    return min(float(np.abs(vector).max() / np.linalg.norm(vector)), 1.0)
 
 
 def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array | None]:

@@ -13,9 +13,18 @@ LONGEST_SPLINE_S = 0.15
 
 
 class ProcessingSettings(Options):
-    """What is done to a recording; the defaults are those of Puchaud et al. 2019, sec. 2.1."""
+    """What is done to a recording; the defaults are those of Puchaud et al. 2019, sec. 2.1.
 
-    smoothing: Literal["moving_average", "butterworth", "none"] = "moving_average"
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.ProcessingSettings.smoothed(8.0).smoothing
+    'butterworth'
+    """
+
+    smoothing: Literal["moving_average", "butterworth", "none"] = Field(
+        default="moving_average", description="A moving average (the paper's), a Butterworth filter, or none."
+    )
     cutoff_hz: float = Field(
         default=6.0,
         ge=0.0,

@@ -17,10 +17,14 @@ def test_a_frame_has_the_rows() -> None:
 
 
 def test_words_are_drawn_as_bars_and_numbers_as_curves() -> None:
-    (bars,) = LENGTHS.plot().data
-    assert (bars.type, list(bars.x), list(bars.y)) == ("bar", [419.9, 416.7], ["MB · femur_r", "EB · <b>"])
+    bars = [(bar.type, bar.name, list(bar.x), list(bar.y)) for bar in LENGTHS.plot().data]
+    assert bars == [("bar", "MB", [419.9], ["femur_r"]), ("bar", "EB", [416.7], ["<b>"])]
     (curve,) = CURVE.plot().data
     assert (curve.type, list(curve.x), list(curve.y)) == ("scatter", [0.0, 0.1], [1.0, 2.0])
+
+
+def test_a_table_without_rows_says_so() -> None:
+    assert repr(ResultTable("effects", ("kind", "value"), ())) == "effects\nnone"
 
 
 def test_a_notebook_shows_a_table_and_no_foreign_marks() -> None:

@@ -147,7 +147,7 @@ def test_a_recording_of_less_than_a_stride_says_so(persons):
     (trial,) = persons[0][0].evaluation
     start, end = find_gait_cycles(trial, "r").cycles[0]
     short = trial.frames(np.flatnonzero((trial.times > start + 0.1) & (trial.times < end + 0.2)))
-    assert find_gait_cycles(short, "r").reason == "1 contact of foot 'r', and a stride needs two"
+    assert find_gait_cycles(short, "r").reason == "1 contact of the right foot, and a stride needs two"
 
 
 PLATES = [

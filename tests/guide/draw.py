@@ -1,4 +1,8 @@
-"""``python -m tests.guide.draw``: the layers drawn in ARCHITECTURE.md, from the contract that is checked."""
+"""``python -m tests.guide.draw``: what pages hold that is made from the code.
+
+The layers in ARCHITECTURE.md come from the contract that is checked, the guide's page on HTTP from the
+OpenAPI document.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,13 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+from scaling_service.guide.pages import FOLDER
+from scaling_service.service.http.documentation import describe
+from scaling_service.service.page.schema import openapi
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / ".github" / "ARCHITECTURE.md"
+HTTP = FOLDER / "http.md"
 _PLACE = re.compile(r"(?<=<!-- layers -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 
@@ -28,9 +37,15 @@ def _edges(layers: list[str]) -> list[str]:
     return [f"{' & '.join(above)} --> {' & '.join(below)}" for above, below in pairwise(groups)]
 
 
+def describe_http() -> str:
+    """The page on HTTP, with a service on this machine."""
+    return describe(openapi(), "http://127.0.0.1:8000") + "\n"
+
+
 def main() -> None:
-    """Put the drawing into its place."""
+    """Put everything into its place."""
     PAGE.write_text(_PLACE.sub(draw_layers(), PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    HTTP.write_text(describe_http(), encoding="utf-8")
 
 
 if __name__ == "__main__":

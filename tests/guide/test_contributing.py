@@ -3,55 +3,23 @@
 from __future__ import annotations
 
 import ast
-import configparser
 import re
 import tomllib
-from types import SimpleNamespace
 
-import pytest
 import yaml
 
-from scaling_service.capabilities.discovery.laws.loads import PlateShift
-from tests.guide.draw import PAGE, ROOT, draw_layers
-from tests.plugins import test_plugins
+from tests.guide.draw import HTTP, PAGE, ROOT, describe_http, draw_layers
 
 CONTRIBUTING = (ROOT / ".github" / "CONTRIBUTING.md").read_text(encoding="utf-8")
-SAMPLE = (test_plugins.DISTRIBUTION / "sample_lab.py").read_text(encoding="utf-8")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-
-
-@pytest.mark.parametrize(
-    "program", re.findall(r"^```python\n(.*?)^```$", CONTRIBUTING, re.MULTILINE | re.DOTALL)
-)
-def test_the_additions_shown_are_those_that_are_tested(program: str) -> None:
-    assert program in SAMPLE
-
-
-class CaseSensitive(configparser.ConfigParser):
-    """Names of entry points are names of methods."""
-
-    def optionxform(self, optionstr: str) -> str:
-        return optionstr
-
-
-def test_the_entry_points_shown_are_those_that_are_tested() -> None:
-    (shown,) = re.findall(r"^```toml\n(.*?)^```$", CONTRIBUTING, re.MULTILINE | re.DOTALL)
-    installed = CaseSensitive()
-    installed.read(next(test_plugins.DISTRIBUTION.glob("*.dist-info/entry_points.txt")))
-    sections = {name: dict(installed[name]) for name in installed.sections()}
-    assert tomllib.loads(shown)["project"]["entry-points"] == sections
-
-
-def test_the_effect_shown_has_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(test_plugins.DISTRIBUTION))
-    from sample_lab import EFFECT
-
-    (found,) = EFFECT.candidates(SimpleNamespace(plates=("plate_1", "plate_2"), scopes_with_forces=(None,)))
-    assert [column.load for column in found.columns] == [PlateShift(p, 1) for p in ("plate_1", "plate_2")]
 
 
 def test_the_drawing_is_of_the_layers() -> None:
     assert draw_layers() in PAGE.read_text(encoding="utf-8"), "run `python -m tests.guide.draw`"
+
+
+def test_the_page_on_http_is_of_the_routes() -> None:
+    assert describe_http() == HTTP.read_text(encoding="utf-8"), "run `python -m tests.guide.draw`"
 
 
 def test_the_walk_of_a_recording_goes_where_it_says() -> None:

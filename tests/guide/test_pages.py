@@ -13,7 +13,9 @@ import pytest
 import scaling_service
 from scaling_service.cli import main
 from scaling_service.guide import pages
+from scaling_service.guide.notebooks import text_of
 from scaling_service.guide.site import make_site, write_site
+from tests.guide import notebooks
 from tests.guide.renew import MEASURES, PAPERS, measure_bank
 from tests.guide.running import LEFT_OUT, assert_shown, blocks, commands, run
 from tests.safety.running import find_data, program_environment
@@ -21,7 +23,12 @@ from tests.service.page.visitor import ARGUMENTS, CHROMIUM
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-RUN = [n for n in pages.names() if any(b.language in ("bash", "python") for b in blocks(pages.read_page(n)))]
+RUN = [
+    name
+    for name in pages.names()
+    if name not in notebooks.NAMES
+    and any(block.language in ("bash", "python") for block in blocks(pages.read_page(name)))
+]
 SLOW = "# half a minute"
 """Begins blocks that are run only where what takes long is."""
 
@@ -48,6 +55,16 @@ def test_what_a_page_says_to_do_does_what_it_shows(
     for block in found:
         if not block.text.startswith(SLOW):
             run(block, capsys, space)
+
+
+@pytest.mark.parametrize("name", notebooks.NAMES)
+def test_a_notebook_prints_and_draws_what_it_shows(name: str) -> None:
+    found = notebooks.execute(name, draw=False)
+    for cell, outputs in zip(notebooks.read(name)["cells"], found, strict=True):
+        shown, printed = ("\n".join(map(text_of, each)) for each in (cell.get("outputs", []), outputs))
+        assert_shown(shown, printed)
+        drawn = sum("image/png" in output.get("data", ()) for output in cell.get("outputs", []))
+        assert drawn == printed.splitlines().count("Figure")
 
 
 @pytest.mark.costly

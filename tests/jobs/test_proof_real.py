@@ -52,3 +52,12 @@ def test_a_squatter_with_a_model_of_the_whole_body(shared_data: Path, tmp_path: 
     walk = next(r for r in found.recordings if r.name == "walking1")
     assert walk.direction is not None
     assert walk.direction[0] > 0.99
+
+
+def test_a_scale_set_up_tells_height_and_mass(shared_data: Path, tmp_path: Path) -> None:
+    found = proof(shared_data, "gait2354", tmp_path)
+    assert found.proposal is not None
+    assert found.proposal["subject"] == {"id": "gait2354", "height_m": 1.803, "mass_kg": 72.6}
+    assert found.sizes is not None
+    assert found.sizes.source == ["subject01_Setup_Scale.xml"]
+    assert all(entry.ready for entry in found.readiness)

@@ -5,22 +5,47 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 import yaml
 
 from scaling_service.files.recording import read_recording
+from scaling_service.guide.notebooks import render_notebook
 from tests.safety.running import program_environment, unpack_subject
 
-DISTRIBUTION = Path(__file__).with_name("distribution")
+CONTRIBUTING = Path(__file__).resolve().parents[2] / ".github" / "CONTRIBUTING.md"
+
+
+def install(folder: Path) -> None:
+    """Do what CONTRIBUTING says, and then what pip does with it."""
+    text = CONTRIBUTING.read_text(encoding="utf-8")
+    parts = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    (folder / "sample_lab.py").write_text("\n\n".join(parts), encoding="utf-8")
+    (declared,) = re.findall(r"^```toml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    project = tomllib.loads(declared)["project"]
+    made = folder / f"sample_lab-{project['version']}.dist-info"
+    made.mkdir()
+    head = {"Metadata-Version": "2.1", "Name": project["name"], "Version": project["version"]}
+    (made / "METADATA").write_text("".join(f"{key}: {value}\n" for key, value in head.items()))
+    groups = project["entry-points"].items()
+    lines = (
+        f"[{group}]\n" + "".join(f"{n} = {at}\n" for n, at in points.items()) for group, points in groups
+    )
+    (made / "entry_points.txt").write_text("\n".join(lines))
 
 
 def run(folder: Path, *arguments: str) -> str:
+    installed = folder / "installed"
+    if not installed.is_dir():
+        installed.mkdir()
+        install(installed)
     environment = program_environment()
-    environment["PYTHONPATH"] = os.pathsep.join([environment["PYTHONPATH"], str(DISTRIBUTION)])
+    environment["PYTHONPATH"] = os.pathsep.join([environment["PYTHONPATH"], str(installed)])
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
@@ -81,10 +106,20 @@ print(json.dumps({
 """
 
 
+def test_the_effect_is_the_one_that_a_notebook_finds() -> None:
+    """So that it is searched for, and found, once."""
+    (program,) = (
+        part
+        for part in re.findall(r"```python\n(.*?)```", CONTRIBUTING.read_text(), re.DOTALL)
+        if "EFFECT" in part
+    )
+    assert program in render_notebook("notebook-effect")
+
+
 def test_it_is_among_the_words_and_bodies_of_the_service(tmp_path: Path) -> None:
     found = json.loads(run(tmp_path, "-c", SERVICE))
     assert found["words"][-1] == "MB_again"  # what the page offers
     assert "MB_again" in found["body"]
     assert "MB_again" in found["optimised"]
     assert found["accepted"] == ["MB_again"]
-    assert "lifted_floor" in found["effects"]
+    assert "uneven_plate" in found["effects"]

@@ -212,6 +212,8 @@ class CohortDocument(Part):
     methods_asked: list[str] | None = Field(description="Null: all that each subject allows.")
     settings: dict[str, Any]
     seed: int
+    headline: str = Field(default="", description="What the cohort shows, in one sentence.")
+    why: list[str] = Field(default=[], description="What that rests on, a sentence each.")
     subjects: list[SubjectEntry]
     statistics: StatisticsDocument
     notes: list[str]

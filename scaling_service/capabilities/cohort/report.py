@@ -16,7 +16,7 @@ from scaling_service.capabilities.cohort.document import (
     StatisticsDocument,
     SubjectEntry,
 )
-from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
+from scaling_service.capabilities.cohort.summary import IMAGED
 from scaling_service.core.text import p_words
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Grid, Row, Table, Text
 from scaling_service.report.figures import Figure, chart, cycle_figure, plain, ranges
@@ -220,70 +220,10 @@ def _describe_end(subject: SubjectEntry) -> str:
 def _summary(document: CohortDocument) -> Iterator[Block]:
     """The headline, what it rests on, and OpenSim's limits."""
     found = document.statistics
-    count = sum(subject.status == "done" for subject in document.subjects)
-    yield Callout(
-        f"{count} subjects, {len(found.opensim_limits.methods)} methods",
-        [
-            Bullets([*_errors(found), *_lengths(found), *_nearest(found), *_angles(found)]),
-            Text("A small error alone is no proof of a right model: see agreement below."),
-        ],
-    )
+    yield Callout(document.headline, [Bullets(document.why)])
     yield _gates(found)
     if found.notes:
         yield Bullets(found.notes)
-
-
-def _rank(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
-
-
-def _errors(found: StatisticsDocument) -> Iterator[str]:
-    for role, said in (("evaluation", "on held-out trials"), ("calibration", "on trials used to fit")):
-        entry = next((e for e in found.kinematic_error_mm if e.quantity == role), None)
-        if entry is not None and len(entry.mean) > 1:
-            ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
-            yield f"{ranked} {_describe_test(entry)}"
-
-
-def _describe_test(entry: QuantityEntry) -> str:
-    if entry.friedman is None:
-        return f"Not tested: {entry.note}."
-    said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
-    return f"{said} (Friedman p {p_words(entry.friedman.p)})."
-
-
-def _lengths(found: StatisticsDocument) -> Iterator[str]:
-    tests = [(words(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    if tests:
-        yield (
-            f"Segment lengths differ between methods for {', '.join(differ)}."
-            if differ
-            else "No segment length is found to differ between methods."
-        )
-
-
-def _nearest(found: StatisticsDocument) -> Iterator[str]:
-    """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
-    for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
-        squares: dict[str, list[float]] = {}
-        for item in found.agreement:
-            if item.reference == reference and "." not in item.quantity:
-                squares.setdefault(item.method, []).append(item.rmse_mm**2)
-        if squares:
-            rms = {m: (sum(v) / len(v)) ** 0.5 for m, v in squares.items()}
-            yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
-
-
-def _angles(found: StatisticsDocument) -> Iterator[str]:
-    tests = [(words(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
-    differ = dict.fromkeys(name for name, test in tests if test.significant)
-    if tests:
-        yield (
-            f"Joint angles differ between methods in the gait cycle for {'; '.join(differ)}."
-            if differ
-            else "No joint angle is found to differ between methods over the gait cycle."
-        )
 
 
 def _gates(found: StatisticsDocument) -> Table:

@@ -17,10 +17,12 @@ from scaling_service.capabilities.cohort.outcomes import Outcome, possible_metho
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
 from scaling_service.capabilities.cohort.statistics import cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
+from scaling_service.capabilities.cohort.verdict import headline, reasons
 from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
+from scaling_service.core.tables import ResultTable
 from scaling_service.core.threads import cores
 from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.model.subject import Subject
@@ -40,13 +42,26 @@ class Watcher(Protocol):
         """A subject ended."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class BatchResult:
     """All that a report of a cohort needs."""
 
     document: CohortDocument  # cohort.json: mm and degrees
     outcomes: tuple[Outcome, ...]  # how every member ended, with its own curves and figures in SI
     files: tuple[str, ...] = ()  # what was written beside the subjects' folders
+
+    @property
+    def subjects(self) -> ResultTable:
+        """How every subject ended, and why where it was not done."""
+        columns = ("subject", "status", "methods", "reason")
+        rows = tuple((s.id, s.status, ", ".join(s.methods), s.reason) for s in self.document.subjects)
+        return ResultTable("The cohort", columns, rows)
+
+    def __repr__(self) -> str:
+        return repr(self.subjects)
+
+    def _repr_html_(self) -> str:
+        return self.subjects._repr_html_()
 
 
 def batch(
@@ -72,6 +87,8 @@ def batch(
         tables ``lengths.csv``, ``errors.csv`` and ``angles.csv`` stand beside, and ``report.html``.
     methods : sequence of str, optional
         All that each subject allows unless given; a subject is done by those of them that it allows.
+    settings : Settings
+        How recordings are processed and models fitted; its seed is that of the statistics, too.
     worker_count : int, optional
         Processes; as many as there are processor cores (no more than subjects) unless given. Results do not
         depend on it.
@@ -79,6 +96,8 @@ def batch(
         Where subjects are scaled, in place of these processes.
     force : bool
         Do again what is done and unchanged.
+    watcher : Watcher, optional
+        Told how the batch goes on.
 
     Returns
     -------
@@ -95,6 +114,17 @@ def batch(
     -----
     A subject whose document, files, settings, methods and program version are those of an earlier run into
     the same folder is kept. After an interruption the subjects that were done are there.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> result = ss.batch("lab", "cohort", ["MB"], worker_count=1)
+    >>> [(entry.id, entry.status) for entry in result.document.subjects]
+    [('example', 'done')]
+    >>> result
+    The cohort
+    subject status methods reason
+    example   done      MB
     """
     clock = time.perf_counter()
     check_methods(methods or ())
@@ -134,14 +164,17 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
+    statistics = cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
     document = CohortDocument(
         code_version=code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
         settings=settings.resolved(),
         seed=settings.seed,
+        headline=headline(statistics),
+        why=reasons(statistics),
         subjects=[_entry(outcome) for outcome in outcomes],
-        statistics=cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed),
+        statistics=statistics,
         notes=list(notes),
         wall_s=round(time.perf_counter() - started, 3),
     )

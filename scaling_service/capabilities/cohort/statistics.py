@@ -115,7 +115,7 @@ def _describe_references(curves: Sequence[CurveEntry]) -> list[str]:
     return [
         "joint angles are compared in all pairs: neither EB_am nor MB_am is there"
         if reference is None
-        else f"joint angles are compared to {reference}, for EB_am is not there for all subjects compared"
+        else f"joint angles are compared with {reference}, because not every subject has EB_am"
         for reference in used
     ]
 

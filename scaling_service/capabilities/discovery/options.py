@@ -12,7 +12,14 @@ filled in was not measured."""
 
 
 class DiscoverSettings(ForceSettings):
-    """What can be chosen for the search."""
+    """What can be chosen for the search.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.DiscoverSettings(start="none").start  # the model as it is
+    'none'
+    """
 
 
 PLAIN = DiscoverSettings()

@@ -9,13 +9,7 @@ import numpy as np
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.apply import corrected_forces, corrected_trial
 from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, Exchange
-from scaling_service.capabilities.discovery.laws.loads import (
-    Late,
-    PlateBias,
-    PlateGain,
-    PlateShift,
-    PlateTurn,
-)
+from scaling_service.capabilities.discovery.laws.loads import Late, PlateFault
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.start import Prepared
@@ -26,8 +20,6 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.recording.plates import orient_forces
 
 FOLDER = "corrected"
-
-_OF_PLATES = (Late, PlateShift, PlateBias, PlateGain, PlateTurn)
 
 _NOTE = (
     f"{FOLDER}/ holds all recordings without the faults found in them: mm, N, X forward, Y up, Z right, "
@@ -64,7 +56,7 @@ def _of_markers(effect: Estimate) -> bool:
 
 
 def _of_forces(effect: Estimate) -> bool:
-    return any(isinstance(column.load, _OF_PLATES) for column in effect.candidate.columns)
+    return any(isinstance(column.load, Late | PlateFault) for column in effect.candidate.columns)
 
 
 def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:

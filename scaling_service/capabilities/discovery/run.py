@@ -36,19 +36,35 @@ def discover(
 
     Parameters
     ----------
-    subject : Subject or path of a subject file
+    subject : Subject or path
+        A subject, or the subject file that describes it.
     chosen : DiscoverSettings
+        Which scaling to start from, and the inertia.
     settings : Settings
         Recordings are taken as measured, neither smoothed nor filled, unless it says otherwise.
     search : DiscoverySettings
         How strict the search is.
     progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    DiscoverResults
+        The effects with their sizes, what speaks for each, and how much of the gap they close on
+        recordings that did not fit them.
 
     Raises
     ------
     InputError
-        Whatever in the subject file, the model, the recordings or their forces cannot be used; or the model
+        Something in the subject file, the model, the recordings or their forces cannot be used; or the model
         does not fit the recordings at all.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> found = ss.discover("plates/subject.json", ss.DiscoverSettings(start="none"))
+    >>> found.document.verdict  # nothing is hidden in these recordings
+    'nothing'
     """
     clock = time.perf_counter()
     report = progress or silent

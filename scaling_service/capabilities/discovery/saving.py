@@ -30,21 +30,30 @@ def save_discovery(
     Parameters
     ----------
     results : DiscoverResults
+        From :func:`discover`.
     folder : path
         Made if it does not exist. What an earlier search wrote there goes; other files stay.
     report : bool
         Whether to write ``report.html``.
     progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
 
     Returns
     -------
     DiscoveryDocument
-        What was written as ``discovery.json``.
+        What was written as ``discovery.json``: mm, degrees, N and N m.
 
     Raises
     ------
     InputError
         The folder cannot be made or written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> found = ss.discover("plates/subject.json", ss.DiscoverSettings(start="none"))
+    >>> ss.save_discovery(found, "found", report=False).verdict
+    'nothing'
     """
     say = progress or silent
     before = _written_before(Path(folder))

@@ -110,10 +110,37 @@ def dynamics(
     *,
     progress: Progress | None = None,
 ) -> DynamicsResults:
-    """Joint forces and residuals of a subject's recordings.
+    """Joint forces and residuals of a subject's recordings, with their uncertainty (Muller et al. 2017).
 
-    ``subject``: Subject or path of a subject file.
-    Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
+    Parameters
+    ----------
+    subject : Subject or path
+        A subject, or the subject file that describes it.
+    chosen : DynamicsSettings
+        Which scaling to start from, and what to do with the inertia.
+    settings : Settings
+        Markers are not smoothed unless it says so: motion and forces pass one filter.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    DynamicsResults
+        Of every recording with forces: N and N m. ``verdict`` says what the residuals say of the model.
+
+    Raises
+    ------
+    InputError
+        Something in the subject file, the model, the recordings or their forces cannot be used.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked.residuals.columns
+    ('trial', 'fx_N', 'fy_N', 'fz_N', 'mx_Nm', 'my_Nm', 'mz_Nm')
+    >>> round(checked.weight.plates_kg)
+    67
     """
     clock = time.perf_counter()
     report = progress or silent

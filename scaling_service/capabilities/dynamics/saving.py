@@ -42,10 +42,32 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
 
-    ``folder``: made if it does not exist. Other files in it stay.
-    ``report``: whether to write ``report.html``.
-    Returns what was written as ``dynamics.json``.
-    Raises InputError: the folder cannot be made or written to.
+    Parameters
+    ----------
+    results : DynamicsResults
+        From :func:`dynamics`.
+    folder : path
+        Made if it does not exist. Other files in it stay.
+    report : bool
+        Whether to write ``report.html``.
+
+    Returns
+    -------
+    DynamicsDocument
+        What was written as ``dynamics.json``: N and N m.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> document = ss.save_dynamics(checked, "checked", report=False)
+    >>> list(document.trials)
+    ['sway', 'swing']
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():

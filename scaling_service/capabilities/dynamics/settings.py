@@ -46,7 +46,14 @@ PLAIN_FORCES = ForceSettings()
 
 
 class DynamicsSettings(ForceSettings):
-    """What can be chosen for dynamics."""
+    """What can be chosen for dynamics.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.DynamicsSettings(start="MB", inertia="dumas2007").samples
+    200
+    """
 
     identify: Annotated[bool, Flag(name="--identify")] = Field(
         default=False, description="Identify the inertia from the calibration trials with forces."

@@ -53,11 +53,13 @@ def _show(found: ProofDocument) -> None:
     console.print(files)
     for line in (*_person(found), *_marker_set(found)):
         console.print(escape(line))
-    markers = Table("marker", "label", "confidence", "why", title=f"Markers of {escape(found.model)}")
-    for marker in (m for m in found.markers if m.label is not None):
-        shown = (marker.marker, marker.label or "", f"{marker.confidence:.2f}", marker.why)
-        markers.add_row(*(escape(text) for text in shown))
-    console.print(markers)
+    renamed = [m for m in found.markers if m.label not in (None, m.marker)]
+    if renamed:
+        markers = Table("marker", "label", "confidence", "why", title=f"Markers of {escape(found.model)}")
+        for marker in renamed:
+            shown = (marker.marker, marker.label or "", f"{marker.confidence:.2f}", marker.why)
+            markers.add_row(*(escape(text) for text in shown))
+        console.print(markers)
     for line in _labels(found):
         console.print(escape(line))
     if any(recording.plates for recording in found.recordings):
@@ -105,9 +107,13 @@ def _marker_set(found: ProofDocument) -> Iterator[str]:
 
 
 def _labels(found: ProofDocument) -> Iterator[str]:
-    """Markers without a label, tracking markers that are used, and labels that are not."""
+    """How many markers are called as in the model, which have no label, tracking markers, labels not used."""
     from scaling_service.model.anatomy.markers import strip_prefix
 
+    computed = {entry.label for r in found.recordings for entry in r.labels if entry.computed}
+    same = sum(m.label == m.marker and m.label not in computed for m in found.markers)
+    if same:
+        yield f"Markers whose labels are the model's own names: {same}"
     missing = [m.marker for m in found.markers if m.label is None]
     if missing and found.proposal is None:  # else scaling's own warning names them
         yield f"Markers of the model without a label: {', '.join(missing)}"
@@ -117,7 +123,6 @@ def _labels(found: ProofDocument) -> Iterator[str]:
         on.setdefault(str(segment), []).append(label)
     if proposed:
         yield "Tracking markers: " + "; ".join(f"{segment}: {', '.join(on[segment])}" for segment in on)
-    computed = {entry.label for r in found.recordings for entry in r.labels if entry.computed}
     unused = [n for n in found.unused_labels if n not in computed and strip_prefix(n) not in proposed]
     if unused:
         yield f"Labels that are not used: {', '.join(unused)}"

@@ -276,10 +276,10 @@ def _unit(found: Sequence[InputFile], files: Any) -> str:
 _DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
-def sizes_proof(known: Mapping[str, Any], recordings: Sequence[RecordingFile]) -> SizesProof:
-    """Sizes as the document states them, else as the recordings do.
+def sizes_proof(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:
+    """Sizes as the document states them, else as the files do.
 
-    ``known``: the subject's document, which need not be whole.
+    ``known``: the subject's document, which need not be whole. ``stated``: file to the sizes in it.
     """
     person = known.get("subject") or {}
     own = MeasuredSizes(
@@ -287,14 +287,13 @@ def sizes_proof(known: Mapping[str, Any], recordings: Sequence[RecordingFile]) -
         person.get("mass_kg"),
         {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in (known.get("sizes") or {}).items()},
     )
-    found = own.or_else(merge(item.trial.sizes for item in recordings))
-    stating = [item.file for item in recordings if item.trial.sizes]
+    found = own.or_else(merge(stated.values()))
     return SizesProof(
         height_m=_rounded(found.height_m),
         mass_kg=_rounded(found.mass_kg),
         sex=person.get("sex"),
         sizes_mm={name: round(1e3 * length, 1) for name, length in found.lengths_m.items()},
-        source=[*(["the document"] if own else []), *stating],
+        source=[*(["the document"] if own else []), *(file for file, sizes in stated.items() if sizes)],
     )
 
 

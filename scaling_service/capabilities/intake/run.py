@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,11 +63,12 @@ from scaling_service.core.text import few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
 from scaling_service.documents.writing import all_or_nothing, write_json
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import MeasuredSizes, Trial
 from scaling_service.numerics.least_squares.masks import ever
 from scaling_service.numerics.least_squares.masks import seen as seen_in
 from scaling_service.recording.exchanged import relabel
@@ -86,10 +88,35 @@ def prove_folder(
     ``proof.json`` is the document, ``proof/`` holds the tables that it names, and ``subject.yaml`` is the
     subject file that is proposed, where there is a recording.
 
-    ``folder``, ``out``: ``out`` is made if it does not exist; other files in it stay.
-    ``settings``: the laboratory's axes, where they are known.
-    Raises FileUnreadable: there is no such folder.
-    Raises InputError: the axes are none, or ``out`` cannot be written to.
+    Parameters
+    ----------
+    folder : path
+        Holds recordings and what belongs to them; folders inside are not looked at.
+    out : path
+        Made if it does not exist. Other files in it stay.
+    settings : Settings
+        The laboratory's axes, where they are known.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    ProofDocument
+        What the files are, what is wrong with each remedy, and which analyses can run. mm, kg.
+
+    Raises
+    ------
+    FileUnreadable
+        There is no such folder.
+    InputError
+        The axes are none, or ``out`` cannot be written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> proof = ss.prove_folder("plates", "looked")
+    >>> [analysis.analysis for analysis in proof.readiness if analysis.ready]
+    ['comparisons', 'discoveries', 'dynamics', 'consistent-motions']
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():
@@ -138,7 +165,7 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     look = _Look(folder, document, found, settings)
     known, trials = look.known, look.trials
-    sizes = sizes_proof(known, look.seen)
+    sizes = sizes_proof(known, look.stated_sizes())
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
@@ -240,6 +267,16 @@ class _Look:
                 problem=f"folders inside it are not looked at: {few(unread)}",
                 remedy="Put their files beside the others if they belong to this person",
             )
+
+    def stated_sizes(self) -> dict[str, MeasuredSizes]:
+        """File to what it states of the person: recordings, then the scale set-up."""
+        sizes = {item.file: item.trial.sizes for item in self.seen}
+        for file, (role, _) in self.roles.items():
+            if role == "scale_setup":
+                with suppress(InputError):  # told by scaling's own refusal
+                    setup = read_scale_setup(self.folder / file)
+                    sizes[file] = MeasuredSizes(setup.height_m, setup.mass_kg)
+        return sizes
 
     def show_recordings(self, files: ArrayFiles) -> None:
         """Every recording in one set of axes, with its forces."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion.start import first_guess
 from scaling_service.capabilities.motion.uncertainty import determined
@@ -44,7 +45,7 @@ _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
 )
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_ROUGH = SweepSettings(left=5e-2)
+_ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _TURN = 2.0 * np.pi
@@ -136,15 +137,45 @@ def inverse_kinematics(
 ) -> Motion:
     """Coordinates that bring the model nearest to the measured markers in every frame.
 
-    ``trial``: labels are the model's marker names; NaN where not seen.
-    ``weights``: marker weights that replace the model's own.
-    ``loss``: robust losses lower the influence of outliers.
-    ``bounded``: whether clamped coordinates keep to their range.
-    ``start`` (n_frames, n_coordinates): a first guess; otherwise the root is placed on its markers.
-    ``progress``: called with the number of frames done.
-    Raises TrialUnusable: no marker of the model is seen.
+    Parameters
+    ----------
+    model : BodyModel
+        It stays as it is.
+    trial : Trial
+        Markers (n_frames, n_markers, 3), m, in the model's axes; labels are the model's marker names. NaN
+        where a marker is not seen.
+    weights : mapping of str to float, optional
+        Marker weights that replace the model's own.
+    loss : Loss
+        Robust losses lower the influence of outliers.
+    bounded : bool
+        Whether clamped coordinates keep to their range.
+    start : ndarray, optional
+        A first guess (n_frames, n_coordinates), rad or m; otherwise the root is placed on its markers.
+    progress : callable, optional
+        Called with the number of frames done.
 
+    Returns
+    -------
+    Motion
+        Coordinates (n_frames, n_coordinates) in rad or m, and residuals (n_frames, n_markers, 3) in m.
+
+    Raises
+    ------
+    TrialUnusable
+        No marker of the model is seen.
+
+    Notes
+    -----
     Lu & O'Connor 1999, J Biomech 32:129-134.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> session = ss.scale("lab/subject.json", "MB").session
+    >>> motion = ss.inverse_kinematics(session.model, session.evaluation[0])
+    >>> motion.q.shape, motion.residuals.shape
+    ((278, 14), (278, 14, 3))
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
     return motion_of(task, trial, solve_task(task, trial.times, start, progress))
@@ -174,7 +205,8 @@ def solve_task(
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    return _solve(task, slice(None), close, progress, _FINE)
+    fine = _solve(task, slice(None), close, progress, _FINE)
+    return free_trapped(fine, lambda some, near: _solve(task, some, near))
 
 
 def _stride(times: Array) -> int:
@@ -241,22 +273,11 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
 
 
 def _interpolate(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
-    """The coarse motion at all times, by cubic pieces through four neighbours; angles without jumps."""
+    """The coarse motion at all times, by cubic splines; angles without jumps."""
     turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
     q = q.copy()
     q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
-    knots = times[rows]
-    slope = np.gradient(q, knots, axis=0) if len(rows) > 1 else np.zeros_like(q)
-    left = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(rows) - 2)
-    width = (knots[left + 1] - knots[left])[:, None]
-    s = ((times - knots[left])[:, None]) / width
-    result: Array = (
-        q[left] * (1 + 2 * s) * (1 - s) ** 2
-        + slope[left] * width * s * (1 - s) ** 2
-        + q[left + 1] * s**2 * (3 - 2 * s)
-        + slope[left + 1] * width * s**2 * (s - 1)
-    )
-    return result
+    return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
 
 
 def free_trapped(

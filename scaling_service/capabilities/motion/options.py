@@ -15,7 +15,8 @@ class MotionOptions(Options):
 
     Examples
     --------
-    >>> MotionOptions(smooth_hz=0.0).resolved()["smooth_hz"]
+    >>> import scaling_service as ss
+    >>> ss.MotionOptions(smooth_hz=0.0).resolved()["smooth_hz"]
     0.0
     """
 

@@ -59,9 +59,31 @@ class TrackedTrial:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Tracked:
-    """How a model tracks recordings, trial by trial, and where both came from."""
+    """How a model tracks recordings, trial by trial, and where both came from.
 
-    loaded: Loaded  # the session with the model, and how its labels and axes were understood
+    Attributes
+    ----------
+    loaded : Loaded
+        The model and the recordings, and how their labels and axes were understood.
+    trials : mapping of str to TrackedTrial
+        By the recording's name: motion (rad, m), standard deviations (rad, m) and kinematic error (m).
+    options : MotionOptions
+        What was chosen.
+    wall_s : float
+        Wall time, s.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> tracked = ss.ik("compared/MB/model.json", ["lab/gait_1.trc"])
+    >>> isinstance(tracked, ss.Tracked)
+    True
+    >>> knee = tracked.coordinates("gait_1").to_frame()["knee_angle_r_deg"]
+    >>> round(float(knee.max() - knee.min()), -1)  # degrees
+    50.0
+    """
+
+    loaded: Loaded
     trials: Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
@@ -107,13 +129,44 @@ def ik(
 ) -> Tracked:
     """Follow recordings with a model that exists.
 
-    ``model`` str or path: a built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics,
-        consistent or discovery wrote.
-    ``recordings``: C3D or TRC files; one decision on the laboratory's axes is taken for all.
-    ``marker_set``: OpenSim markers to add; ``.osim`` only.
-    ``subject``: whose recordings they are, for the document.
-    ``subject_file``: files beside it are named relative to it in the document.
-    Raises InputError: whatever in the model or the recordings cannot be used.
+    Parameters
+    ----------
+    model : str or path
+        A built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics, consistent or
+        discovery wrote.
+    recordings : sequence of path
+        C3D or TRC files. One decision on the laboratory's axes is taken for all.
+    options : MotionOptions
+        How recordings are read and followed.
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+    subject : str
+        Whose recordings they are, for the document.
+    subject_file : Path, optional
+        Files beside it are named relative to it in the document.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Tracked
+        The motion of every recording with its standard deviations.
+
+    Raises
+    ------
+    InputError
+        Something in the model or the recordings cannot be used.
+
+    Notes
+    -----
+    Least squares over all markers of a frame (Lu & O'Connor 1999, J Biomech 32:129-134).
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> tracked = ss.ik("compared/MB/model.json", ["lab/gait_1.trc", "lab/gait_2.trc"])
+    >>> tracked.errors.to_frame()["trial"].tolist()
+    ['gait_1', 'gait_2']
     """
     clock = time.perf_counter()
     report = progress or silent

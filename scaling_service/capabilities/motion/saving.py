@@ -31,9 +31,29 @@ FILE_NAME = "ik.json"
 def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
-    ``folder``: made if it does not exist. Other files in it stay.
-    Returns what was written as ``ik.json``.
-    Raises InputError: the folder cannot be made or written to.
+    Parameters
+    ----------
+    tracked : Tracked
+        From :func:`ik`.
+    folder : path
+        Made if it does not exist. Other files in it stay.
+
+    Returns
+    -------
+    MotionDocument
+        What was written as ``ik.json``: errors in mm.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> document = ss.save_motions(ss.ik("compared/MB/model.json", ["lab/gait_1.trc"]), "followed")
+    >>> list(document.trials)
+    ['gait_1']
     """
     model = tracked.loaded.session.model
     with all_or_nothing(Path(folder)) as scratch:

@@ -36,31 +36,91 @@ _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compare
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scaling:
-    """One method's model of a person, and how it follows the recordings."""
+    """One method's model of a person, and how it follows the recordings.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        The model, its scale factors, and every fitted number with its standard deviation.
+    motions : mapping of str to Motion
+        Of each calibration and evaluation trial, by its name: coordinates in rad and m.
+    errors : mapping of str to KinematicError
+        Of the same trials, m.
+    geometry : Geometry
+        Segment lengths, joint centres and marker shifts in m, knee axes in rad.
+    inverse_kinematics_s : float
+        Wall time of all motions, s.
+    osim : str, optional
+        The text of the model's file for OpenSim, where it is made already.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> scaling = ss.scale("lab/subject.json", "MB").scalings["MB"]
+    >>> isinstance(scaling, ss.Scaling)
+    True
+    >>> scaling.motions["gait_1"].q.shape  # frames, coordinates
+    (278, 14)
+    """
 
     calibration: Calibration
-    # motions, errors: name of each calibration and evaluation trial to its motion and its kinematic error
     motions: Mapping[str, Motion]
     errors: Mapping[str, KinematicError]
     geometry: Geometry
     inverse_kinematics_s: float = 0.0
-    osim: str | None = None  # the text of its file for OpenSim, where that is made already
+    osim: str | None = None
+
+    def __repr__(self) -> str:
+        numbers = len(self.calibration.parameters)
+        return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Results:
-    """What one or several methods made of a subject."""
+    """What one or several methods made of a subject.
 
-    loaded: Loaded  # the session, and how its labels and axes were understood
+    Attributes
+    ----------
+    loaded : Loaded
+        The model and the recordings, and how their labels and axes were understood.
+    settings : Settings
+        What was chosen.
+    scalings : mapping of str to Scaling
+        By method, in the order computed.
+    warnings : tuple of str
+        What concerns all methods.
+    wall_s : float
+        Wall time, s.
+    subject_file : Path, optional
+        Where the subject came from.
+    options : ComparisonOptions
+        What else was asked for.
+    muscles : MuscleComparison, optional
+        Where it was asked for.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> results = ss.scale("lab/subject.json", "MB")
+    >>> isinstance(results, ss.Results)
+    True
+    >>> results
+    Results of MB for subject 'example'
+    MB was the only method computed: nothing here confirms it.
+    >>> results.held_out
+    ('gait_1', 'gait_2')
+    """
+
+    loaded: Loaded
     settings: Settings
-    scalings: Mapping[str, Scaling]  # method to its scaling, in the order computed
-    warnings: tuple[str, ...] = ()  # what concerns all methods
+    scalings: Mapping[str, Scaling]
+    warnings: tuple[str, ...] = ()
     wall_s: float = 0.0
-    subject_file: Path | None = None  # where the subject came from
+    subject_file: Path | None = None
     options: ComparisonOptions = PLAIN
-    muscles: MuscleComparison | None = None  # where asked for
+    muscles: MuscleComparison | None = None
 
     @property
     def session(self) -> Session:
@@ -135,9 +195,35 @@ def scale(
 ) -> Results:
     """Scale a subject's model by one method.
 
-    ``subject``: Subject or path of a subject file.
-    ``method``: a key of ``METHODS``.
-    Raises InputError: whatever in the subject file, the model or the recordings cannot be used.
+    Parameters
+    ----------
+    subject : Subject or path
+        A subject, or the subject file that describes it.
+    method : str
+        ``MB``, ``MB_lam``, ``MB_am``, ``EB``, ``EB_am`` (Puchaud et al. 2019, table 1), or the name of one
+        that another distribution adds.
+    settings : Settings
+        How recordings are processed and models fitted.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Results
+        With one scaling.
+
+    Raises
+    ------
+    InputError
+        Something in the subject file, the model or the recordings cannot be used.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> results = ss.scale("lab/subject.json", "MB")
+    >>> lengths = results.lengths.to_frame().set_index("segment")["length_mm"]
+    >>> round(float(lengths["femur_r"]), -1)  # truth: 418.9 mm
+    420.0
     """
     return compare(subject, (method,), settings, progress=progress)
 
@@ -152,9 +238,37 @@ def compare(
 ) -> Results:
     """Scale a subject's model by several methods.
 
-    ``subject``: Subject or path of a subject file.
-    ``methods``: all that the recordings allow unless given.
-    Raises InputError: whatever in the subject file, the model or the recordings cannot be used.
+    Parameters
+    ----------
+    subject : Subject or path
+        A subject, or the subject file that describes it.
+    methods : sequence of str, optional
+        As in :func:`scale`; all that the recordings allow unless given.
+    settings : Settings
+        How recordings are processed and models fitted.
+    options : ComparisonOptions
+        What is compared beside lengths, errors and angles: muscles, of ``.osim`` models.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Results
+        A scaling for each method, tables over all of them, and the verdict.
+
+    Raises
+    ------
+    InputError
+        Something in the subject file, the model or the recordings cannot be used.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> results = ss.compare("lab/subject.json", ["MB", "EB"])
+    >>> list(results.scalings)
+    ['MB', 'EB']
+    >>> results.errors.columns
+    ('method', 'trial', 'role', 'mean_mm', 'sd_mm', 'rms_mm', 'max_mm')
     """
     clock = time.perf_counter()
     report = progress or silent

@@ -77,14 +77,39 @@ def save(
     Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot``,
     ``<trial>_clinical.csv`` and ``scaling.json``, ``clinical_angles.csv`` where there are gait cycles, and
     its bones where it is made from images; ``comparison.json`` and ``report.html`` stand beside them. All is
-    written elsewhere first, so that a failure leaves the folder as it was. Other files in it stay.
+    written elsewhere first, so that a failure leaves the folder as it was.
 
-    ``folder``: made if it does not exist.
-    ``comparison``: whether to write ``comparison.json`` and, with it, the report.
-    ``report``: whether to write ``report.html``.
-    ``truth``: of a virtual subject.
-    Returns what was, or would have been, written as ``comparison.json``.
-    Raises InputError: the folder cannot be made or written to.
+    Parameters
+    ----------
+    results : Results
+        From :func:`scale` or :func:`compare`.
+    folder : path
+        Made if it does not exist. Other files in it stay.
+    comparison : bool
+        Whether to write ``comparison.json`` and, with it, the report.
+    report : bool
+        Whether to write ``report.html``.
+    truth : TruthDocument, optional
+        Of a virtual person.
+    progress : callable, optional
+        Called with what is being done and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    ComparisonDocument
+        What was, or would have been, written as ``comparison.json``: mm and degrees.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> document = ss.save(ss.scale("lab/subject.json", "MB"), "compared", report=False)
+    >>> list(document.methods)
+    ['MB']
     """
     tell = progress or silent
     with all_or_nothing(Path(folder)) as scratch:

@@ -16,7 +16,14 @@ Bound = Annotated[float, Field(ge=0.0, le=LARGEST)]
 
 
 class CalibrationSettings(Options):
-    """Settings of the optimisation-based methods (Puchaud 2019, section 2.2.4), the paper's as defaults."""
+    """Settings of the optimisation-based methods (Puchaud 2019, section 2.2.4), the paper's as defaults.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.CalibrationSettings(n_frames=60, hip_regression="hara2016").n_frames
+    60
+    """
 
     strategy: Annotated[Literal["joint", "alternating"], Flag()] = Field(
         default="joint",
@@ -107,9 +114,19 @@ PAPER = CalibrationSettings()
 
 
 class Settings(Options):
-    """How recordings are processed and models fitted."""
+    """How recordings are processed and models fitted.
 
-    calibration: CalibrationSettings = CalibrationSettings()
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> settings = ss.Settings(calibration=ss.CalibrationSettings(knee="spherical"), up="+z")
+    >>> settings.calibration.knee, settings.up
+    ('spherical', '+z')
+    """
+
+    calibration: CalibrationSettings = Field(
+        default=CalibrationSettings(), description="How models are fitted."
+    )
     processing: Annotated[
         ProcessingSettings,
         Flag(
@@ -120,7 +137,7 @@ class Settings(Options):
             read=ProcessingSettings.smoothed,
             help="Smooth by a Butterworth filter with this cutoff, not by a moving average; 0: not at all.",
         ),
-    ] = ProcessingSettings()
+    ] = Field(default=ProcessingSettings(), description="What is done to recordings.")
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis that points up, such as +z; unless given, found from markers.",

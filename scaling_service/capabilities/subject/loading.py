@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -25,6 +24,7 @@ from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim import read_osim, read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
+from scaling_service.model.anatomy.bones import assign_bones, body_of
 from scaling_service.model.anatomy.markers import canonical, match_labels
 from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
@@ -82,6 +82,9 @@ def load(
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
+    of_bodies: tuple[str, ...] = ()
+    if subject.bones or subject.bone_bodies:
+        model, of_bodies = assign_bones(model, subject.bone_bodies)
     labels.check_segments(subject, model)
     raw = read_recordings(subject, read)
     subject, of_sizes = with_stated_sizes(subject, raw)
@@ -110,6 +113,7 @@ def load(
             *of_sizes,
             *of_tracking,
             *of_setup,
+            *of_bodies,
             *of_images,
             *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()], clusters),
         ),
@@ -134,11 +138,30 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
 
 
 def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
-    """A built-in model by name, or by path an OpenSim model or one that this program wrote.
+    """Read a body model: a built-in one by its name, another by its path.
 
-    ``name_or_path`` str or path: anything that ends in ``.osim`` or ``.json`` is a path.
-    ``marker_set``: OpenSim markers to add; ``.osim`` only.
-    Raises InputError: there is no such model, or it cannot be read or represented.
+    Parameters
+    ----------
+    name_or_path : str or path
+        What ends in ``.osim`` (OpenSim's) or ``.json`` (written by this program) is a path.
+    marker_set : path, optional
+        OpenSim markers to add; ``.osim`` only.
+
+    Returns
+    -------
+    BodyModel
+        Lengths in m, masses in kg.
+
+    Raises
+    ------
+    InputError
+        There is no such model, or it cannot be read or represented.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> ss.read_model("lower_limb_14dof")
+    BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
@@ -227,12 +250,14 @@ def _axes(
 def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
+    A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
+
     ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
     standing, which counts only where there is no other.
     """
     moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
-    most, _ = Counter(axes.forward for axes in moving).most_common(1)[0]
-    chosen = next(axes for axes in moving if axes.forward == most)
+    votes = {axes.forward: sum(a.clarity for a in moving if a.forward == axes.forward) for axes in moving}
+    chosen = max(moving, key=lambda axes: (votes[axes.forward], axes.clarity))
     why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
     return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 
@@ -258,7 +283,7 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
         file = subject.bones.get(error.field or "")
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {name: Bone(*shape) for name, shape in shapes.items()}
+    bones = {body_of(model, name) or name: Bone(*shape) for name, shape in shapes.items()}
     evidence = evidence_of(found, _image_markers(subject, model), bones)
     said = (f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone)))
     return evidence, (*said, *notes)
@@ -276,7 +301,12 @@ def _image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, V
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
     names = match_labels(list(seen), wanted, explicit).mapped
-    return {m: seen[label] for m, label in names.items() if seen[label][0] in model.segment_names}
+    placed = {marker: seen[label] for marker, label in names.items()}
+    return {
+        marker: (segment, at)
+        for marker, (bone, at) in placed.items()
+        if (segment := body_of(model, bone) or bone) in model.segment_names
+    }
 
 
 def provenance(

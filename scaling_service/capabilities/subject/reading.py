@@ -19,12 +19,31 @@ from scaling_service.model.trial import Relabelling
 
 
 def load_subject(path: str | Path) -> Subject:
-    """Read a subject file, and check that everything it names is there.
+    """Read a subject file, and check that everything it names is there. No recording is read yet.
 
-    ``path``: a YAML or JSON subject file; paths in it are relative to it.
-    Paths are absolute; no recording has been read yet.
-    Raises FileUnreadable: the file is absent or no text.
-    Raises SubjectInvalid: it does not follow the contract, or a file that it names is absent.
+    Parameters
+    ----------
+    path : path
+        A YAML or JSON subject file; paths in it are relative to it.
+
+    Returns
+    -------
+    Subject
+        With absolute paths.
+
+    Raises
+    ------
+    FileUnreadable
+        The file is absent or no text.
+    SubjectInvalid
+        It does not follow the contract, or a file that it names is absent.
+
+    Examples
+    --------
+    >>> import scaling_service as ss
+    >>> subject = ss.load_subject("lab/subject.json")
+    >>> subject.height_m, [path.name for path in subject.evaluation]
+    (1.732, ['gait_1.trc', 'gait_2.trc'])
     """
     file = Path(path)
     if file.suffix.lower() in READERS:
@@ -63,6 +82,7 @@ def subject_from_document(
         corrections={name: relabellings(found) for name, found in document.corrections.items()},
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
+        bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
         image_markers=find.optional(document.image_markers, "image_markers"),
         sizes_m=document.sizes_m,
     )

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from scaling_service.core.errors import FileUnreadable
+from scaling_service.documents.subject import HEIGHT_RANGE_M
 from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
 
 
@@ -60,7 +61,7 @@ def read_scale_setup(path: Path) -> ScaleSetup:
     if tool is None:
         raise FileUnreadable("holds no ScaleTool", file=path, remedy="Give an OpenSim ScaleTool set-up file")
     scaler = tool.find("ModelScaler")
-    mass = _number(path, tool, "mass", 0.0)
+    mass, height_m = _number(path, tool, "mass", 0.0), 1e-3 * _number(path, tool, "height", -1.0)
     applied = scaler is not None and _applied(scaler)
     setup = scaler if scaler is not None and applied else None
     order = _order(path, setup)
@@ -72,6 +73,7 @@ def read_scale_setup(path: Path) -> ScaleSetup:
         preserve_mass_distribution=setup is not None and _flag(setup, "preserve_mass_distribution", False),
         mass_kg=mass if applied and mass > 0 else None,
         placement=_placement(path, tool.find("MarkerPlacer")),
+        height_m=height_m if HEIGHT_RANGE_M[0] < height_m < HEIGHT_RANGE_M[1] else None,
     )
 
 

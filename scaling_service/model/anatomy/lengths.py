@@ -99,10 +99,12 @@ def segment_lengths(model: BodyModel) -> dict[str, float]:
 def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     """The segment that plays a part on a side, whatever the model calls it; None if there is none.
 
+    What is told of the model's bones counts before the names of its segments.
+
     ``role``: ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the
     foot's markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.
     """
-    names = {segment.name.casefold(): segment.name for segment in model.segments}
+    names = {segment.name.casefold(): segment.name for segment in model.segments} | dict(model.bones)
     for word in _ROLES[role]:
         forms = (f"{word}_{side}", f"{side}_{word}") if side else (word,)
         for form in forms:

@@ -93,6 +93,11 @@ class Misfit:
     turned: Array  # (k, 3, 3, n): cross moments with the local part in ground
     cost: Array  # (n,), m2: the weighted squared distance of all markers
 
+    def take(self, rows: NDArray[np.intp]) -> Misfit:
+        """The misfit in these frames."""
+        parts = (self.axes, self.centre, self.force, self.turned, self.cost)
+        return Misfit(*(part[..., rows] for part in parts))
+
 
 def misfit_of(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
     """Compare clusters with the pose of their links: axes (k, 3, 3, n) and origins (k, 3, n)."""

@@ -211,6 +211,14 @@ class Limits:
     low: Array
     high: Array
 
+    def fixed(self, columns: NDArray[np.bool_], way: Array) -> Limits:
+        """The same, with some columns (c, n) to move just so far (c, n)."""
+        return Limits(np.where(columns, way, self.low), np.where(columns, way, self.high))
+
+    def take(self, rows: NDArray[np.intp]) -> Limits:
+        """The limits in these frames."""
+        return Limits(self.low[:, rows], self.high[:, rows])
+
 
 def step(
     plan: Elimination,
@@ -220,7 +228,7 @@ def step(
     *,
     second: Array,
     pull: Pull | None = None,
-    limits: Limits | None = None,
+    limits: Limits,
 ) -> tuple[Array, Array]:
     """One damped step of all columns, (c, n), and the decrease of the cost it promises, (n,).
 
@@ -234,12 +242,11 @@ def step(
     """
     bend = _bend(plan, mass, twist, second) if second.any() else None
     grown, (count, _, n) = 1.0 + damping.share, twist.shape
-    push, scaled = np.empty((count, 7, n)), np.empty((count, 6, n))
-    free, pivots = np.empty((count, n)), np.empty((count, n))
+    push, scaled, pivots = np.empty((count, 7, n)), np.empty((count, 7, n)), np.empty((count, n))
     for depth in plan.depths:
         for rows, columns in depth.rounds:
             block, turn, own, share = mass[rows], twist[columns], push[columns], scaled[columns]
-            impulse, pivot = own[:, :6], pivots[columns]
+            impulse, pivot, free = own[:, :6], pivots[columns], share[:, 6]
             np.einsum("gin,gijn->gjn", turn, block, out=own)
             if bend is not None:
                 impulse -= bend[columns]
@@ -250,15 +257,14 @@ def step(
                 own[:, 6] += pull.drive[columns]
             whole = pivot * grown
             whole += damping.floor
-            np.divide(impulse, whole[:, None], out=share)
-            np.divide(own[:, 6], whole, out=free[columns])
-            if limits is not None:
-                _stop(limits, columns, block, impulse, share, free[columns])
-            block -= share[:, :, None] * own[:, None]
+            np.divide(own, whole[:, None], out=share)
+            _stop(limits, columns, block, impulse, share[:, :6], free)
+            block -= share[:, :6, None] * own[:, None]
         for row, parent in depth.carried:
             mass[parent] += mass[row]
+    free = scaled[:, 6].copy()
     promised = np.einsum("cn,cn->n", free, 2.0 * push[:, 6] - pivots * free)
-    return _descend(plan, twist, scaled, free), promised
+    return _descend(plan, twist, scaled[:, :6], free), promised
 
 
 def _stop(limits: Limits, columns: slice, block: Array, impulse: Array, share: Array, free: Array) -> None:

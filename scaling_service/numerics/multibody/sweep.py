@@ -46,6 +46,8 @@ from scaling_service.numerics.multibody.tree import Poses, Tree, forward, local_
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
 _NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
 _LOST = 1e8  # chosen: a damping at which steps no longer move anything
+_SHORTER = 0.5  # chosen: share of a step that is tried where the whole one raised the cost
+_FAILED = 1e-2  # chosen: damping where the shorter one did, too; less hardly changes the next step
 _TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "not determined"
 
 
@@ -117,10 +119,8 @@ class _Problem:
         value, weight = self.prior
         return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
 
-    def limits(self, q: Array) -> Limits | None:
-        """How far the columns may move, if not anywhere."""
-        if np.isinf(self.lower).all() and np.isinf(self.upper).all():
-            return None
+    def limits(self, q: Array) -> Limits:
+        """How far the columns may move."""
         now = q[self.plan.variables]
         return Limits(self.lower - now, self.upper - now)
 
@@ -247,13 +247,9 @@ def _solve_block(
     state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
     trial = q.copy()
     for number in range(1, settings.max_steps + 1):
-        poses, misfit, now = part.misfit(trial)
-        worse: NDArray[np.bool_] = np.greater(now, state.cost * (1.0 + 1e-14))
-        if worse.any():
-            trial[:, worse] = state.best[:, worse]
-            poses, misfit, now = part.misfit(trial)
+        poses, misfit, now, worse = _evaluate(part, trial, state)
         state.best, state.cost = trial, now
-        state.damping = np.where(worse, np.maximum(state.damping * 10.0, 1e-4), state.damping * 0.2)
+        state.damping = np.where(worse, np.maximum(state.damping * 10.0, _FAILED), state.damping * 0.2)
         state.near *= ~worse
         delta, promised = _step(part, poses, misfit, state)
         longest = np.abs(delta).max(axis=0, initial=0.0)
@@ -277,6 +273,22 @@ def _solve_block(
     return q, cost, steps, converged
 
 
+def _evaluate(part: _Problem, trial: Array, state: _State) -> tuple[Poses, Misfit, Array, NDArray[np.bool_]]:
+    """Poses, misfit and cost of a trial, which is drawn back (in place) in frames where it is worse.
+
+    First to a part of the way; where that is worse, too, to the best pose so far. Such frames come last.
+    """
+    poses, misfit, now = part.misfit(trial)
+    for share in (_SHORTER, 0.0):
+        worse: NDArray[np.bool_] = np.greater(now, state.cost * (1.0 + 1e-14))
+        if not worse.any():
+            break
+        best = state.best[:, worse]
+        trial[:, worse] = best + share * (trial[:, worse] - best)
+        poses, misfit, now = part.misfit(trial)
+    return poses, misfit, now, worse
+
+
 def _between(value: Array, lower: Array, upper: Array) -> Array:
     """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
     bounded: Array = np.minimum(np.maximum(value, lower), upper)
@@ -284,13 +296,32 @@ def _between(value: Array, lower: Array, upper: Array) -> Array:
 
 
 def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
-    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,)."""
+    """One damped step by column, (c, n), and the decrease of the cost it promises, (n,).
+
+    Near the minimum, coordinates that their carriers take past a bound are moved just to it, and the step of
+    their frames is made again knowing so: cut off afterwards, it may raise the cost.
+    """
+    twist, limits = twists(part.plan, poses), part.limits(state.best)
+    delta, promised = _eliminate(part, misfit, twist, state, limits)
+    within = _between(delta, limits.low, limits.high)
+    over = within != delta
+    rows = np.flatnonzero(over.any(axis=0) & (state.near > 0.0))
+    if len(rows):
+        given = limits.fixed(over, within).take(rows)
+        again = _eliminate(part.take(rows), misfit.take(rows), twist[..., rows], state.take(rows), given)
+        delta[:, rows], promised[rows] = again
+    return delta, promised
+
+
+def _eliminate(
+    part: _Problem, misfit: Misfit, twist: Array, state: _State, limits: Limits
+) -> tuple[Array, Array]:
     return step(
         part.plan,
         curvature_and_wrench(part.clusters, misfit, state.near),
-        twists(part.plan, poses),
+        twist,
         PivotDamping(state.damping, part.floor),
         second=state.near,
         pull=part.pull(state.best),
-        limits=part.limits(state.best),
+        limits=limits,
     )

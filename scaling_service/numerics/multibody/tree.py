@@ -67,13 +67,13 @@ class Tree:
         return shape_groups(self.factors)
 
     @cached_property
-    def carried(self) -> tuple[NDArray[np.intp], ...]:
+    def carried(self) -> tuple[slice | NDArray[np.intp], ...]:
         """For every link the markers on it and on everything that hangs on it."""
         below: list[set[int]] = [set(rows.tolist()) for rows in self.marker_rows]
         for k in reversed(range(len(self.links))):
             if self.links[k].parent != NONE:
                 below[self.links[k].parent] |= below[k]
-        return tuple(np.array(sorted(s), dtype=np.intp) for s in below)
+        return tuple(run_of(np.array(sorted(s), dtype=np.intp)) for s in below)
 
     @cached_property
     def marker_rows(self) -> tuple[NDArray[np.intp], ...]:
@@ -256,11 +256,11 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
     """
     row = {int(v): k for k, v in enumerate(variables)}
     result = np.zeros((len(variables), *placed.shape))
-    for link, rows in enumerate(tree.carried):
+    for link, below in enumerate(tree.carried):
         moving = [e for e in tree.entries_of_link[link] if any(v in row for v in variables_of(tree, e.term))]
-        if not len(rows) or not moving:
+        if not moving:
             continue
-        below, motions = run_of(rows), poses.directions(moving)[:, None]
+        motions = poses.directions(moving)[:, None]
         turns = [k for k, entry in enumerate(moving) if entry.is_turn]
         centres = poses.frames[[moving[k].node for k in turns], 3]
         turned = dict(zip(turns, cross(motions[turns], placed[below] - centres[:, None]), strict=True))

@@ -12,6 +12,7 @@ from typing import Any
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
+from markdown_it import MarkdownIt
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaMode, models_json_schema
 
@@ -22,11 +23,9 @@ router = APIRouter(include_in_schema=False)
 _STYLE = """
 :root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 20%, transparent); }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-h2 { margin-top: 2.5rem; } details { border-top: 1px solid var(--line); padding: .5rem 0; }
-summary { cursor: pointer; } code, pre { font: 14px/1.45 ui-monospace, monospace; }
+h2 { margin-top: 2.5rem; } h3 { border-top: 1px solid var(--line); padding-top: .75rem; }
+code, pre { font: 14px/1.45 ui-monospace, monospace; }
 pre { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; padding: .75rem; }
-table { border-collapse: collapse; width: 100%; } td { padding: .2rem .8rem .2rem 0; vertical-align: top; }
-.method { display: inline-block; width: 4.5rem; font-weight: 600; } .quiet { opacity: .7; }
 """
 _POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
@@ -139,59 +138,65 @@ async def docs(request: Request) -> HTMLResponse:
 
 def render(document: Mapping[str, Any], server: str) -> str:
     """The page of an OpenAPI document; its examples go to the server."""
-    body = "".join(_render_sections(document, server))
     title = escape(document["info"]["title"])
-    about = "".join(f"<p>{escape(part)}</p>" for part in document["info"]["description"].split("\n\n"))
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
-        f"<h1>{title}</h1>{about}"
-        f'<p>As a document for programs: <a href="/openapi.json">openapi.json</a>. Where the service has '
-        f"keys, add <code>-H 'Authorization: Bearer KEY'</code> to every command.</p>{body}</html>"
+        f"{MarkdownIt('commonmark').render(describe(document, server))}</html>"
     )
 
 
-def _render_sections(document: Mapping[str, Any], server: str) -> Iterator[str]:
+def describe(document: Mapping[str, Any], server: str) -> str:
+    """Describe every route of an OpenAPI document in Markdown, each with a command that can be pasted."""
+    return "\n\n".join(
+        [
+            "# The HTTP interface",
+            document["info"]["description"],
+            "`/openapi.json` is the same for programs. Where the service has keys, add "
+            "`-H 'Authorization: Bearer KEY'` to every command.",
+            *_describe_routes(document, server),
+        ]
+    )
+
+
+def _describe_routes(document: Mapping[str, Any], server: str) -> Iterator[str]:
     for tag, title in _TITLES.items():
-        yield f"<h2>{title}</h2>"
+        yield f"## {title}"
         for path, operations in document["paths"].items():
             for method, operation in operations.items():
                 if tag in operation.get("tags", ()):
-                    fields = _render_table(_describe_fields(operation, document["components"]["schemas"]))
-                    yield _render_operation(path, method.upper(), operation, server, fields)
+                    yield f"### {method.upper()} {path}"
+                    yield re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip())
+                    yield _list_fields(operation, document["components"]["schemas"])
+                    yield f"```sh\n{_curl_command(path, method.upper(), operation, server)}\n```"
+                    yield _list_answers(operation["responses"])
 
 
-def _render_operation(path: str, method: str, operation: Mapping[str, Any], server: str, fields: str) -> str:
-    description = operation.get("description", "")
-    paragraphs = "".join(f"<p>{_render_text(part)}</p>" for part in description.split("\n\n"))
-    parameters = _render_table((p["name"], p.get("description", "")) for p in operation.get("parameters", ()))
-    answers = _render_table(
-        (code, answer["description"]) for code, answer in sorted(operation["responses"].items())
-    )
-    return (
-        f'<details><summary><span class="method">{method}</span><code>{escape(path)}</code> '
-        f'<span class="quiet">{_render_text(description.partition(".")[0])}</span></summary>{paragraphs}'
-        f"{parameters}{fields}<pre>{escape(_curl_command(path, method, operation, server))}</pre>"
-        f"{answers}</details>"
-    )
-
-
-def _describe_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """The fields of a body, and what they mean."""
+def _list_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
+    """What is given in the address and the body, and what it means."""
+    fields = {p["name"]: p.get("description", "") for p in operation.get("parameters", ())}
     body = operation.get("requestBody", {}).get("content", {}).get("application/json")
     if body is not None:
         named = body["schema"].get("$ref") or body["schema"]["anyOf"][0]["$ref"]
-        for name, field in schemas[named.rpartition("/")[2]]["properties"].items():
-            yield name, field.get("description", "")
+        properties = schemas[named.rpartition("/")[2]]["properties"]
+        fields |= {name: _say(field, schemas) for name, field in properties.items()}
+    return "\n".join(f"- `{name}`{f': {said}' if said else ''}" for name, said in fields.items())
 
 
-def _render_table(rows: Iterable[tuple[str, str]]) -> str:
-    found = "".join(f"<tr><td><code>{escape(a)}</code><td>{_render_text(b)}" for a, b in rows)
-    return f"<table>{found}</table>" if found else ""
+def _say(field: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
+    """What a field means: its own words, else those of what it holds."""
+    held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
+    return str(field.get("description") or held.get("description", ""))
 
 
-def _render_text(text: str) -> str:
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text, quote=False))
+def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
+    """What comes back: each answer in words, and the codes of problems."""
+    said = {
+        code: answer["description"].replace("Successful Response", "") for code, answer in answers.items()
+    }
+    good = [f"{code} ({said[code]})" if said[code] else code for code in sorted(answers) if code < "400"]
+    problems = [code for code in sorted(answers) if code >= "400"]
+    return f"Answers: {', '.join(good)}." + (f" Problems: {', '.join(problems)}." if problems else "")
 
 
 def _curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from scaling_service.bones.whole import BONES
+from scaling_service.capabilities.discovery.document import QuantityDocument
+from scaling_service.capabilities.discovery.text import describe_effect
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents.service import (
     CoordinateWord,
@@ -30,6 +32,7 @@ from scaling_service.service.http.problems import refusals
 from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
+from scaling_service.virtual.example import SLIDING, SWAPPED, Hidden
 
 router = APIRouter(prefix="/v1", tags=["subjects"])
 
@@ -104,7 +107,14 @@ def vocabulary() -> Vocabulary:
             for name, m in METHODS.items()
         ],
         bones=list(BONES),
+        hidden_in_example=[_sentence(one) for one in (SLIDING, SWAPPED)],
     )
+
+
+def _sentence(hidden: Hidden) -> str:
+    trials = () if hidden.trial is None else (hidden.trial,)
+    sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
+    return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)
 
 
 def _model(model: BodyModel) -> ModelWord:

@@ -141,3 +141,12 @@ def test_files_that_are_no_setup(tmp_path, content):
         read_scale_setup(path)
     with pytest.raises(FileUnreadable):
         read_scale_setup(tmp_path / "absent.xml")
+
+
+@pytest.mark.parametrize(
+    ("written", "height_m"), [("1803.4", 1.8034), ("-1", None), ("1.80", None), ("99", None)]
+)
+def test_a_height_is_taken_where_it_can_be_one(tmp_path, written, height_m):
+    file = tmp_path / "setup.xml"
+    file.write_text(f"<ScaleTool><mass>0</mass><height>{written}</height></ScaleTool>", encoding="utf-8")
+    assert read_scale_setup(file).height_m == (None if height_m is None else pytest.approx(height_m))

@@ -48,7 +48,10 @@ def test_the_page_shows_every_route_with_a_command_that_can_be_pasted(served: Se
     page = served.call("GET", "/docs")
     assert "<script" not in page.text
     assert not re.search(r'(src|href)="http', page.text)
-    commands = [html.unescape(text) for text in re.findall(r"<pre>(.*?)</pre>", page.text, re.DOTALL)]
+    commands = [
+        html.unescape(text)
+        for text in re.findall(r"<pre><code[^>]*>(.*?)</code></pre>", page.text, re.DOTALL)
+    ]
     found = operations(served)
     assert len(commands) == len(found)
     for command in commands:

@@ -59,7 +59,7 @@ def test_names_in_results_are_not_html(visit: Visit, url: str, tmp_path: Path) -
     visitor = visit(url)
     visitor.go(f"jobs/{job.id}/errors")
     visitor.sees("MB in gait_1: mean distance of each marker")
-    drawing = visitor.downloads("Save as SVG: MB in gait_1: mean distance of each marker")
+    drawing = visitor.saves("SVG", "MB in gait_1: mean distance of each marker")
     texts = {text.text for text in ElementTree.parse(drawing).iter("{http://www.w3.org/2000/svg}text")}
     assert any((text or "").startswith("<mark>RTHI&") for text in texts)
     assert hostile in visitor.page.locator("tbody th").all_inner_texts()

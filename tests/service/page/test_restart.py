@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import requests
 
@@ -32,6 +33,44 @@ def test_the_page_recovers_by_itself(visit: Visit, tmp_path: Path) -> None:
         assert [(job.state, job.attempt) for job in jobs] == [("done", 2)]
     finally:
         kill(process)
+
+
+def test_any_request_may_be_lost(visit: Visit, url: str) -> None:
+    """A part of the page, a document or an array: it is asked for again, and nothing is told as a defect."""
+    requests.post(f"{url}/v1/examples", timeout=30).raise_for_status()
+    with Client(url) as client:
+        job = client.wait(client.ask("comparisons", subject="example", methods=["MB"]))
+    views = {"": "Load the example", f"jobs/{job.id}": "How far to trust"}
+    visitor = visit(url)
+    for place, text in views.items():
+        lost, asked = 0, [""]
+        while lost < len(asked):  # the next one each time, until there are no more
+            visitor.page.unroute_all()
+            visitor.go("nowhere")
+            visitor.page.reload()  # without the parts that are there
+            visitor.sees("There is nothing here")
+            asked = lose(visitor, lost)
+            visitor.page.evaluate("(place) => { location.hash = place; }", f"#/{place}")
+            visitor.sees(text, 20_000)
+            visitor.page.wait_for_load_state("networkidle")
+            visitor.met_no_defect()
+            lost += 1
+        assert lost > 1, place
+
+
+def lose(visitor: Visitor, lost: int) -> list[str]:
+    """Break the connection at one request, counted from now; the list grows with what is asked for."""
+    asked: list[str] = []
+
+    def answer(route: Any) -> None:
+        asked.append(route.request.url)
+        if len(asked) == lost + 1:
+            route.abort("connectionreset")
+        else:
+            route.continue_()
+
+    visitor.page.route("**/*", answer)
+    return asked
 
 
 def begins_a_job(visitor: Visitor) -> None:

@@ -132,9 +132,9 @@ def reads(visitor: Visitor, look: Look) -> None:
     title = visitor.page.get_by_text(re.compile(r"^hip flexion, right \(\d+ cycles, p < 0\.001\)$")).first
     title.wait_for()
     name = title.inner_text()
-    drawing = visitor.downloads(f"Save as SVG: {name}")
+    drawing = visitor.saves("SVG", name)
     assert ElementTree.parse(drawing).getroot().tag == "{http://www.w3.org/2000/svg}svg"
-    assert visitor.downloads(f"Save as PNG: {name}").read_bytes().startswith(b"\x89PNG")
+    assert visitor.saves("PNG", name).read_bytes().startswith(b"\x89PNG")
     look()
     visitor.follow("Forces")
     visitor.sees("The forces of this subject were not checked yet")
@@ -168,6 +168,8 @@ def discovers(visitor: Visitor, look: Look) -> None:
     visitor.sees("2 missing effects were found")
     visitor.sees("Markers: what is left over, and its floor")
     look()
+    visitor.page.get_by_text("What the example had hidden").click()
+    visitor.sees("LLM, LMM: two labels are exchanged for a while, in knee_l only: start 2 s, end 2.6 s")
     visitor.follow("2. What")
     visitor.sees("1. marker swap at LLM, LMM in knee_l")
     visitor.follow("3. With and without")

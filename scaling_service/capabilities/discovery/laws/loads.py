@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -30,6 +30,21 @@ class Plate(NamedTuple):
     moment: Array
     middle: Array
     read: Array
+
+
+@runtime_checkable
+class PlateFault(Protocol):
+    """A load by which one plate's readings are wrong, and can be put right."""
+
+    @property
+    def plate(self) -> str:
+        """The plate's name, ``plate_1`` and so on."""
+
+    def column(self, fit: WrenchFit) -> Array:
+        """What one more does to the disagreement, (n, 6), N and N m."""
+
+    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+        """Force and moment (n, 3) of the plate without a fault of this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,9 +233,6 @@ class Between:
     def column(self, fit: WrenchFit) -> Array:
         """The difference, (n, 6)."""
         return self.factor * (self.high.column(fit) - self.low.column(fit))
-
-
-PlateFault = PlateShift | PlateBias | PlateGain | PlateTurn
 
 
 def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:

@@ -117,9 +117,10 @@ class _NoWalking(Exception):
 
 
 def _too_few(contacts: int, side: Side) -> str:
+    foot = {"r": "right foot", "l": "left foot"}[side]
     if contacts < 2:
-        return f"{contacts} contact{'s' if contacts != 1 else ''} of foot '{side}', and a stride needs two"
-    return f"between the {contacts} contacts of foot '{side}' markers are hidden"
+        return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
+    return f"between the {contacts} contacts of the {foot} markers are hidden"
 
 
 def _pelvis(trial: Trial) -> Array:

@@ -54,7 +54,8 @@ def _knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
     values = straight_values(calibration.model)
     for segment in calibration.model.segments:
         move = calibration.joint_moves.get(segment.joint_name)
-        if segment.parent.startswith("femur") and move is not None and any(move.turn):
+        thigh = calibration.model.bone_of(segment.parent).startswith("femur")
+        if thigh and move is not None and any(move.turn):
             axis = axis_in_parent(segment, values)
             tilts[segment.joint_name] = tilt_of(axis if axis[2] > 0.0 else -axis)
     return tilts

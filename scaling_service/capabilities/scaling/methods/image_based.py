@@ -218,7 +218,8 @@ def _osim_notes(
     ``own``: segments that their own bone sized.
     """
     words = {"r": "right", "l": "left"}
-    notes = [f"EB: on bones: {', '.join(found.poses)}"]
+    joints = {segment.name: segment.joint_name for segment in found.model.segments}
+    notes = [f"EB: on bones: {', '.join(f'{name} (joint {joints[name]})' for name in found.poses)}"]
     for joint, move in found.moves.items():
         shift, turn, child = (float(np.linalg.norm(v)) for v in (move.shift, move.turn, move.child_turn))
         sizes = (

@@ -18,7 +18,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import AXES, fitted
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import BodyModel, Joint
+from scaling_service.model.body import BodyModel, Joint, Segment
 from scaling_service.model.parameters import after, fold, free_axis, free_marker, free_scale, free_scale_axes
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Session
@@ -113,14 +113,33 @@ def selected_coordinates(marker: str) -> str:
 def level_feet(model: BodyModel) -> frozenset[str]:
     """The feet that turn in two ways or more against their shank, in one joint."""
     return frozenset(
-        s.name for s in model.segments if s.name.startswith(_FEET) and sum(map(_is_turning, s.joints)) > 1
+        s.name
+        for s in model.segments
+        if model.bone_of(s.name).startswith(_FEET) and sum(map(_is_turning, s.joints)) > 1
     )
 
 
 def tiltable_knees(model: BodyModel) -> tuple[str, ...]:
-    """The knees (joints to a ``tibia…``) whose axis says something: three turns reach all orientations."""
-    shanks = [s for s in model.segments if s.name.startswith("tibia")]
-    return tuple(s.joint_name for s in shanks if 0 < sum(map(_is_turning, s.joints)) < 3)
+    """The knees (joints to a tibia) whose axis says something: three free turns reach any orientation.
+
+    Turns that are coupled to flexion are not free: their axes turn with the axis of flexion.
+    """
+    return tuple(s.joint_name for s in _shanks(model) if 0 < len(_turned_by(s)) < 3)
+
+
+def _shanks(model: BodyModel) -> list[Segment]:
+    return [s for s in model.segments if model.bone_of(s.name).startswith("tibia")]
+
+
+def _turned_by(segment: Segment) -> set[str]:
+    """The coordinates that turn a segment against its parent."""
+    return {
+        term.coordinate
+        for joint in segment.joints
+        if joint.kind == "rotation"
+        for term in joint.law.terms
+        if term.coordinate is not None
+    }
 
 
 def _is_turning(joint: Joint) -> bool:
@@ -210,12 +229,11 @@ class Optimised:
 
     def _kept_knees(self, model: BodyModel) -> list[str]:
         """A word on knees whose axes the image gave and no movement turns."""
-        shanks = [s for s in model.segments if s.name.startswith("tibia") and any(map(_is_turning, s.joints))]
-        kept = [s.joint_name for s in shanks if s.joint_name not in tiltable_knees(model)]
+        kept = [s.joint_name for s in _shanks(model) if len(_turned_by(s)) >= 3]
         if not kept or not self.needs_images:
             return []
         return [
-            f"{self.name}: {few(kept)} turn in three ways, so no turn of their axes is fitted: "
+            f"{self.name}: {few(kept)} turn freely in three ways, so no turn of their axes is fitted: "
             f"they stay as in {self.needs}"
         ]
 
@@ -257,11 +275,7 @@ class Optimised:
             fit.error(solution),
             solution.steps,
             time.perf_counter() - clock,
-            (
-                *start.warnings,
-                *self._kept_knees(start.model),
-                *_warnings(self.name, estimated, solution, doubt),
-            ),
+            tuple(warnings),
             start.image_poses,
             {} if self.freedom.lengths else start.sizes,
             start.centres,

@@ -44,7 +44,8 @@ class Registration:
         """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
         spread = dict(ratios)
         for segment in self.model.segments:
-            alike = dimension_of(segment.name) in (None, dimension_of(segment.parent))
+            own, carried = (dimension_of(self.model.bone_of(s)) for s in (segment.name, segment.parent))
+            alike = own in (None, carried)
             if segment.name not in spread and segment.parent in spread and alike:
                 spread[segment.name] = spread[segment.parent]
         self.model = scaled(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})

@@ -33,7 +33,7 @@ from scaling_service.model.anatomy.centres import (
     with_mirrored_psis,
 )
 from scaling_service.model.anatomy.hip_centre import chord_centre
-from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import neutral_frames
@@ -123,8 +123,8 @@ def read_landmarks(trial: Trial) -> dict[str, Array]:
 
 
 HANGING = np.cos(np.radians(45.0))
-"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third of
-it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
+"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third
+of it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
 
 _PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 
@@ -178,8 +178,9 @@ def model_points(model: BodyModel) -> Points:
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
     own = joint_centres(model)
     for side in "rl":
-        if f"femur_{side}" in frames:
-            points[f"hip_{side}"] = frames[f"femur_{side}"][1][None]
+        femur = segment_of(model, "femur", side)
+        if femur is not None:
+            points[f"hip_{side}"] = frames[femur][1][None]
         for joint, landmarks in _MIDDLES.items():
             ends = [points.get(f"{side.upper()}{landmark}") for landmark in landmarks]
             if ends[0] is not None and ends[1] is not None:

@@ -125,14 +125,16 @@ def estimate_sizes(
         distances as it is, and the prior serves the others.
     Returns segment to its size. Segments whose names say nothing take their parent's.
     """
-    dimensions = {name: found for name in model.segment_names if (found := dimension_of(name)) is not None}
+    stands_for = {name: dimension_of(model.bone_of(name)) for name in model.segment_names}
+    dimensions = {name: dimension for name, dimension in stands_for.items() if dimension is not None}
     names = tuple(dict.fromkeys(dimensions.values()))
     if not names:
         return {}
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.averaged()
     mean = expected.mean - _own_dimensions(model, names)
-    rows = [next(dimensions[s] for s in m.segments if s in dimensions) for m in ratios.measurements]
+    measured = {model.bone_of(name): dimension for name, dimension in dimensions.items()}
+    rows = [next(measured[s] for s in m.segments if s in measured) for m in ratios.measurements]
     pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
     before = expected.covariance
     noise = ratios.covariance if weighted else np.zeros_like(ratios.covariance)
@@ -204,18 +206,18 @@ def size_segments(
     session: Session,
     settings: CalibrationSettings,
     joints: FunctionalJoints | None = None,
-    bones: Mapping[str, float] = NO_BONES,
+    lengths: Mapping[str, float] = NO_BONES,
 ) -> Sizing:
     """Factors of each segment from landmarks and anthropometry: one, or one along each axis.
 
     Each distance is taken on the first trial that shows both of its ends, the static trial before movements.
 
     ``joints``: hip centres that take the regression's place.
-    ``bones``: dimension to the length that an image shows, m; with them all is weighed.
+    ``lengths``: dimension to its length as an image shows it, m; with them all is weighed.
     Raises TrialUnusable: nothing could be measured, or a size is no person's.
     """
     subject, model = session.subject, session.model
-    prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in bones.items()})
+    prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in lengths.items()})
     scale = prior.value("stature") / ADULT_STATURE_M
     known = body_sizes(session, prior)
     people = tuple(
@@ -231,8 +233,9 @@ def size_segments(
         if trial is not None
     )
     ours = model_points(model)
-    weighted = settings.sizes == "weighted" or bool(bones)
-    ratios = measure_ratios(people, ours, model.segment_names, besides=weighted)
+    weighted = settings.sizes == "weighted" or bool(lengths)
+    bones = {model.bone_of(name): name for name in model.segment_names}
+    ratios = measure_ratios(people, ours, tuple(bones), besides=weighted)
     if not len(ratios.logs):
         raise TrialUnusable(
             "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there",
@@ -240,7 +243,7 @@ def size_segments(
             remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
         )
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
-        _check(float(np.exp(log)), next(s for s in measurement.segments if s in model.segment_names))
+        _check(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_notes(model, ratios, sizes, subject)]
@@ -290,7 +293,7 @@ def _notes(
     for measurement in dict.fromkeys(ratios.measurements):
         taken, all_pairs = ratios.measurements.count(measurement), len(measurement.pairs)
         if taken < all_pairs:
-            own = [s for s in measurement.segments if s in model.segment_names]
+            own = [s for s in model.segment_names if model.bone_of(s) in measurement.segments]
             notes.append(f"MB: {', '.join(own)} measured on {taken} of {all_pairs} distances")
     known = [
         name
@@ -298,13 +301,13 @@ def _notes(
         if value is not None
     ]
     like = f"persons of this {', '.join(known)}" if known else "adults and children of any size"
-    unmeasured = [name for name, size in sizes.items() if not size.own and dimension_of(name)]
+    unmeasured = [name for name, size in sizes.items() if not size.own and dimension_of(model.bone_of(name))]
     if unmeasured:
         notes.append(
             f"MB: {few(unmeasured)}: not measured; the size is that of {like}, as far as the other segments "
             f"allow (standard deviation {_percent([sizes[n].sd for n in unmeasured])})"
         )
-    following = [name for name in sizes if dimension_of(name) is None]
+    following = [name for name in sizes if dimension_of(model.bone_of(name)) is None]
     if following:
         notes.append(
             f"MB: {few(following)}: scaled as the segment that carries it, for nothing else is known"

@@ -13,12 +13,13 @@
  * | `results` | one for each kind of result                                                         |
  */
 
+import { part } from "./api/connection.ts";
 import { askWith } from "./api/key.ts";
 import { asProblem, isAbort, Problem } from "./api/problem.ts";
 import { parsed, type Place } from "./routes.ts";
 import { shell } from "./shell.ts";
 import { askForKeyOnScreen } from "./ui/dialog.ts";
-import { fill } from "./ui/dom.ts";
+import { fill, h } from "./ui/dom.ts";
 import { notices } from "./ui/flash.ts";
 import { problemBox } from "./ui/problem.ts";
 import { apply } from "./ui/theme.ts";
@@ -35,16 +36,16 @@ let leaving = new AbortController();
 async function viewOf({ parts }: Place): Promise<View> {
   switch (parts[0]) {
     case undefined:
-      return (await import("./views/start.ts")).start;
+      return (await part(() => import("./views/start.ts"))).start;
     case "subjects":
-      if (parts[1] === undefined) return (await import("./views/subjects.ts")).subjects;
-      return parts[2] === "run" ? (await import("./views/run.ts")).run : (await import("./views/import.ts")).importing;
+      if (parts[1] === undefined) return (await part(() => import("./views/subjects.ts"))).subjects;
+      return parts[2] === "run" ? (await part(() => import("./views/run.ts"))).run : (await part(() => import("./views/import.ts"))).importing;
     case "jobs":
-      return parts[1] === undefined ? (await import("./views/jobs.ts")).jobs : (await import("./views/job.ts")).job;
+      return parts[1] === undefined ? (await part(() => import("./views/jobs.ts"))).jobs : (await part(() => import("./views/job.ts"))).job;
     case "cohort":
-      return (await import("./views/cohort.ts")).cohort;
+      return (await part(() => import("./views/cohort.ts"))).cohort;
     default:
-      return (await import("./views/nowhere.ts")).nowhere;
+      return (await part(() => import("./views/nowhere.ts"))).nowhere;
   }
 }
 
@@ -54,17 +55,30 @@ async function go(): Promise<void> {
   const { signal } = leaving;
   const place = parsed(location.hash);
   page.at(place.parts[0] ?? "");
+  fill(page.trouble);
   try {
     const view = await viewOf(place);
     if (signal.aborted) return;
     fill(page.main, notices());
     await view({ place, main: page.main, signal });
   } catch (error) {
-    if (signal.aborted || isAbort(error)) return;
-    if (!(error instanceof Problem)) console.error(error);
-    page.main.append(problemBox(asProblem(error)));
+    if (!signal.aborted) tell(error, page.main);
   }
 }
+
+function tell(error: unknown, place: HTMLElement): void {
+  if (isAbort(error)) return;
+  if (!(error instanceof Problem)) console.error(error);
+  if (place === page.main && place.querySelector("h1") === null) place.append(h("h1", null, "This cannot be shown"));
+  place.append(problemBox(asProblem(error)));
+}
+
+/** What fails beside a view, such as a picture that comes later, is told like everything else. */
+addEventListener("unhandledrejection", (event) => {
+  event.preventDefault();
+  fill(page.trouble);
+  tell(event.reason, page.trouble);
+});
 
 /** The window is called as its view, so that history, bookmarks and screen readers tell them apart. */
 new MutationObserver(() => {

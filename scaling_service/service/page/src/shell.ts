@@ -14,6 +14,8 @@ const PLACES = [
 
 export interface Shell {
   main: HTMLElement;
+  /** Where it is told what failed beside the view. */
+  trouble: HTMLElement;
   /** Mark where one is. */
   at: (part: string) => void;
 }
@@ -21,6 +23,7 @@ export interface Shell {
 export function shell(): Shell {
   const main = h("main", { id: "main", tabindex: -1 });
   const links = PLACES.map(([name, title]) => h("a", { href: link([name]) }, title));
+  const trouble = h("div", { class: "trouble" });
   const lost = h("div", { class: "lost", role: "status", "aria-live": "polite" });
   onConnection((away) => {
     fill(lost, away && "The service does not answer. The page goes on by itself as soon as it is back.");
@@ -39,10 +42,11 @@ export function shell(): Shell {
       themeButton(),
     ),
     lost,
+    trouble,
     main,
     footer(),
   );
-  return { main, at: (part) => links.forEach((one, place) => mark(one, PLACES[place]?.[0] === part)) };
+  return { main, trouble, at: (part) => links.forEach((one, place) => mark(one, PLACES[place]?.[0] === part)) };
 }
 
 function footer(): HTMLElement {

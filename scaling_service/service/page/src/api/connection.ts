@@ -1,5 +1,7 @@
 /** Whether the service answers. After silence it is asked until it is back; whoever waits then goes on. */
 
+import { Problem } from "./problem.ts";
+
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 5000;
 
@@ -19,6 +21,22 @@ export function recovered(): Promise<void> {
     tell(false);
   });
   return recovering;
+}
+
+/** A part of the page, loaded when it is first needed: once more when the service is back, if it was away.
+ *
+ * @throws Problem where the service is another version by then, or the browser does not try twice.
+ */
+export async function part<Module>(load: () => Promise<Module>): Promise<Module> {
+  try {
+    return await load();
+  } catch (error) {
+    if (!(error instanceof TypeError)) throw error;
+    await recovered();
+    return load().catch(() => {
+      throw new Problem({ problem: "A part of the page could not be loaded", remedy: "Load the page again" });
+    });
+  }
 }
 
 async function untilReady(): Promise<void> {

@@ -197,6 +197,8 @@ export interface CohortDocument {
   methods_asked: Array<string> | null;
   settings: Record<string, unknown>;
   seed: number;
+  headline: string;
+  why: Array<string>;
   subjects: Array<SubjectEntry>;
   statistics: StatisticsDocument;
   notes: Array<string>;
@@ -1528,6 +1530,7 @@ export interface Vocabulary {
   models: Array<ModelWord>;
   methods: Array<MethodWord>;
   bones: Array<string>;
+  hidden_in_example: Array<string>;
 }
 
 export interface WallTime {

@@ -1,6 +1,6 @@
 /** Subjects: their documents and their files. */
 
-import { getJson, send, sendJson } from "./http.ts";
+import { getJson, receive, send, sendJson } from "./http.ts";
 import type { FileEntry, SubjectDetail, SubjectDocument, SubjectPage, SubjectSummary } from "./schema.ts";
 
 const subjectPath = (id: string): string => `/v1/subjects/${encodeURIComponent(id)}`;
@@ -38,7 +38,7 @@ export async function deleteSubject(id: string): Promise<void> {
 export async function upload(subject: string, name: string, content: Blob): Promise<FileEntry> {
   const path = `${subjectPath(subject)}/files/${encodeURIComponent(name)}`;
   const headers = { "Content-Type": "application/octet-stream" };
-  return (await (await send(path, { method: "PUT", body: content, headers })).json()) as FileEntry;
+  return receive(path, { method: "PUT", body: content, headers }, (answer) => answer.json() as Promise<FileEntry>);
 }
 
 export async function removeFile(subject: string, name: string): Promise<void> {

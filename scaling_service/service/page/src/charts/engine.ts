@@ -6,6 +6,8 @@
 
 import { BarChart, CustomChart, HeatmapChart, LineChart, ScatterChart } from "echarts/charts";
 import {
+  DataZoomInsideComponent,
+  DataZoomSliderComponent,
   GridComponent,
   MarkAreaComponent,
   MarkLineComponent,
@@ -19,6 +21,8 @@ use([
   BarChart,
   CanvasRenderer,
   CustomChart,
+  DataZoomInsideComponent,
+  DataZoomSliderComponent,
   GridComponent,
   HeatmapChart,
   LineChart,

@@ -1,5 +1,6 @@
 /** A figure: its title, its drawing, and its being saved as SVG, PNG and, where it has rows, CSV. */
 
+import { part } from "../api/connection.ts";
 import { fill, h } from "../ui/dom.ts";
 import { csv, save, saveText } from "../ui/save.ts";
 import { onTheme, theme } from "../ui/theme.ts";
@@ -18,6 +19,8 @@ export interface FigureOptions {
   option: (ink: Ink) => Option;
   rows?: () => Row[];
   note?: string;
+  /** Whether it can be made larger, to look at a stretch of its x axis. */
+  zoom?: boolean;
   drawn?: (chart: Chart) => void;
 }
 
@@ -32,12 +35,22 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const plot = h("div", { class: "plot", role: "img", "aria-label": options.alt });
   plot.style.height = `${options.height}px`;
   let chart: Chart | null = null;
+  let large = false;
 
-  const redraw = (): void => chart?.setOption(options.option(inkOf(theme())), { notMerge: true });
+  const option = (): Option => (large ? zoomed(options.option(inkOf(theme())), inkOf(theme())) : options.option(inkOf(theme())));
+  const redraw = (): void => chart?.setOption(option(), { notMerge: true });
+  const enlarge = (): void => {
+    large = !large;
+    element.classList.toggle("large", large);
+    larger.setAttribute("aria-pressed", String(large));
+    plot.style.height = `${large ? 2 * options.height : options.height}px`;
+    redraw();
+  };
+  const larger = h("button", { class: "small", "aria-pressed": "false", "aria-label": `Larger: ${options.title}`, onclick: enlarge }, "Larger");
   const draw = async (): Promise<void> => {
-    const { onCanvas } = await import("./engine.ts");
+    const { onCanvas } = await part(() => import("./engine.ts"));
     if (signal.aborted || chart !== null) return;
-    chart = onCanvas(plot, options.option(inkOf(theme())));
+    chart = onCanvas(plot, option());
     options.drawn?.(chart);
     onTheme(redraw, signal);
     const resizing = new ResizeObserver(() => chart?.resize());
@@ -51,7 +64,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const element = h(
     "figure",
     null,
-    h("div", { class: "bar" }, h("figcaption", null, options.title), h("span", { class: "tools" }, ...tools(options, () => plot.clientWidth))),
+    h("div", { class: "bar" }, h("figcaption", null, options.title), h("span", { class: "tools" }, options.zoom === true && larger, saving(options, () => plot.clientWidth))),
     plot,
     options.note !== undefined && h("p", { class: "note" }, options.note),
   );
@@ -92,21 +105,34 @@ function next(): void {
   });
 }
 
-function tools(options: FigureOptions, width: () => number): HTMLElement[] {
+/** With a slider for the stretch of x that is shown; a pinch, or the wheel with Ctrl, does the same. */
+function zoomed(option: Option, ink: Ink): Option {
+  const slider = { type: "slider", height: 22, bottom: 6, borderColor: ink.line, textStyle: { color: ink.quiet }, labelFormatter: "" };
+  return { ...option, grid: { ...(option["grid"] as object), bottom: 78 }, dataZoom: [slider, { type: "inside", zoomOnMouseWheel: "ctrl" }] };
+}
+
+/** One menu of all that a figure can be saved as. */
+function saving(options: FigureOptions, width: () => number): HTMLElement {
   const { rows } = options;
   const button = (format: string, work: () => void): HTMLElement =>
-    h("button", { class: "small", "aria-label": `Save as ${format}: ${options.title}`, onclick: work }, format);
+    h("button", { class: "small", "aria-label": `Save as ${format}: ${options.title}`, onclick: () => {
+      menu.open = false;
+      work();
+    } }, format);
   const found = [
     button("SVG", () => void asSvgText(options, width()).then((text) => saveText(`${options.name}.svg`, text, "image/svg+xml"))),
     button("PNG", () => void asPng(options, width()).then((content) => save(`${options.name}.png`, content))),
   ];
   if (rows !== undefined) found.push(button("CSV", () => saveText(`${options.name}.csv`, csv(rows()))));
-  return found;
+  const menu: HTMLDetailsElement = h("details", { class: "menu", onfocusout: ({ relatedTarget }) => {
+    if (!menu.contains(relatedTarget as Node | null)) menu.open = false;
+  } }, h("summary", { class: "button small", "aria-label": `Save: ${options.title}` }, "Save"), h("div", null, ...found));
+  return menu;
 }
 
 /** Saved figures are light, whatever the page is: they go into papers. */
 async function asSvgText(options: FigureOptions, width: number): Promise<string> {
-  const { asSvg } = await import("./engine.ts");
+  const { asSvg } = await part(() => import("./engine.ts"));
   const ink = inkOf("light");
   return asSvg({ ...options.option(ink), backgroundColor: ink.paper }, width, options.height);
 }
@@ -119,7 +145,7 @@ async function asPng(options: FigureOptions, width: number): Promise<Blob> {
   place.style.height = `${options.height}px`;
   document.body.append(place);
   try {
-    const { onCanvas } = await import("./engine.ts");
+    const { onCanvas } = await part(() => import("./engine.ts"));
     const ink = inkOf("light");
     const chart = onCanvas(place, options.option(ink));
     const address = chart.getDataURL({ type: "png", pixelRatio: PNG_SCALE, backgroundColor: ink.paper });

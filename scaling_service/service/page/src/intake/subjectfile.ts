@@ -1,5 +1,6 @@
 /** Subject files among what was dropped, as the documents that the service takes. */
 
+import { part } from "../api/connection.ts";
 import { Problem } from "../api/problem.ts";
 import type { SubjectDocument } from "../api/schema.ts";
 import { folderOf, type Entry } from "./entries.ts";
@@ -35,7 +36,7 @@ export async function sortedOut(entries: readonly Entry[]): Promise<Intake[]> {
  */
 async function documentOf({ path, file }: Entry): Promise<SubjectDocument | null> {
   if (!/\.(ya?ml|json)$/i.test(path) || file.size > LARGEST_BYTES) return null;
-  const { parse } = await import("yaml");
+  const { parse } = await part(() => import("yaml"));
   try {
     const found: unknown = parse(await file.text(), { maxAliasCount: 20 });
     return isSubject(found) ? found : null;

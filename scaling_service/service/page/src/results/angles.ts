@@ -11,7 +11,7 @@ import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
-import { chance, plural, words } from "../ui/words.ts";
+import { chance, plural, withChance, words } from "../ui/words.ts";
 import type { Finished } from "./result.ts";
 
 const CYCLE = "gait cycle";
@@ -67,6 +67,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
       title: `${words(name)} (${tested(cycle)})`,
       name: `cycle_${name}_deg`,
       alt: `${words(name)} over the gait cycle, mean and standard deviation of ${cycle.cycles} cycles by ${methods.join(", ")}. ${whereInWords(cycle)}`,
+      zoom: true,
       height: HEIGHT,
       option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
         xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
@@ -85,7 +86,7 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
 }
 
 const tested = (cycle: CycleScene): string =>
-  `${plural(cycle.cycles, "cycle")}, ${cycle.can_decide ? `p ${chance(cycle.p)}` : "too few to test"}`;
+  `${plural(cycle.cycles, "cycle")}, ${cycle.can_decide ? withChance(cycle.p) : "too few to test"}`;
 
 function whereInWords({ differ_percent }: CycleScene): string {
   if (differ_percent.length === 0) return "The methods do not differ significantly anywhere.";
@@ -158,6 +159,7 @@ function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Value
     title: words(coordinate),
     name: `${trial.name}_${coordinate}_${unit}`,
     alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.`,
+    zoom: true,
     height: HEIGHT,
     option: (ink) => linesOption(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],

@@ -1,6 +1,6 @@
 /** Coordinates and conventional angles of one model over time, each within what it is known to. */
 
-import { send } from "../api/http.ts";
+import { receive } from "../api/http.ts";
 import { filePath } from "../api/jobs.ts";
 import type { MotionDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
@@ -64,6 +64,7 @@ function drawn(trial: string, x: number[], { title, name, unit, y, sd }: Known, 
     title,
     name: `${trial}_${name}_${unit}`,
     alt: `${title} over time in ${trial}, ${unit}, with its 95 % band.`,
+    zoom: true,
     height: HEIGHT,
     option: (ink) => linesOption(ink, { x, unit, xAxis: { name: "time, s" }, yAxis: { name: unit }, curves: [{ name: title, style: styleOf("MB_am"), y, half }] }),
     rows: () => [["time_s", unit, `sd_${unit}`], ...x.map((time, k) => [time, y[k], sd[k]])],
@@ -72,7 +73,7 @@ function drawn(trial: string, x: number[], { title, name, unit, y, sd }: Known, 
 
 /** A table of numbers: OpenSim's with its header, or comma-separated. */
 async function read(path: string, signal: AbortSignal): Promise<Columns> {
-  const lines = (await (await send(path, { signal })).text()).trim().split(/\r?\n/);
+  const lines = (await receive(path, { signal }, (answer) => answer.text())).trim().split(/\r?\n/);
   const cells = (line: string): string[] => line.split(/,|\t/);
   const head = cells(lines[lines.indexOf("endheader") + 1] ?? "");
   const rows = lines.slice(lines.indexOf("endheader") + 2).map((line) => cells(line).map((cell) => (cell === "" ? NaN : Number(cell))));

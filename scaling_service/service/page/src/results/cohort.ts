@@ -3,7 +3,7 @@
 import { ask, getResult } from "../api/jobs.ts";
 import type { CohortDocument, SubjectEntry } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
-import { bullets } from "../ui/blocks.ts";
+import { bullets, callout } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
@@ -27,27 +27,28 @@ export const cohort: ResultView = async (found) => {
   ]);
 };
 
-function subjects({ subjects: all, statistics, notes }: CohortDocument, found: Finished, place: HTMLElement): void {
+function subjects({ subjects: all, statistics, notes, headline, why }: CohortDocument, found: Finished, place: HTMLElement): void {
   const failed = h("div");
   const groups = [...new Set(all.flatMap((one) => Object.keys(one.groups)))];
   const methods = [...new Set(all.flatMap((one) => one.methods))];
   const errors = statistics.kinematic_error_mm.find(({ quantity }) => quantity === "evaluation");
   place.append(
+    headline === "" ? "" : callout(headline, "", bullets(why)),
     failed,
     table({
       caption: "How every subject ended",
+      note: "A subject's name leads to its own comparison.",
       name: "subjects",
       columns: [{ title: "subject" }, { title: "ended" }, ...groups.map((title) => ({ title, words: true })), { title: "strides" },
-        ...methods.map((method) => ({ title: `${method}, held out mm` })), { title: "why", words: true }, { title: "s" }, { title: "" }],
+        ...methods.map((method) => ({ title: `${method}, mm held out` })), { title: "why", words: true }, { title: "time, s" }],
       rows: all.map((one): Cell[] => [
-        cell(one.id),
+        { text: one.id, node: opening(one, found, failed) },
         cell(one.status, undefined, one.status === "done" ? "good" : one.status === "failed" ? "poor" : "unknown"),
         ...groups.map((name) => cell(one.groups[name] ?? "")),
         cell(Object.entries(one.strides).map(([leg, count]) => `${leg} ${count}`).join(", "), Object.values(one.strides).reduce((sum, count) => sum + count, 0)),
         ...methods.map((method) => cell(number(errors?.values[one.id]?.[method]), errors?.values[one.id]?.[method] ?? null)),
         cell(said(one) || "–"),
         cell(number(one.wall_s), one.wall_s),
-        { text: "", node: opening(one, found, failed) },
       ]),
       filter: true,
     }),
@@ -61,10 +62,10 @@ function said({ reason, left_out }: SubjectEntry): string {
 
 /** The same comparison of this subject alone; what was computed before comes back at once. */
 function opening({ id, status }: SubjectEntry, { origin }: Finished, failed: HTMLElement): HTMLElement {
-  if (status !== "done") return h("span");
+  if (status !== "done") return h("span", null, id);
   const { methods, settings } = origin.specification.request;
   const open = async (): Promise<void> => {
     location.hash = toJob((await ask("comparisons", { subject: id, methods, settings })).id);
   };
-  return h("button", { class: "small", "aria-label": `Compare the methods on ${id}`, onclick: () => void guarded(failed, open) }, "Open");
+  return h("button", { class: "linked", onclick: () => void guarded(failed, open) }, id);
 }

@@ -6,7 +6,7 @@ import { linesOption, type Curve } from "../charts/lines.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
-import { chance, plural, words } from "../ui/words.ts";
+import { chance, plural, withChance, words } from "../ui/words.ts";
 
 export function cohortAngles(entries: readonly CurveEntry[], signal: AbortSignal, place: HTMLElement): void {
   if (entries.length === 0) {
@@ -32,6 +32,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
     title: `${words(entry.coordinate)} (${decided(entry.anova)})`,
     name: `cohort_${entry.coordinate}_deg`,
     alt: `${words(entry.coordinate)} over the gait cycle, mean over ${plural(entry.compared.subjects.length, "subject")}, by ${entry.compared.methods.join(", ")}.`,
+    zoom: true,
     height: 230,
     option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: clusters, xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
     rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
@@ -41,7 +42,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
 }
 
 const decided = (test: CurveTestEntry | null): string =>
-  test === null ? "not tested" : test.can_decide ? `p ${chance(test.p)}` : "too few subjects to test";
+  test === null ? "not tested" : test.can_decide ? withChance(test.p) : "too few subjects to test";
 
 function pairs(entries: readonly CurveEntry[]): HTMLElement {
   const rows = entries.flatMap((entry) =>

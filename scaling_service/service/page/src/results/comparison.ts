@@ -1,5 +1,6 @@
 /** Methods compared: the verdict, the models in space, sizes, errors, angles, forces. */
 
+import { part } from "../api/connection.ts";
 import { getResult } from "../api/jobs.ts";
 import type { ComparisonDocument } from "../api/schema.ts";
 import { errors } from "./errors.ts";
@@ -12,11 +13,11 @@ export const comparison: ResultView = async (found) => {
   const document = await getResult<ComparisonDocument>(found.job.id, found.signal);
   await parts("Parts of the comparison", found, [
     { name: "verdict", title: "Verdict", show: (place) => verdict(document, found, place) },
-    { name: "space", title: "In space", show: async (place) => (await import("./space.ts")).space(found, place, preferred(document)) },
+    { name: "space", title: "In space", show: async (place) => (await part(() => import("./space.ts"))).space(found, place, preferred(document)) },
     { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
     { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
-    { name: "angles", title: "Angles", show: async (place) => (await import("./angles.ts")).angles(found, place) },
-    { name: "forces", title: "Forces", show: async (place) => (await import("./forces.ts")).forces(found, place) },
+    { name: "angles", title: "Angles", show: async (place) => (await part(() => import("./angles.ts"))).angles(found, place) },
+    { name: "forces", title: "Forces", show: async (place) => (await part(() => import("./forces.ts"))).forces(found, place) },
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };

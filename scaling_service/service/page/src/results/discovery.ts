@@ -1,10 +1,12 @@
 /** The search for a missing effect as a story: where, what, with and without it, on unseen data. */
 
+import { part } from "../api/connection.ts";
 import { getResult } from "../api/jobs.ts";
+import { vocabulary } from "../api/vocabulary.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
-import { few } from "../ui/words.ts";
+import { few, figures, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { takeAway } from "./takeaway.ts";
 import { unseen } from "./unseen.ts";
@@ -13,7 +15,8 @@ import { where } from "./where.ts";
 
 export const discovery: ResultView = async (found) => {
   const document = await getResult<DiscoveryDocument>(found.job.id, found.signal);
-  found.main.append(...verdict(document));
+  const { hidden_in_example } = await vocabulary();
+  found.main.append(...verdict(document, isExample(document) ? hidden_in_example : []));
   await parts("Steps of the story", found, [
     { name: "where", title: "1. Where", show: (place) => where(document, found.signal, place) },
     { name: "what", title: "2. What", show: (place) => what(document, found.signal, place) },
@@ -25,12 +28,16 @@ export const discovery: ResultView = async (found) => {
 
 async function withAndWithout(found: Finished, place: HTMLElement): Promise<void> {
   place.append(h("p", null, "The model as given, and with what was named, in the same recording. The map shows what is left over; choose the other model under “Error of” to compare."));
-  await (await import("./space.ts")).space(found, place, ["with what was named", "as given"]);
+  await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"]);
 }
 
 const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 
-function verdict(document: DiscoveryDocument): HTMLElement[] {
+/** The service knows its example by the same: its name, and that it brings markers on images. */
+const isExample = ({ subject, input_hashes }: DiscoveryDocument): boolean =>
+  /^example(_\d+)?$/.test(subject) && "image_markers.csv" in input_hashes;
+
+function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const main = effects.filter(({ carries }) => carries);
@@ -41,15 +48,30 @@ function verdict(document: DiscoveryDocument): HTMLElement[] {
     h("p", { class: "quiet" }, subtitle(document)),
     callout(
       document.headline,
-      TONES[document.verdict],
+      cautions.length > 0 ? "fair" : TONES[document.verdict],
       main.length > 0 && h("ol", null, ...main.map(({ name, belief }) => h("li", null, belief == null ? name : `${name} (${belief.summary})`))),
       left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
     small.length > 0 ? folded(document.smaller, bullets(small.map(({ name }) => name))) : h("span"),
+    hidden.length > 0 ? folded("What the example had hidden", bullets(hidden)) : h("span"),
+    bones(document),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
+}
+
+/** What is known of the bones beside the effects; `ik` takes it from the model. */
+function bones({ bones: known }: DiscoveryDocument): HTMLElement {
+  const sizes = Object.values(known?.skin_mm ?? {});
+  const lines = known === null ? [] : [
+    ...known.expectations.map(({ coordinate, sd_deg, source }) =>
+      `${words(coordinate)} is expected about the posture in which the markers were placed, ± ${figures(sd_deg, 2)} deg (${source})`),
+    sizes.length > 0 && `Skin over the bone, by bone pins and joints: ${figures(Math.min(...sizes), 2)} to ${figures(Math.max(...sizes), 2)} mm along an axis at ${few(Object.keys(known.skin_mm))}`,
+    known.undetermined.length > 0 && `Not determined by these recordings: what the skin of ${few(known.undetermined.map(words))} does as a whole over the bone; its published size counts`,
+    known.left_out.length > 0 && `Named, but not put into the model: ${few(known.left_out)}; the recordings do not show where it takes the bones`,
+  ].filter((line) => line !== false);
+  return lines.length > 0 ? folded("What bone pins say", bullets(lines)) : h("span");
 }
 
 function subtitle({ start, fitted_trials, held_out_trials }: DiscoveryDocument): string {

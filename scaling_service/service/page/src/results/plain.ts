@@ -1,5 +1,6 @@
 /** A result without a view of its own: its numbers as a tree, and everything to take away. */
 
+import { part } from "../api/connection.ts";
 import { getResult, listFiles } from "../api/jobs.ts";
 import { h } from "../ui/dom.ts";
 import { figures } from "../ui/words.ts";
@@ -10,7 +11,7 @@ const DEEP = 1;
 
 export const plain: ResultView = async (found) => {
   const files = await listFiles(found.job.id);
-  const inSpace = { name: "space", title: "In space", show: async (place: HTMLElement) => (await import("./space.ts")).space(found, place) };
+  const inSpace = { name: "space", title: "In space", show: async (place: HTMLElement) => (await part(() => import("./space.ts"))).space(found, place) };
   await parts("Parts of the result", found, [
     {
       name: "numbers",

@@ -52,6 +52,7 @@ function drawing(
     title: `${name}: residual ${what}, ${unit}`,
     name: `residual_${what}_${name}`,
     alt: `Residual ${what} of ${name} over time. Largest: ${peaks} ${unit}.${limit === undefined ? "" : ` Limit on the peak: ${number(limit, 0)}.`}`,
+    zoom: true,
     height: 240,
     option: (ink) => linesOption(ink, { x, curves, unit, levels, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => one.name)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],

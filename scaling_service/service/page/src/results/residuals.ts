@@ -88,13 +88,13 @@ function loads(document: DynamicsDocument): HTMLElement {
   const rows = Object.entries(document.trials).flatMap(([name, trial]) =>
     Object.entries(trial.joint_loads).map(([coordinate, load]) => [
       cell(words(coordinate)), cell(name), cell(load.unit), cell(number(load.peak), load.peak), cell(number(load.rms), load.rms)]));
-  return table({
+  return folded("Joint loads", table({
     caption: "Joint loads",
     name: "joint_loads",
     columns: ["coordinate", "trial", "unit", "peak", "RMS"].map((title) => ({ title })),
     rows,
     filter: true,
-  });
+  }));
 }
 
 const componentInWords = (name: string): string => name.replace("_", ", ").replace("Nm", "N m");

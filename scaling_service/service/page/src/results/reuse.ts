@@ -1,6 +1,6 @@
 /** A model that a job made follows other recordings: those of its subject, or new ones. */
 
-import { send } from "../api/http.ts";
+import { getBlob } from "../api/http.ts";
 import { ask, filePath } from "../api/jobs.ts";
 import { Problem } from "../api/problem.ts";
 import type { FileEntry } from "../api/schema.ts";
@@ -27,7 +27,7 @@ export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): H
     const recordings = [...(picked.files ?? [])];
     await refuseReplacing(subject, recordings);
     const model = `${job.id.slice(0, 8)}_${chosen.replaceAll("/", "_")}`;
-    await upload(subject, model, await (await send(filePath(job.id, chosen))).blob());
+    await upload(subject, model, await getBlob(filePath(job.id, chosen)));
     for (const file of recordings) await upload(subject, file.name, file);
     const names = recordings.map(({ name }) => name);
     const asked = await ask("motions", { subject, model, angles: true, ...(names.length > 0 ? { recordings: names } : {}) });
@@ -36,7 +36,7 @@ export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): H
   return h(
     "section",
     { class: "card" },
-    h("h3", null, "Use a model again"),
+    h("h2", null, "Use a model again"),
     h("p", { class: "quiet" }, "It follows other recordings of this person; without any chosen, all of the subject's movements."),
     h("div", { class: "actions" },
       models.length > 1 && select("model", models.map((name) => ({ value: name, text: name })), chosen, (name) => void (chosen = name)),

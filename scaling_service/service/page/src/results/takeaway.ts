@@ -58,9 +58,9 @@ function commands(kind: string, request: Record<string, unknown>): HTMLElement[]
   const route = ROUTES[kind];
   if (route === undefined) return [];
   return [
-    h("h3", null, "The same from a shell"),
+    h("h2", null, "The same from a shell"),
     h("pre", { tabindex: 0 }, curlLines(route, request)),
-    h("h3", null, "The same from Python"),
+    h("h2", null, "The same from Python"),
     h("pre", { tabindex: 0 }, pythonLines(route, request)),
   ];
 }

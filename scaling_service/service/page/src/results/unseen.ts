@@ -9,7 +9,7 @@ import { cell, table, type Cell } from "../ui/table.ts";
 import { figures } from "../ui/words.ts";
 
 const QUANTITIES = [
-  ["whitened", "all residuals over their noise floors", "times"],
+  ["whitened", "all together", "times the noise floor"],
   ["markers_mm", "markers", "mm"],
   ["force_N", "ground force", "N"],
   ["moment_Nm", "moment", "N m"],
@@ -37,7 +37,7 @@ function drawn(title: string, unit: string, level: LevelDocument, signal: AbortS
     name: `gap_${title.replaceAll(" ", "_")}`,
     alt: bars.map(({ name, value }) => `${name} ${figures(value)}`).join(", "),
     height: barsHeight(bars.length),
-    option: (ink) => barsOption(ink, { bars, axis: `RMS, ${unit}`, unit, left: 64 }),
+    option: (ink) => barsOption(ink, { bars, axis: `RMS, ${unit}`, unit, left: 110 }),
     rows: () => [["level", `rms_${unit}`], ...bars.map(({ name, value }) => [name, value])],
   }, signal).element;
 }

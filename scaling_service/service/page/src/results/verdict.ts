@@ -1,6 +1,7 @@
 /** Which method to use for this person, why, and how far to trust it. */
 
-import type { ComparisonDocument } from "../api/schema.ts";
+import { part } from "../api/connection.ts";
+import type { ComparisonDocument, VerdictDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { intervalsOption } from "../charts/intervals.ts";
 import { toJob, toSubject } from "../routes.ts";
@@ -9,7 +10,7 @@ import { h } from "../ui/dom.ts";
 import { METHODS } from "../ui/glossary.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
-import { number, plural } from "../ui/words.ts";
+import { number, plural, words } from "../ui/words.ts";
 import { union } from "./result.ts";
 import type { Finished } from "./result.ts";
 
@@ -24,17 +25,11 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
     const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== told.method && name in document.methods);
     place.append(
       h("div", { class: "outcome" },
-        h("div", null, callout(told.headline, TONES[told.strength], bullets(told.why)), onwards(found)),
+        h("div", null, callout(told.headline, TONES[told.strength], bullets(told.why)), onwards(found, told.strength === "decided"), trust(told)),
         h("div", null, seen, bars(document, found))),
-      table({
-        caption: `How far to trust ${told.method}`,
-        name: "trust",
-        columns: [{ title: "topic" }, { title: "trust" }, { title: "because", words: true }],
-        rows: told.trust.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text)]),
-      }),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
-    void import("./picture.ts").then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
+    void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
       .then((figure) => figure !== null && seen.append(figure))
       .catch(() => seen.append(h("p", { class: "quiet" }, "There is no picture of the models here.")));
   }
@@ -45,18 +40,32 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
   place.append(recordings(document));
 }
 
+function trust({ method, trust: all }: VerdictDocument): HTMLElement {
+  return table({
+    caption: `How far to trust ${method}`,
+    name: "trust",
+    columns: [{ title: "topic" }, { title: "trust" }, { title: "because", words: true }],
+    rows: all.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text.replace(SIDED, words))]),
+  });
+}
+
+/** A coordinate or segment in a sentence. */
+const SIDED = /\b[a-z]+(_[a-z]+)*_[rl]\b/g;
+
 function glossary(names: readonly string[]): HTMLElement {
   return folded("What the methods are", h("dl", { class: "facts" }, ...names.map((name) => h("div", null, h("dt", null, name), h("dd", null, METHODS[name] ?? "")))));
 }
 
 /** Where one goes from here. */
-function onwards({ job, origin }: Finished): HTMLElement {
+function onwards({ job, origin }: Finished, decided: boolean): HTMLElement {
   const { subject } = origin.specification.request;
   return h("nav", { class: "actions", "aria-label": "What to do next" },
     h("a", { class: "button", href: toJob(job.id, "space") }, "Play the models in space"),
     h("a", { class: "button", href: toJob(job.id, "angles") }, "Joint angles"),
     h("a", { class: "button", href: toJob(job.id, "files") }, "Take the model away"),
-    typeof subject === "string" && h("a", { class: "button", href: toSubject(subject, "run") }, "Find what the model lacks"));
+    ...(typeof subject === "string" ? [
+      h("a", { class: "button", href: toSubject(subject, "run") }, "Find what the model lacks"),
+      decided ? null : h("a", { class: "button", href: toSubject(subject) }, "Look at the recordings again")] : []));
 }
 
 /** The error of each method with its spread over the recordings' frames: held out where there is such a recording. */
@@ -64,13 +73,11 @@ function bars({ methods }: ComparisonDocument, { signal }: Finished): HTMLElemen
   const all = Object.values(methods);
   const heldOut = all.some(({ held_out_mean_mm }) => held_out_mean_mm !== null);
   const known = styles(all.map(({ method }) => method));
-  const intervals = all.flatMap(({ method, kinematic_error_mm }) => {
+  const intervals = all.flatMap(({ method, kinematic_error_mm, held_out_mean_mm, fitted_mean_mm }) => {
     const errors = Object.values(kinematic_error_mm).filter(({ role }) => (role === "evaluation") === heldOut);
-    const frames = errors.reduce((sum, one) => sum + one.frames, 0);
-    if (frames === 0) return [];
-    const middle = errors.reduce((sum, one) => sum + one.frames * one.mean, 0) / frames;
-    const square = errors.reduce((sum, one) => sum + one.frames * (one.sd ** 2 + (one.mean - middle) ** 2), 0) / frames;
-    const sd = Math.sqrt(square);
+    const middle = heldOut ? held_out_mean_mm : fitted_mean_mm;
+    if (middle === null || errors.length === 0) return [];
+    const sd = Math.sqrt(errors.reduce((sum, one) => sum + one.sd ** 2 + (one.mean - middle) ** 2, 0) / errors.length);
     return [{ name: method, low: middle - sd, middle, high: middle + sd, colour: known.get(method)?.colour ?? "" }];
   });
   return figure({
@@ -78,7 +85,7 @@ function bars({ methods }: ComparisonDocument, { signal }: Finished): HTMLElemen
     name: "verdict_errors_mm",
     alt: intervals.map(({ name, middle, high }) => `${name} ${number(middle)} ± ${number(high - middle)} mm`).join("; "),
     height: 66 + 24 * intervals.length,
-    option: (ink) => intervalsOption(ink, intervals, "mean distance between measured and model markers, mm", 70, 0),
+    option: (ink) => intervalsOption(ink, intervals, "mean distance, mm", 70, 0),
     rows: () => [["method", "mean_mm", "sd_mm"], ...intervals.map((one) => [one.name, one.middle, one.high - one.middle])],
   }, signal).element;
 }
@@ -102,8 +109,8 @@ function atAGlance({ methods }: ComparisonDocument): HTMLElement {
     rows: [
       line("error where fitted, mm", (method) => method.fitted_mean_mm, 1),
       line("error held out, mm", (method) => method.held_out_mean_mm, 1),
-      line("held out over fitted", (method) => method.held_out_ratio, 2),
-      line("fitted numbers", (method) => method.parameters.length, 0),
+      line("ratio of held out to fitted", (method) => method.held_out_ratio, 2),
+      line("fitted parameters", (method) => method.parameters.length, 0),
       line("of these not determined", (method) => method.parameters.filter((one) => !one.identifiable).length, 0),
       line("of these at their bounds", (method) => method.parameters.filter((one) => one.at_bound).length, 0),
     ],

@@ -40,23 +40,24 @@ function chapter(effect: EffectDocument): HTMLElement[] {
   ];
 }
 
-function numbers({ parameters, smallest_nameable }: EffectDocument): HTMLElement {
+function numbers(effect: EffectDocument): HTMLElement {
   return table({
-    caption: "Its numbers",
+    caption: `Numbers of the ${placed(effect)}`,
     name: "effect",
     columns: ["number", "value", "95 % interval", "met", "named from"].map((title) => ({ title })),
-    rows: Object.entries(parameters).map(([name, quantity]) => [
+    rows: Object.entries(effect.parameters).map(([name, quantity]) => [
       cell(name),
       cell(valueOf(quantity), undefined, doubtful(quantity) ? "fair" : undefined),
       cell(interval(quantity)),
       cell(quantity.usual == null ? "–" : quantity.usual.map((end) => figures(end)).join(" to ")),
-      cell(figures(smallest_nameable[name]), smallest_nameable[name] ?? null),
+      cell(figures(effect.smallest_nameable[name]), effect.smallest_nameable[name] ?? null),
     ]),
     note: "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in laboratories. Named from: the size that is named nine times in ten.",
   });
 }
 
-const valueOf = ({ value }: QuantityDocument): string => (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value));
+const valueOf = ({ value, at_bound }: QuantityDocument): string =>
+  (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value)) + (at_bound ? ", a bound of the search" : "");
 
 /** Whether a number stands at a bound of the search, or outside of what laboratories meet. */
 const doubtful = ({ value, usual, at_bound }: QuantityDocument): boolean =>

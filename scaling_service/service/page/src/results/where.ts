@@ -15,6 +15,10 @@ const OBSERVABLES = [
 ] as const;
 
 export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
+  const [most] = [...disagreements].sort((a, b) => (b.share ?? 0) - (a.share ?? 0));
+  if (most !== undefined) {
+    place.append(h("p", null, h("b", null, `Model and recordings disagree most at ${most.where}: ${figures(most.rms)} ${most.unit}, where noise alone would leave ${figures(most.floor)} ${most.unit}.`)));
+  }
   place.append(h("p", null,
     "The model follows every recording as closely as it can. What is left over is compared with the noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark are explained."));
   for (const [observable, title, unit] of OBSERVABLES) {

@@ -3,8 +3,7 @@
  * Until a block is there, the overview stands in for it, so that nothing waits.
  */
 
-import { send } from "../api/http.ts";
-import { asProblem, isAbort } from "../api/problem.ts";
+import { getBytes } from "../api/http.ts";
 import type { ArrayEntry } from "../api/schema.ts";
 
 const BLOCK_BYTES = 1 << 20;
@@ -40,7 +39,7 @@ export class Frames {
   async begin(): Promise<void> {
     const { overview } = this.stored;
     if (overview === null) return this.load(0);
-    this.overview = floats(await (await send(this.path(overview.file), { signal: this.signal })).arrayBuffer());
+    this.overview = floats(await getBytes(this.path(overview.file), { signal: this.signal }));
     this.want(0);
   }
 
@@ -57,8 +56,7 @@ export class Frames {
   /** All frames, or every `step`-th of what is long. */
   async whole(): Promise<{ values: Float32Array; step: number }> {
     const { file, overview } = this.stored;
-    const answer = await send(this.path(overview?.file ?? file), { signal: this.signal });
-    return { values: floats(await answer.arrayBuffer()), step: overview?.step ?? 1 };
+    return { values: floats(await getBytes(this.path(overview?.file ?? file), { signal: this.signal })), step: overview?.step ?? 1 };
   }
 
   /** Have a frame and those that follow ready. */
@@ -83,7 +81,7 @@ export class Frames {
       this.changed();
     } catch (error) {
       this.blocks.delete(place);
-      if (!isAbort(error)) throw asProblem(error);
+      throw error;
     }
   }
 
@@ -92,7 +90,7 @@ export class Frames {
     const last = Math.min(first + this.block, this.count);
     const [from, to] = [first, last].map((frame) => 4 * this.width * frame) as [number, number];
     const headers: Record<string, string> = first === 0 && last === this.count ? {} : { Range: `bytes=${from}-${to - 1}` };
-    return floats(await (await send(this.path(this.stored.file), { headers, signal: this.signal })).arrayBuffer());
+    return floats(await getBytes(this.path(this.stored.file), { headers, signal: this.signal }));
   }
 
   /** Let the blocks go that are furthest from what was just fetched. */

@@ -1,5 +1,6 @@
 /** One recording in space: measured markers, the bodies that are shown, plates and forces, at one frame. */
 
+import { getBytes } from "../api/http.ts";
 import type { ArrayEntry, BodyEntry, PlateEntry } from "../api/schema.ts";
 import { Vector3, type Object3D } from "three";
 import { inkOf } from "../charts/ink.ts";
@@ -228,8 +229,7 @@ export class Theatre {
 
   private async dress(actor: Actor, file: string): Promise<void> {
     actor.dressed = true;
-    const { send } = await import("../api/http.ts");
-    await actor.body.dress(await (await send(this.path(file), { signal: this.signal })).arrayBuffer());
+    await actor.body.dress(await getBytes(this.path(file), { signal: this.signal }));
     actor.body.detail(this.coarse);
     actor.body.showBones(this.bones);
     actor.body.showMarkers(this.markers);

@@ -15,11 +15,19 @@ interface Help {
 
 const GIVEN: Record<string, string> = { subject: "height", "trials.static": "static", forces: "forces" };
 
+/** Where on the page stands what a subject file calls so. */
+const PLACES: Record<string, string> = {
+  "trials.evaluation": "Files as “evaluation: held out”", "trials.static": "Files as “static”", markers: "“2 Markers”", extra_markers: "“Further labels” of “2 Markers”",
+};
+
+const onPage = (remedy: string): string => remedy.replace(/`([a-z_.]+):?`/g, (written, name: string) => PLACES[name] ?? written);
+
 /** Errors first, then what is to be looked at, each with what solves it; what asks for nothing is folded. */
 export function problemList(all: readonly ProblemEntry[], { correct, give }: Help): HTMLElement {
   const box = (one: ProblemEntry): HTMLElement => {
-    const element = problemBox(one, one.severity);
     const field = GIVEN[one.field ?? ""];
+    // Where a button does it, nobody has to know what is written into the subject file.
+    const element = problemBox({ ...one, remedy: field === undefined && one.corrections.length === 0 && one.remedy != null ? onPage(one.remedy) : null }, one.severity);
     const buttons = one.corrections.map((found) => {
       const span = `from ${found.from_s.toFixed(2)} to ${found.to_s.toFixed(2)} s`;
       return h("button", { onclick: () => correct(found.file, found) }, `Exchange ${Object.keys(found.labels).join(" and ")} in ${found.file} ${span}`);

@@ -1,7 +1,7 @@
 /** Files for the person: made here, or fetched with the key that a plain link cannot carry. */
 
 import { currentKey } from "../api/key.ts";
-import { send, sendJson } from "../api/http.ts";
+import { getBlob, sendJson } from "../api/http.ts";
 import { h } from "./dom.ts";
 
 export function save(name: string, content: Blob): void {
@@ -17,7 +17,7 @@ export function saveText(name: string, text: string, type = "text/csv"): void {
 /** Download from the service; files go to the disk by themselves, whatever their size. */
 export async function download(path: string, name: string): Promise<void> {
   if (currentKey() === null || isFile(path)) h("a", { href: await openable(path), download: name }).click();
-  else save(name, await (await send(path)).blob());
+  else save(name, await getBlob(path));
 }
 
 /** Open a page that the service keeps, such as a report, beside this one. */

@@ -30,6 +30,9 @@ export function chance(p: number | null | undefined): string {
   return p >= 0.01 ? p.toFixed(2) : p.toFixed(3);
 }
 
+/** The same in a sentence. */
+export const withChance = (p: number | null | undefined): string => (p != null && p < 1e-3 ? "p < 0.001" : `p = ${chance(p)}`);
+
 export const percent = (share: number | null | undefined): string =>
   share === null || share === undefined ? DASH : `${Math.round(100 * share)} %`;
 

@@ -1,5 +1,6 @@
 /** One job: its progress while it runs, then what it found. */
 
+import { part } from "../api/connection.ts";
 import { Problem } from "../api/problem.ts";
 import { end, finished, getJob, getOrigin } from "../api/jobs.ts";
 import type { JobDocument, Origin } from "../api/schema.ts";
@@ -60,20 +61,20 @@ function head(job: JobDocument, { specification }: Origin, failed: HTMLElement):
 async function viewOf(kind: string): Promise<ResultView> {
   switch (kind) {
     case "scaling":
-      return (await import("../results/comparison.ts")).comparison;
+      return (await part(() => import("../results/comparison.ts"))).comparison;
     case "discovery":
-      return (await import("../results/discovery.ts")).discovery;
+      return (await part(() => import("../results/discovery.ts"))).discovery;
     case "motion":
-      return (await import("../results/motion.ts")).motion;
+      return (await part(() => import("../results/motion.ts"))).motion;
     case "dynamics":
-      return (await import("../results/dynamics.ts")).dynamics;
+      return (await part(() => import("../results/dynamics.ts"))).dynamics;
     case "consistent":
-      return (await import("../results/consistent.ts")).consistent;
+      return (await part(() => import("../results/consistent.ts"))).consistent;
     case "batch":
-      return (await import("../results/cohort.ts")).cohort;
+      return (await part(() => import("../results/cohort.ts"))).cohort;
     case "proof":
-      return (await import("../results/proof.ts")).proof;
+      return (await part(() => import("../results/proof.ts"))).proof;
     default:
-      return (await import("../results/plain.ts")).plain;
+      return (await part(() => import("../results/plain.ts"))).plain;
   }
 }

@@ -1,9 +1,7 @@
 /** A list of jobs that keeps itself up to date. */
 
-import { isOver } from "../api/events.ts";
-import { jobsOf } from "../api/events.ts";
+import { isOver, jobsOf } from "../api/events.ts";
 import { end, getOrigin } from "../api/jobs.ts";
-import { isAbort } from "../api/problem.ts";
 import type { JobDocument, Specification } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { fill, h } from "../ui/dom.ts";
@@ -53,11 +51,7 @@ function entry(job: JobDocument, signal: AbortSignal, compact: boolean): HTMLEle
 }
 
 async function follow(job: JobDocument, show: (job: JobDocument) => void, signal: AbortSignal): Promise<void> {
-  try {
-    for await (const latest of jobsOf(job.id, job.revision, signal)) show(latest);
-  } catch (error) {
-    if (!isAbort(error)) throw error;
-  }
+  for await (const latest of jobsOf(job.id, job.revision, signal)) show(latest);
 }
 
 function tookOf({ started_at, finished_at }: JobDocument): string {

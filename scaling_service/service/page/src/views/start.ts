@@ -22,7 +22,7 @@ export const start: View = async (context) => {
         h("p", null, "Up to five methods scale a body model to the person; you see which one to use and how far to trust it."),
         h("p", null, "Where model and recordings still disagree, a search names the missing effect and checks it on recordings that it has not seen."),
         tryOut()),
-      h("figure", null, h("img", { src: result, width: 1100, height: 564, alt: "A verdict: which method to use and why, the models in space over measured markers, and the error of each method with its spread." }),
+      h("figure", null, h("img", { src: result, width: 1100, height: 554, alt: "A verdict: which method to use, why and how far to trust it, the models in space over measured markers, and the error of each method with its spread." }),
         h("figcaption", { class: "note" }, "What you get: the verdict on the example"))),
     bring(),
   );
@@ -43,7 +43,7 @@ function tryOut(): HTMLElement {
       button.disabled = false;
     });
   } }, "Load the example");
-  return h("div", null, h("div", { class: "actions" }, button, h("span", { class: "quiet" }, "A virtual person with bones, and an effect hidden in the recordings.")), told);
+  return h("div", null, h("div", { class: "actions" }, button, h("span", { class: "quiet" }, "A virtual person with bones, and two effects hidden in the recordings.")), told);
 }
 
 async function loadExample(): Promise<void> {
@@ -54,7 +54,7 @@ async function loadExample(): Promise<void> {
 async function goOn({ main, signal }: Context): Promise<void> {
   const [subjects, jobs] = await Promise.all([listSubjects(signal), listJobs({ limit: "30" }, signal)]);
   if (signal.aborted || subjects.length === 0) return;
-  const analyses = jobs.items.filter(({ kind }) => kind !== "proof").slice(0, 8);
+  const analyses = jobs.items.filter(({ kind }) => kind !== "proof" && kind !== "batch-member").slice(0, 8);
   const recent = subjects.slice(0, 8);
   main.append(
     h(

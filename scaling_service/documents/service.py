@@ -171,12 +171,27 @@ class MethodWord(Part):
     needs_images: bool
 
 
+class GaitAngleWord(Part):
+    """A conventional angle of gait laboratories."""
+
+    name: str
+    title: str
+    negative: str = Field(description="What its negative values mean.")
+    positive: str = Field(description="What its positive values mean.")
+    usual_deg: list[float] | None = Field(
+        description="The reference population's mean over the gait cycle, at even steps from 0 to 100 %; "
+        "null where it has none."
+    )
+    usual_sd_deg: list[float] | None
+
+
 class Vocabulary(Part):
     """Built-in models, methods and bones."""
 
     models: list[ModelWord]
     methods: list[MethodWord]
     bones: list[str] = Field(description="Segments of which meshes can be given.")
+    gait_angles: list[GaitAngleWord]
     hidden_in_example: list[str] = Field(
         description="What the built-in example's recordings hold that its model lacks, a sentence each: the "
         "answer to a discovery on it."

@@ -34,8 +34,13 @@ pytestmark = [
 
 NO_WORSE = 1.001
 ROUNDS = 3
-NAMES = ("gait2354", "rajagopal_walk", "opencap_squat")
+NAMES = ("gait2354", "rajagopal_walk", "opencap_squat", "opencap_walk")
+MOST_WALK_S = 12e-3
 
+FIXED = (
+    "Some 13 steps of about 200 NumPy calls each, whatever the number of frames: seven for the 18 that "
+    "begin, five for all, one made again. Ask for a better first guess or a compiled sweep."
+)
 SHORT = (
     "Measured at 151 frames: 73 to 77 us per frame, 26 to 28 times faster than the solver and 60 times "
     "faster than its tool (29 times without coordinate tasks). Few frames of a small model: most of our "
@@ -101,6 +106,7 @@ def cases(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[s
         Case(NAMES[0], scaled_gait2354(shared_data, scratch), gait / "subject01_walk1.trc", *tasks),
         Case(NAMES[1], scaled_rajagopal(shared_data, scratch), walk / "motion_capture_walk.trc", *walk_tasks),
         Case(NAMES[2], hand_scaled, squat / "squats1.trc", every, {}),
+        Case(NAMES[3], hand_scaled, squat / "walking1.trc", every, {}),
     )
     return {case.name: case for case in found}
 
@@ -176,6 +182,12 @@ def test_it_is_many_times_faster_than_opensims_solver(
     rows: Mapping[str, Row], name: str, at_least: float
 ) -> None:
     assert rows[name].ratio >= at_least
+
+
+@pytest.mark.xfail(reason=FIXED, raises=AssertionError, strict=True)
+def test_a_walk_of_131_frames_takes_little(rows: Mapping[str, Row]) -> None:
+    walk = rows["opencap_walk"]
+    assert walk.frames * walk.ours.s_per_frame <= MOST_WALK_S
 
 
 @pytest.mark.skipif(interpreter() is None, reason="SCALING_SERVICE_NIMBLE names no interpreter")

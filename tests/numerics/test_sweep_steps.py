@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
-from scaling_service.numerics.multibody.tree import forward, jacobian, marker_positions, positions
+from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, marker_positions, positions
 from tests.numerics.bodies import Array, leg, leg_motion, random_tree, slow_jacobian
 from tests.numerics.swept import SEEDS, Case, case
 
@@ -60,16 +60,9 @@ def test_undamped_step_of_a_spline_coupled_knee_with_priors_is_dense_too() -> No
         np.testing.assert_allclose(found.q[k] - this.start[k], step, rtol=0, atol=1e-9 * np.abs(step).max())
 
 
-@settings(max_examples=20, deadline=None)
-@given(seed=SEEDS, n_segments=st.integers(1, 5))
-def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
-    """The exact Hessian by differences of the Jacobian; residuals are large, so that it differs."""
-    rng = np.random.default_rng(seed)
-    model = random_tree(rng, n_segments, markers_each=4)
-    n = len(model.coordinates)
-    q, tree, none = rng.uniform(-1.0, 1.0, (1, n)), compile_model(model), np.zeros(0)
-    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
-    weights = rng.uniform(0.5, 2.0, len(model.markers))
+def curvature_and_slope(tree: Tree, q: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
+    """The exact Hessian of half the cost by differences of the Jacobian, and the way down, at one pose."""
+    n, none = q.shape[1], np.zeros(0)
 
     def rates(at: Array) -> Array:
         poses = forward(tree, np.ascontiguousarray(at.T), none)
@@ -79,10 +72,23 @@ def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
     gap = (measured - marker_positions(tree, q, none)).ravel()
     steps = 1e-5 * np.eye(n)
     bend = np.array([(rates(q + h) - rates(q - h)).T @ (heavy * gap) / 2e-5 for h in steps])
-    hessian = jac.T @ (heavy[:, None] * jac) - bend
+    return jac.T @ (heavy[:, None] * jac) - bend, jac.T @ (heavy * gap)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=SEEDS, n_segments=st.integers(1, 5))
+def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
+    """Residuals are large, so that it differs from Gauss-Newton's."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(rng, n_segments, markers_each=4)
+    n = len(model.coordinates)
+    q, tree, none = rng.uniform(-1.0, 1.0, (1, n)), compile_model(model), np.zeros(0)
+    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
+    weights = rng.uniform(0.5, 2.0, len(model.markers))
+    hessian, slope = curvature_and_slope(tree, q, measured, weights)
     if np.linalg.eigvalsh(hessian)[0] < 1e-3:
         return  # the sweep takes pivots at their size there
-    expected = np.linalg.solve(hessian + TINY * weights.sum() * np.eye(n), jac.T @ (heavy * gap))
+    expected = np.linalg.solve(hessian + TINY * weights.sum() * np.eye(n), slope)
     found = solve_motion(tree, measured, weights, q, none, settings=replace(ONE_STEP, close=True))
     if np.abs(expected).max() > 0.5:
         return  # beyond the longest step allowed
@@ -133,3 +139,37 @@ def test_no_coordinate_moves_by_more_than_the_longest_step() -> None:
     this = Case(this.model, this.truth, this.truth + 0.5, this.measured, this.weights, {})
     found = this.solve(SweepSettings(max_steps=2, longest=0.05))
     assert np.abs(found.q - this.start).max() <= 2 * 0.05 + 1e-12
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_knows_of_a_coordinate_that_it_takes_to_its_bound(seed: int) -> None:
+    """Whether it goes past the bound by itself or by what carries it: the others' step is the dense one."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(rng, 4, markers_each=4)
+    n, tree, none = len(model.coordinates), compile_model(model), np.zeros(0)
+    truth = rng.uniform(-1.0, 1.0, (1, n))
+    measured = marker_positions(tree, truth, none) + rng.normal(0.0, 1e-3, (1, len(model.markers), 3))
+    weights, q = rng.uniform(0.5, 2.0, len(model.markers)), truth + rng.normal(0.0, 1e-2, truth.shape)
+    hessian, slope = curvature_and_slope(tree, q, measured, weights)
+    hessian += TINY * weights.sum() * np.eye(n)
+    if np.linalg.eigvalsh(hessian)[0] < 1e-3:
+        return  # the sweep takes pivots at their size there
+    how = replace(ONE_STEP, close=True)
+    for k, free in enumerate(np.linalg.solve(hessian, slope)):
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        (high if free > 0.0 else low)[k] = q[0, k] + 0.5 * free
+        found = solve_motion(tree, measured, weights, q, none, bounds=(low, high), settings=how).q[0] - q[0]
+        rest = np.arange(n) != k
+        others = np.linalg.solve(hessian[np.ix_(rest, rest)], slope[rest] - hessian[rest, k] * 0.5 * free)
+        np.testing.assert_allclose(found[k], 0.5 * free, rtol=1e-5)
+        np.testing.assert_allclose(found[rest], others, rtol=0, atol=1e-5 * np.abs(found).max())
+
+
+def test_half_a_step_is_tried_before_a_stronger_damping(monkeypatch: pytest.MonkeyPatch) -> None:
+    this = case(20, n=200, noise=0.03)
+    this = replace(this, start=this.truth + np.random.default_rng(0).normal(0.0, 0.6, this.truth.shape))
+    half = this.solve(SweepSettings())
+    monkeypatch.setattr("scaling_service.numerics.multibody.sweep._SHORTER", 1.0)
+    damped = this.solve(SweepSettings())
+    assert half.steps.mean() < damped.steps.mean()
+    assert np.median(half.cost) <= np.median(damped.cost) * (1.0 + 1e-6)

@@ -16,6 +16,7 @@ from scaling_service.capabilities.cohort.document import (
 from scaling_service.capabilities.cohort.report import cohort_page
 from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
 from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort.verdict import headline, reasons
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.report.reading import Node, read
 
@@ -50,6 +51,8 @@ def page_of(people: list[SubjectSummary]) -> tuple[Node, StatisticsDocument]:
         methods_asked=None,
         settings={},
         seed=0,
+        headline=headline(found),
+        why=reasons(found),
         subjects=[
             SubjectEntry(
                 id=p.subject,
@@ -101,6 +104,9 @@ def test_the_summary_ranks_by_the_error_and_names_the_nearest(
         r"smallest first: MB_am [45]\.\d, EB [67]\.\d, MB 1[12]\.\d\. The methods differ", page.text
     )
 
+    assert re.search(
+        r"MB_am follows the markers of 9 persons most closely, to [45]\.\d mm on held-out trials", page.text
+    )
     assert "Lengths against the image, RMS in mm, nearest first" in page.text
     assert "Joint angles differ between methods in the gait cycle for knee angle, right" in page.text
 

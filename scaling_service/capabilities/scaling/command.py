@@ -39,7 +39,7 @@ def scale(
 
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
-    _compare(subject, out, (method,), settings, ComparisonOptions(export=options.export), comparison=False)
+    _compare(subject, out, (method,), settings, ComparisonOptions(**options.model_dump()), comparison=False)
 
 
 @with_flags

@@ -92,7 +92,7 @@ def scale_by_one(
     request: LinearRequest | OptimisedRequest, inputs: Path, outputs: Path, progress: Progress
 ) -> Any:
     """Write the method's folder; its ``scaling.json`` is the result. Raises as the comparison does."""
-    options = ComparisonOptions(export=request.export)
+    options = ComparisonOptions(**request.part(ScaleOptions).model_dump())
     _scale(request, (request.method,), inputs, outputs, progress, options, comparison=False)
     return json.loads((outputs / request.method / "scaling.json").read_text(encoding="utf-8"))
 

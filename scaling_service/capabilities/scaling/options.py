@@ -21,6 +21,12 @@ class ScaleOptions(Options):
         description="Further forms of each model's skeleton, with markers and inertia: mjcf (MuJoCo), biomod "
         "(biorbd).",
     )
+    muscle_points: Annotated[Literal["scaled", "surface"], Flag(name="--muscle-points")] = Field(
+        default="scaled",
+        description="Where muscles are attached in the image-based methods' .osim models: scaled with their "
+        "segments, or moved with the surface from the model's own bone (whose geometry file lies beside the "
+        "model) to the person's.",
+    )
 
 
 class ComparisonOptions(ScaleOptions):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +14,12 @@ from scaling_service.capabilities.motion.kinematic_error import KinematicError, 
 from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry, list_doubts
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison, compare_muscles
+from scaling_service.capabilities.scaling.muscles.surface import MovedAttachments, follow_surfaces
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.core.tables import ResultTable
 from scaling_service.files.osim import render_osim
@@ -54,6 +56,8 @@ class Scaling:
         Wall time of all motions, s.
     osim : str, optional
         The text of the model's file for OpenSim, where it is made already.
+    attachments : mapping of str to MovedAttachments
+        Segment to its muscles' attachments, where they follow the person's bone.
 
     Examples
     --------
@@ -71,6 +75,7 @@ class Scaling:
     geometry: Geometry
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
+    attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
@@ -307,6 +312,8 @@ def run(
             part(f"{method}: fitting", 0.0)
             found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
             scalings[method] = _evaluate(with_mass(found, session), session, part)
+            if options.muscle_points == "surface":
+                scalings[method] = _on_surfaces(scalings[method], session)
     results = Results(loaded, settings, scalings, subject_file=loaded.file, options=options)
     if options.muscles:
         with loaded.blamed():
@@ -328,13 +335,32 @@ def _with_muscles(results: Results, progress: Progress) -> Results:
     """The results with what each method makes of the muscles, on held-out trials where there are some."""
     session = results.session
     scalings = {
-        name: replace(s, osim=render_scaled(s.calibration, session)) for name, s in results.scalings.items()
+        name: s if s.osim is not None else replace(s, osim=render_scaled(s.calibration, session))
+        for name, s in results.scalings.items()
     }
     trials = results.held_out or tuple(trial.name for trial in session.dynamic)
     models = {name: (s.calibration.model, s.osim or "") for name, s in scalings.items()}
     motions = {name: s.motions for name, s in scalings.items()}
     found = compare_muscles(results.loaded, models, motions, trials, progress)
     return replace(results, scalings=scalings, muscles=found)
+
+
+def _on_surfaces(scaling: Scaling, session: Session) -> Scaling:
+    """The scaling with muscles attached where the person's bones are, if it lies on bones."""
+    calibration, source = scaling.calibration, session.subject.model
+    if not source.lower().endswith(".osim"):
+        raise SubjectInvalid(
+            "no muscles can follow the bones: the subject's model is no .osim model",
+            field="model",
+            remedy="Give an .osim model with muscles, or leave out --muscle-points",
+        )
+    if session.images is None or not calibration.image_poses:
+        return scaling
+    found = follow_surfaces(
+        render_scaled(calibration, session), calibration, session.images.bones, Path(source)
+    )
+    told = replace(calibration, warnings=(*calibration.warnings, *found.notes))
+    return replace(scaling, calibration=told, osim=found.osim, attachments=found.moved)
 
 
 def render_scaled(calibration: Calibration, session: Session) -> str:

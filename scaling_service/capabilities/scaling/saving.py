@@ -29,6 +29,7 @@ from scaling_service.capabilities.scaling.clinical_gait import (
 )
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
+from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.muscles.writing import muscle_document, write_courses
 from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
@@ -147,6 +148,8 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
     except DependencyMissing as error:
         warnings.append(f"model.osim was not written: {error}")
+    if scaling.attachments:
+        write_attachments(folder / "attachments.csv", scaling.attachments)
     for form in results.options.export:
         file, write = ENGINES[form]
         skeleton = write(calibration.model)

@@ -23,7 +23,7 @@ def measure(request: Mapping[str, Any]) -> dict[str, Any]:
     file.write_text(request["text"], encoding="utf-8")
     osim = load(file)
     muscles = items(osim.getMuscles())
-    paths = [_path(muscle) for muscle in muscles]
+    paths = [find_path(muscle) for muscle in muscles]
     frames = len(next(iter(request["q"].values())))
     lengths, forces = np.zeros((frames, len(muscles))), np.zeros((frames, len(muscles), 0))
     if muscles and frames:
@@ -45,7 +45,8 @@ def measure(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"muscles": [m.getName() for m in muscles], "lengths": lengths.tolist(), "arms": arms}
 
 
-def _path(muscle: Any) -> Any:
+def find_path(muscle: Any) -> Any:
+    """A muscle's path (ModelRefused: it is not made of points)."""
     path = opensim().GeometryPath.safeDownCast(muscle.getComponent("path"))
     if path is None:
         raise ModelRefused(

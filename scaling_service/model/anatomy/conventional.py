@@ -45,6 +45,21 @@ ANGLES: Final = PELVIS + HIP + KNEE + ANKLE + FOOT
 """All angles of one side. Anterior tilt, own side up, own side forward, flexion, adduction (of the knee:
 varus), inward rotation, dorsiflexion, toes inward are positive."""
 
+WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
+    "pelvis_anterior_tilt": ("pelvic tilt", "back", "front"),
+    "pelvis_obliquity_up": ("pelvic obliquity", "down", "up"),
+    "pelvis_internal_rotation": ("pelvic rotation", "back", "forward"),
+    "hip_flexion": ("hip flexion", "extension", "flexion"),
+    "hip_adduction": ("hip adduction", "abduction", "adduction"),
+    "hip_internal_rotation": ("hip rotation", "out", "in"),
+    "knee_flexion": ("knee flexion", "extension", "flexion"),
+    "knee_adduction": ("knee adduction", "valgus", "varus"),
+    "knee_internal_rotation": ("knee rotation", "out", "in"),
+    "ankle_dorsiflexion": ("ankle dorsiflexion", "plantar", "dorsal"),
+    "foot_internal_progression": ("foot progression", "out", "in"),
+}
+"""Angle to its name, and what its negative and positive values mean."""
+
 
 def conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) -> dict[str, Array]:
     """The conventional angles of one side, as far as the landmarks tell them.

@@ -7,15 +7,18 @@ from functools import cache
 from http import HTTPStatus
 from typing import Annotated, Any
 
+import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.text import describe_effect
+from scaling_service.capabilities.scaling.clinical_gait import schwartz2008
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents.service import (
     CoordinateWord,
     ExampleList,
+    GaitAngleWord,
     MarkerMap,
     MarkerMapDocument,
     MarkerWord,
@@ -23,6 +26,7 @@ from scaling_service.documents.service import (
     ModelWord,
     Vocabulary,
 )
+from scaling_service.model.anatomy.conventional import ANGLES, WAYS
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.service.http.bodies import in_writer_thread, read_model
@@ -107,7 +111,21 @@ def vocabulary() -> Vocabulary:
             for name, m in METHODS.items()
         ],
         bones=list(BONES),
+        gait_angles=[_gait_angle(name) for name in ANGLES if name in WAYS],
         hidden_in_example=[_sentence(one) for one in (SLIDING, SWAPPED)],
+    )
+
+
+def _gait_angle(name: str) -> GaitAngleWord:
+    title, negative, positive = WAYS[name]
+    usual = schwartz2008().bands.get(name)
+    return GaitAngleWord(
+        name=name,
+        title=title,
+        negative=negative,
+        positive=positive,
+        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
+        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
     )
 
 

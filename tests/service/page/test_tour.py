@@ -13,6 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -135,6 +136,15 @@ def reads(visitor: Visitor, look: Look) -> None:
     drawing = visitor.saves("SVG", name)
     assert ElementTree.parse(drawing).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     assert visitor.saves("PNG", name).read_bytes().startswith(b"\x89PNG")
+    look()
+    visitor.page.get_by_label("Over", exact=True).select_option("as a clinic reads them")
+    visitor.sees("of 83 typically developing children")
+    knee = visitor.saves("CSV", "knee flexion, deg: flexion +, extension −")
+    rows = list(csv.reader(knee.read_text(encoding="utf-8").splitlines()))
+    columns = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+    assert columns["percent"][-1] == 100.0
+    assert 45.0 < columns["usual_mean_deg"].max() < 70.0  # a swinging knee, of children and of the example
+    assert 45.0 < columns["right_mean_deg"].max() < 80.0
     look()
     visitor.follow("Forces")
     visitor.sees("The forces of this subject were not checked yet")

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, Band, schwartz2008
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
-from scaling_service.model.anatomy.conventional import ANGLES
+from scaling_service.model.anatomy.conventional import ANGLES, WAYS
 from scaling_service.report.blocks import (
     Block,
     Bullets,
@@ -153,21 +153,6 @@ _SIDES: Final[Mapping[_Side, tuple[str, Style]]] = {
 _BAND = "rgba(154,165,177,0.35)"
 """The palette's faint grey, seen through."""
 
-_WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
-    "pelvis_anterior_tilt": ("pelvic tilt", "back", "front"),
-    "pelvis_obliquity_up": ("pelvic obliquity", "down", "up"),
-    "pelvis_internal_rotation": ("pelvic rotation", "back", "forward"),
-    "hip_flexion": ("hip flexion", "extension", "flexion"),
-    "hip_adduction": ("hip adduction", "abduction", "adduction"),
-    "hip_internal_rotation": ("hip rotation", "out", "in"),
-    "knee_flexion": ("knee flexion", "extension", "flexion"),
-    "knee_adduction": ("knee adduction", "valgus", "varus"),
-    "knee_internal_rotation": ("knee rotation", "out", "in"),
-    "ankle_dorsiflexion": ("ankle dorsiflexion", "plantar", "dorsal"),
-    "foot_internal_progression": ("foot progression", "out", "in"),
-}
-"""Angle to its name, and what its negative and positive values mean."""
-
 _RESTS_ON = (
     "Hip, knee, ankle: turns between frames through the model's joint centres and lateral knee and ankle "
     "markers (Kadaba 1990, Davis 1991). Knee rotation counts from the model's neutral pose, so that tibial "
@@ -231,7 +216,7 @@ def _has(shown: ClinicalDocument, angle: str) -> bool:
 
 
 def _figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
-    title, low, high = _WAYS[angle]
+    title, low, high = WAYS[angle]
     traces = [band(np.degrees(usual.mean), np.degrees(usual.sd), _BAND)]
     curves = {side: shown.sides[side].curves[angle] for side in _SIDES if _in(shown, side, angle)}
     for side, curve in curves.items():
@@ -268,7 +253,7 @@ def _line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
 def _profile(shown: ClinicalDocument) -> Figure:
     scored = [a for a in VARIABLES if any(a in side.gvs_deg for side in shown.sides.values())]
     whole = any(side.gps_deg is not None for side in shown.sides.values())
-    names = [*(_WAYS[angle][0] for angle in scored), *(["GPS"] if whole else [])]
+    names = [*(WAYS[angle][0] for angle in scored), *(["GPS"] if whole else [])]
     labels = [name.replace(" ", "<br>") for name in names]
     bars: list[go.Bar | go.Scatter] = []
     said = []
@@ -308,7 +293,7 @@ def _profile(shown: ClinicalDocument) -> Figure:
 def _score_in_words(method: str, shown: ClinicalDocument) -> str:
     if shown.gps_deg is None:
         missing = [
-            _WAYS[angle][0] for angle in VARIABLES if not all(_in(shown, side, angle) for side in _SIDES)
+            WAYS[angle][0] for angle in VARIABLES if not all(_in(shown, side, angle) for side in _SIDES)
         ]
         return f"No Gait Profile Score of both sides is given by {method}: it lacks {', '.join(missing)}."
     sides = ", ".join(f"{_SIDES[s][0]} {number(shown.sides[s].gps_deg)}" for s in _SIDES if s in shown.sides)
@@ -331,7 +316,7 @@ def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
     if any(totals):
         yield Table("Gait Profile Score by method, degrees", columns, [row for row in totals if row])
     rows = [
-        _row(f"{_WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of])
+        _row(f"{WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of])
         for s, of in sides.items()
         for angle in VARIABLES
     ]

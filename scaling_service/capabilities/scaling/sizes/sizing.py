@@ -19,14 +19,12 @@ from scaling_service.capabilities.scaling.methods.functional import FunctionalJo
 from scaling_service.capabilities.scaling.sizes.measurements import per_axis
 from scaling_service.capabilities.scaling.sizes.points import (
     PersonPoints,
-    Ratios,
-    centre_sds,
-    measure_ratios,
     model_points,
     person_points,
     read_landmarks,
     standing_leg_lengths,
 )
+from scaling_service.capabilities.scaling.sizes.ratios import Ratios, centre_sds, measure_ratios
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import few

@@ -553,6 +553,15 @@ export interface FriedmanEntry {
   pairs: Array<RankedPairEntry>;
 }
 
+export interface GaitAngleWord {
+  name: string;
+  title: string;
+  negative: string;
+  positive: string;
+  usual_deg: Array<number> | null;
+  usual_sd_deg: Array<number> | null;
+}
+
 export interface GaitEntry {
   trials: Array<string>;
   held_out: boolean;
@@ -693,6 +702,7 @@ export interface JointAngleComparison {
 
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -735,6 +745,7 @@ export interface KinematicErrorDocument {
 
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -794,6 +805,7 @@ export interface LevelDocument {
 
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -973,6 +985,7 @@ export interface Need {
 
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am";
@@ -1236,6 +1249,7 @@ export interface ScalingDocument {
 
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1289,6 +1303,7 @@ export interface SegmentLengthComparison {
 
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
+  muscle_points?: "scaled" | "surface";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1365,6 +1380,7 @@ export interface SubjectDocument {
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
   bones?: Bones | null;
+  bone_bodies?: Record<string, string>;
   image_markers?: string | null;
   sizes?: Record<string, number>;
 }
@@ -1530,6 +1546,7 @@ export interface Vocabulary {
   models: Array<ModelWord>;
   methods: Array<MethodWord>;
   bones: Array<string>;
+  gait_angles: Array<GaitAngleWord>;
   hidden_in_example: Array<string>;
 }
 

@@ -1,6 +1,7 @@
 /** Joint angles of all methods: over the gait cycle with their spread and where they differ, or over time. */
 
-import type { CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
+import { vocabulary } from "../api/vocabulary.ts";
+import type { ClinicalDocument, ComparisonDocument, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { linesOption, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
@@ -12,19 +13,22 @@ import { styles } from "../ui/palette.ts";
 import { guarded } from "../ui/problem.ts";
 import { cell, chipOf, table } from "../ui/table.ts";
 import { chance, plural, withChance, words } from "../ui/words.ts";
+import { clinical } from "./clinical.ts";
 import type { Finished } from "./result.ts";
 
 const CYCLE = "gait cycle";
+const CLINIC = "clinic";
 const HEIGHT = 230;
 
-export async function angles({ job, place: at, signal }: Finished, place: HTMLElement): Promise<void> {
-  const scene = await sceneOf(job.id);
+export async function angles(document: ComparisonDocument, { job, place: at, signal }: Finished, place: HTMLElement): Promise<void> {
+  const [scene, { gait_angles }] = await Promise.all([sceneOf(job.id), vocabulary()]);
   if (signal.aborted) return;
   const methods = scene.bodies.map(({ name }) => name);
   const shown = new Set(methods);
   const hasCycles = scene.gait !== null && Object.keys(scene.gait.angles).length > 0;
-  const chosen = at.query.get("over") ?? (hasCycles ? CYCLE : (scene.trials.at(-1)?.name ?? ""));
-  const options = [...(hasCycles ? [{ value: CYCLE, text: "per cent of the gait cycle" }] : []),
+  const read = clinicalOf(document);
+  const chosen = at.query.get("over") ?? (hasCycles ? CYCLE : read !== null ? CLINIC : (scene.trials.at(-1)?.name ?? ""));
+  const options = [...(read !== null ? [{ value: CLINIC, text: "as a clinic reads them" }] : []), ...(hasCycles ? [{ value: CYCLE, text: "per cent of the gait cycle" }] : []),
     ...scene.trials.map(({ name }) => ({ value: name, text: `time, ${name}` }))];
   const drawings = h("div");
   const failed = h("div");
@@ -36,12 +40,12 @@ export async function angles({ job, place: at, signal }: Finished, place: HTMLEl
       drawn = new AbortController();
       const present = AbortSignal.any([signal, drawn.signal]);
       const wanted = methods.filter((name) => shown.has(name));
-      fill(drawings, chosen === CYCLE && scene.gait !== null ? cycles(scene.gait, wanted, present) : await overTime(scene, chosen, wanted, job.id, present));
+      fill(drawings, chosen === CLINIC && read !== null ? clinical(read.method, read.found, gait_angles, HEIGHT, present) : chosen === CYCLE && scene.gait !== null ? cycles(scene.gait, wanted, present) : await overTime(scene, chosen, wanted, job.id, present));
     });
   place.append(
     h("div", { class: "bar" },
       select("Over", options, chosen, (over) => void (location.hash = link(at.parts, { over }))),
-      group("Methods", ...methods.map((name) => box(h("span", null, chipOf(known.get(name)?.colour ?? ""), ` ${name}`), true, (wanted) => {
+      chosen === CLINIC ? "" : group("Methods", ...methods.map((name) => box(h("span", null, chipOf(known.get(name)?.colour ?? ""), ` ${name}`), true, (wanted) => {
         if (wanted) shown.add(name);
         else shown.delete(name);
         draw();
@@ -51,6 +55,13 @@ export async function angles({ job, place: at, signal }: Finished, place: HTMLEl
     drawings,
   );
   draw();
+}
+
+/** What a clinic reads of the model that the verdict says to use. */
+function clinicalOf({ verdict, methods }: ComparisonDocument): { method: string; found: ClinicalDocument } | null {
+  const method = verdict?.method ?? Object.keys(methods)[0] ?? "";
+  const found = methods[method]?.clinical ?? null;
+  return found === null || Object.keys(found.sides).length === 0 ? null : { method, found };
 }
 
 function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal): HTMLElement {

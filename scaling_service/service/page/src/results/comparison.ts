@@ -16,7 +16,7 @@ export const comparison: ResultView = async (found) => {
     { name: "space", title: "In space", show: async (place) => (await part(() => import("./space.ts"))).space(found, place, preferred(document)) },
     { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
     { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
-    { name: "angles", title: "Angles", show: async (place) => (await part(() => import("./angles.ts"))).angles(found, place) },
+    { name: "angles", title: "Angles", show: async (place) => (await part(() => import("./angles.ts"))).angles(document, found, place) },
     { name: "forces", title: "Forces", show: async (place) => (await part(() => import("./forces.ts"))).forces(found, place) },
     { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);

@@ -1,0 +1,139 @@
+"""Muscles' attachments that follow a person's bones, beside those that only follow a segment's size."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.bones.morph import SurfaceMap, map_surface, measure_distances
+from scaling_service.bones.results import MeshRefused
+from scaling_service.capabilities.playback.shapes import place_bones
+from scaling_service.core.text import few
+from scaling_service.files.osim import Attachment, Wrap, move_attachments, read_attachments
+from scaling_service.model.anatomy.lengths import joint_ends
+from scaling_service.model.body import BodyModel
+from scaling_service.model.results import Array, Calibration
+from scaling_service.model.trial import Bone
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovedAttachments:
+    """Attachments on one segment's bone, before and after."""
+
+    points: tuple[Attachment, ...]  # where they are now
+    before: Array  # (n, 3), m, in the segment's frame: where scaling put them
+    distances: Array  # (n, 2), m: from the person's bone before and after
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowedSurfaces:
+    """A model whose muscles are attached where the person's bones are."""
+
+    osim: str
+    moved: Mapping[str, MovedAttachments]  # by segment
+    notes: tuple[str, ...]
+
+
+def follow_surfaces(
+    osim: str, calibration: Calibration, bones: Mapping[str, Bone], source: Path
+) -> FollowedSurfaces:
+    """Move a model's attachments by the smooth map from its own bones, as scaled, to the person's.
+
+    ``osim``: text of the calibration's file. ``bones``: segment to the person's bone in the image, m.
+    ``source``: the generic model's file; its bones' surfaces lie beside it.
+    Where a segment has no surface, or the map would fold, its attachments stay where scaling has put them,
+    and a note says so.
+    Raises DependencyMissing, FileUnreadable: as for reading a model.
+    """
+    persons = place_bones(calibration, bones)
+    points, wraps, surfaces = read_attachments(osim, source, persons.keys())
+    moved: dict[str, MovedAttachments] = {}
+    moved_wraps: list[Wrap] = []
+    notes = [
+        f"{calibration.method}: the model's {few(names)} of {segment} is not beside it or in Geometry/"
+        for segment, names in surfaces.absent.items()
+    ]
+    for segment, person in persons.items():
+        here = [point for point in points if point.segment == segment]
+        if not here or segment not in surfaces.bones:
+            continue
+        fixed = _centres_on(calibration.model, segment)
+        try:
+            mapped = map_surface(surfaces.bones[segment], person, fixed)
+        except MeshRefused as error:
+            notes.append(f"{calibration.method}: attachments on {segment} are scaled: {error}")
+            continue
+        before = np.array([point.at for point in here])
+        over = [wrap for wrap in wraps if wrap.segment == segment]
+        centres = np.array([wrap.at for wrap in over]).reshape(-1, 3)
+        sizes = mapped.sizes(np.concatenate([before, centres]))
+        if sizes.min() <= 0.0:
+            notes.append(f"{calibration.method}: attachments on {segment} are scaled: the map would fold")
+            continue
+        moved[segment] = _move(here, before, mapped, person)
+        there = zip(over, mapped(centres) if over else (), sizes[len(here) :], strict=True)
+        moved_wraps += [replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
+        notes.append(f"{calibration.method}: {_said(segment, moved[segment], mapped)}")
+    every = [point for found in moved.values() for point in found.points]
+    if not every:
+        notes.append(f"{calibration.method}: muscles follow no surface: all attachments are scaled")
+        return FollowedSurfaces(osim, moved, tuple(notes))
+    text, astray = move_attachments(osim, source, every, moved_wraps)
+    if astray:
+        notes.append(
+            f"{calibration.method}: {few(astray)} would run along another side of what they slide over: "
+            "their attachments are scaled"
+        )
+    return FollowedSurfaces(text, _without(moved, astray), tuple(notes))
+
+
+def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) -> dict[str, MovedAttachments]:
+    """Moved attachments but for those of some muscles."""
+    return {
+        segment: MovedAttachments(
+            tuple(found.points[k] for k in rows), found.before[rows], found.distances[rows]
+        )
+        for segment, found in moved.items()
+        if (rows := [k for k, point in enumerate(found.points) if point.muscle not in muscles])
+    }
+
+
+def _centres_on(model: BodyModel, segment: str) -> Array:
+    """Joint centres that a segment knows, (n, 3), m."""
+    found = [
+        joint_ends(model, joint, side).get(segment) for joint in ("hip", "knee", "ankle") for side in "rl"
+    ]
+    return np.array([at for at in found if at is not None]).reshape(-1, 3)
+
+
+def _move(points: Sequence[Attachment], before: Array, mapped: SurfaceMap, person: Bone) -> MovedAttachments:
+    after = mapped(before)
+    there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
+    distances = np.stack([measure_distances(person, at) for at in (before, after)], axis=1)
+    return MovedAttachments(there, before, distances)
+
+
+def _said(segment: str, found: MovedAttachments, mapped: SurfaceMap) -> str:
+    before, after = 1e3 * np.median(found.distances, axis=0)
+    return (
+        f"{len(found.points)} attachments on {segment} follow its surface: {before:.1f} mm from the bone as "
+        f"scaled, {after:.1f} mm now (medians); {1e3 * mapped.left_m:.1f} mm are left between the surfaces"
+    )
+
+
+def write_attachments(file: Path, moved: Mapping[str, MovedAttachments]) -> None:
+    """Write a table of all attachments that were moved: places in the segment's frame and distances, mm."""
+    places = [f"{axis}_{when}_mm" for when in ("before", "after") for axis in "xyz"]
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["muscle", "point", "segment", *places, "distance_before_mm", "distance_after_mm"])
+        for found in moved.values():
+            for point, before, distances in zip(found.points, found.before, found.distances, strict=True):
+                numbers = 1e3 * np.concatenate([before, point.at, distances])
+                rows.writerow(
+                    [point.muscle, point.number + 1, point.segment, *(f"{number:.2f}" for number in numbers)]
+                )

@@ -1,0 +1,190 @@
+"""Distances of a person over the model's, and their errors.
+
+Errors of landmarks, of constructed joint centres and of widths are carried to every distance that rests on
+them: the recording's posture is built again with each of these moved by its standard deviation, all at once
+as if they were frames. Distances that share a marker thus share its error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.sizes.measurements import (
+    MEASUREMENTS,
+    Pair,
+    SegmentMeasurement,
+    available,
+    distances,
+)
+from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
+from scaling_service.model.anatomy.centres import (
+    Points,
+    Size,
+    construct_centres,
+    landmark_sd,
+    read_pelvis,
+)
+from scaling_service.numerics.multibody.laws import Array
+
+_UNKNOWN_SD = 0.05
+"""Chosen: relative, of a distance whose ends no single frame shows with all that they rest on."""
+
+Input = tuple[str, int]
+"""What an error belongs to: a landmark, centre or size, and its axis."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ratios:
+    """Logarithms of a person's distances over the model's.
+
+    ``measurements`` (SegmentMeasurement, length n): what each distance measures.
+    ``logs``: (n,).
+    ``covariance``: (n, n).
+    """
+
+    measurements: tuple[SegmentMeasurement, ...]
+    logs: Array
+    covariance: Array
+
+    def averaged(self) -> Ratios:
+        """One ratio for each measurement, the plain mean of its distances' (Puchaud 2019, 2.2.2)."""
+        each = tuple(dict.fromkeys(self.measurements))
+        member = np.array([[m is one for m in self.measurements] for one in each], dtype=float)
+        share = member / member.sum(axis=1, keepdims=True)
+        weights = share * np.exp(self.logs)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return Ratios(each, np.log(share @ np.exp(self.logs)), weights @ self.covariance @ weights.T)
+
+
+def measure_ratios(
+    people: Sequence[PersonPoints], model: Points, segments: Sequence[str], *, besides: bool = True
+) -> Ratios:
+    """Every distance that can be taken, each on the first recording that shows it.
+
+    ``people``: the recordings, the best first.
+    ``model``: the model's points, one frame.
+    ``segments``: the model's; measurements of others are left out.
+    ``besides``: whether to take what only a weighted estimate can use.
+    """
+    taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
+    for measurement in MEASUREMENTS:
+        if not set(measurement.segments) & set(segments):
+            continue
+        for person in people:
+            pairs = available(measurement, person.points, model, besides=besides)
+            if pairs:
+                taken += [(measurement, pair, person) for pair in pairs]
+                break
+    errors = {id(person): _Propagated.through(person) for _, _, person in taken}
+    inputs = sorted({key for found in errors.values() for key in found.inputs})
+    column = {key: k for k, key in enumerate(inputs)}
+    logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs)))
+    own = np.empty(len(taken))
+    for row, (measurement, pair, person) in enumerate(taken):
+        seen = distances(pair, person.points)
+        ours = float(distances(pair, model)[0])
+        logs[row] = np.log(np.nanmean(seen) / ours)
+        found = errors[id(person)]
+        shifts = found.of_distance(pair)
+        moving = 0.0 if person.standing else float(np.nanstd(seen) / np.nanmean(seen))
+        own[row] = (measurement.shape_m / ours) ** 2 + moving**2
+        if np.isfinite(shifts).all():
+            spread[row, [column[key] for key in found.inputs]] = shifts
+        else:
+            own[row] += _UNKNOWN_SD**2
+    return Ratios(tuple(m for m, _, _ in taken), logs, spread @ spread.T + np.diag(own))
+
+
+def centre_sds(person: PersonPoints) -> dict[str, Array]:
+    """Standard deviation of each joint centre along x, y, z of the pelvis (else of ground), (3,), m."""
+    propagated = _Propagated.through(person)
+    return {
+        name: np.sqrt((propagated.of_point(name) ** 2).sum(axis=0))
+        for name in person.centres
+        if name in propagated.points
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Propagated:
+    """A posture built again with each input one standard deviation up (even rows) and down (odd rows)."""
+
+    inputs: tuple[Input, ...]
+    points: Points
+    axes: Array
+
+    @classmethod
+    def through(cls, person: PersonPoints) -> _Propagated:
+        still = _posture(person)
+        pelvis = read_pelvis({name: at[None] for name, at in still.items()})
+        axes = np.eye(3) if pelvis is None else pelvis.frame.rotation[0]
+        axes = axes if np.isfinite(axes).all() else np.eye(3)
+        sizes = person.sizes
+        inputs: list[Input] = [(name, axis) for name in still for axis in range(3)]
+        inputs += [(name, axis) for name in person.centres for axis in range(3)]
+        inputs += [(f"{name} width", 0) for name in sizes.widths]
+        row = {key: 2 * k for k, key in enumerate(inputs)}
+        n = 2 * len(inputs)
+
+        def moved(name: str, sds: Sequence[float], turned: Array) -> Array:
+            shift = np.zeros((n, 3))
+            for axis, sd in enumerate(sds):
+                shift[row[name, axis]] += sd * turned[:, axis]
+                shift[row[name, axis] + 1] -= sd * turned[:, axis]
+            return shift
+
+        def sized(name: str, value: Size, sd: float) -> Array:
+            sizes_of = np.full(n, value)
+            sizes_of[row[name, 0]] += sd
+            sizes_of[row[name, 0] + 1] -= sd
+            return sizes_of
+
+        landmarks = {
+            name: at + moved(name, [person.scale * sd for sd in landmark_sd(name)], axes)
+            for name, at in still.items()
+        }
+        errors = {name: moved(name, centre.sd, np.eye(3)) for name, centre in person.centres.items()}
+        widths = {k: (sized(f"{k} width", value, sd), sd) for k, (value, sd) in sizes.widths.items()}
+        centres = construct_centres(
+            landmarks,
+            replace(sizes, widths=widths),
+            person.regression,
+            hips={name: np.broadcast_to(at, (n, 3)) for name, at in _hips(person).items()},
+            errors=errors,
+        )
+        return cls(tuple(inputs), name_points(landmarks, centres), axes)
+
+    def of_distance(self, pair: Pair) -> Array:
+        """How much each input moves the logarithm of a distance, (n_inputs,)."""
+        logs = np.log(distances(pair, self.points))
+        return np.asarray(0.5 * (logs[0::2] - logs[1::2]))
+
+    def of_point(self, name: str) -> Array:
+        """How much each input moves a point, along the axes, (n_inputs, 3), m."""
+        at = self.points[name]
+        return np.asarray(0.5 * (at[0::2] - at[1::2]) @ self.axes)
+
+
+def _posture(person: PersonPoints) -> dict[str, Array]:
+    """One place of each landmark, (3,), m: the mean of standing, else the frame that shows most of them."""
+    if person.standing:
+        known = {n: at for n, at in person.landmarks.items() if np.isfinite(at).all(axis=1).any()}
+        return {name: np.nanmean(at, axis=0) for name, at in known.items()}
+    frame = _fullest(person)
+    still = {name: at[frame] for name, at in person.landmarks.items()}
+    return {name: at for name, at in still.items() if np.isfinite(at).all()}
+
+
+def _fullest(person: PersonPoints) -> int:
+    shown = np.stack([np.isfinite(at).all(axis=1) for at in person.points.values()])
+    return int(np.argmax(shown.sum(axis=0)))
+
+
+def _hips(person: PersonPoints) -> Mapping[str, Array]:
+    if person.standing:
+        return {name: np.nanmean(at, axis=0) for name, at in person.hips.items()}
+    frame = _fullest(person)
+    return {name: at[frame] for name, at in person.hips.items()}

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.disturbances import disturbance
+from scaling_service.capabilities.discovery.disturbances import disturbance, free_marker
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, ScoredCandidates
+from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, Fitted, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Masked
 from scaling_service.capabilities.discovery.laws.spots import BentSpot, VolumeSpot, WarpedSpot
 from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.capabilities.discovery.search.findings import Findings
@@ -132,3 +134,24 @@ def test_an_effect_yields_to_a_law_that_explains_more(
     law = Disturbance(("markers",), "any law", share * taken, 0.0, 0.0)
     monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
     assert disturbance.outdoes(law, without, known) is yields
+
+
+@pytest.mark.parametrize(("there", "is_free"), [(0.9, False), (0.2, True)])
+def test_a_marker_on_its_own_way_in_a_held_out_recording_is_compared_with_what_laws_explain_there(
+    there: float, is_free: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = person().model
+    fit = fit_recordings(SearchContext(model, recorded(person(), model)))
+    square = sum(item.square for item in fit.tracked if item.role == "held_out")
+    alone = Candidate(free_marker.KIND, ("RFH",), (), trials=("gait_2",), change=Masked("RFH"))
+    own = Fitted.of_any_course(0.95 * square, 0.0, 1e-9)
+    monkeypatch.setattr(free_marker, "_fitted", lambda _fit: [(alone, own)])
+    skin = replace(NOTHING, gain=0.01 * square)  # little where it was fitted
+    law = ScoredCandidate(
+        Candidate("soft_tissue_artefact", ("RFH",), ()),
+        skin,
+        None,
+        HeldOut(there, 1e-9, False),
+    )
+    found = free_marker.find_free_marker(fit, ScoredCandidates([law], 100))
+    assert (found is not None) is is_free

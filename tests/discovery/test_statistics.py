@@ -1,13 +1,23 @@
-"""Scores and gains of candidates do not depend on what the nuisances could explain by themselves."""
+"""How sure a candidate is: whatever nuisances could explain, in few blocks, in the fit and beyond it."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.statistics import explain, fit_each, try_held_out
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import (
+    NOTHING,
+    Fitted,
+    HeldOut,
+    explain,
+    fit_columns,
+    fit_each,
+    try_held_out,
+)
 from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
 from scaling_service.numerics.multibody.laws import Array
@@ -73,3 +83,52 @@ def test_gains_are_those_beyond_the_nuisances() -> None:
     gains = [explain(e, 0, some).gains for e, some in zip((plain, moved), known, strict=True)]
     np.testing.assert_allclose(gains[1], gains[0], rtol=1e-6, atol=1e-9)
     assert try_held_out(moved, 0, CHOICE[0]).p == pytest.approx(try_held_out(plain, 0, CHOICE[0]).p, rel=1e-6)
+
+
+def one_sided(noise: float, *, effect: float, blocks: int = 6, rank: int = 3) -> Fitted:
+    """Columns that move in one of the blocks only, fitted to an effect and white noise."""
+    rng = np.random.default_rng(5)
+    x = rng.normal(size=(blocks, ROWS, rank)) * np.where(np.arange(blocks) == 0, 1.0, 0.01)[:, None, None]
+    y = effect * x.sum(axis=2) + noise * rng.normal(size=(blocks, ROWS))
+    scores, own = np.einsum("bnk,bn->bk", x, y), np.einsum("bnk,bnl->bkl", x, x)
+    squares = (y**2).sum(axis=1).tolist()
+    of = [
+        Block("known", "fit", s, o[:0], o, q, float(ROWS))
+        for s, o, q in zip(scores, own, squares, strict=True)
+    ]
+    return fit_columns(scores, own, np.square(x).sum(axis=(0, 1)), of)
+
+
+def test_what_takes_off_nearly_all_that_stands_above_the_noise_is_sure_in_a_single_block_that_moves() -> None:
+    for noise in (1.0, 2.0):  # as the floors have it, and with memory
+        fitted = one_sided(noise, effect=3.0 * noise)
+        assert fitted.p < 1e-6
+    np.testing.assert_allclose(fitted.size, 6.0, atol=4.0 * np.sqrt(fitted.covariance.max()))
+    assert 3.0 <= fitted.by_chance < 0.01 * fitted.gain
+
+
+@pytest.mark.parametrize(("noise", "effect"), [(1.0, 0.0), (1.0, 0.2), (2.0, 0.0)])
+def test_a_single_block_that_moves_says_nothing_of_little_or_of_louder_noise(
+    noise: float, effect: float
+) -> None:
+    assert one_sided(noise, effect=effect).p == 1.0
+
+
+def scored(fit_p: float, unseen_p: float, *, folds: bool = False, outweighs: bool = True) -> ScoredCandidate:
+    """Something with the given chances."""
+    return ScoredCandidate(
+        CHOICE[0], replace(NOTHING, p=fit_p), None, HeldOut(0.5, unseen_p, folds, outweighs)
+    )
+
+
+def test_chances_of_the_fit_and_of_other_recordings_combine() -> None:
+    assert scored(1e-4, 1e-5).p_family(2000) < 1e-3 < scored(1e-4, 1.0).p_family(2000)
+    assert scored(1e-4, 1e-5, folds=True).p_family(2000) == pytest.approx(0.2)
+    assert scored(1e-4, 1e-5, outweighs=False).p_family(2000) == pytest.approx(0.2)
+
+
+def test_of_nothing_the_combined_chance_is_as_likely_as_it_says() -> None:
+    p = np.random.default_rng(7).random((20_000, 2))
+    both = np.array([scored(*pair).p_family(1) for pair in p])
+    for level in (0.01, 0.05, 0.5):
+        assert np.mean(both < level) == pytest.approx(level, abs=4.0 * np.sqrt(level / len(p)))

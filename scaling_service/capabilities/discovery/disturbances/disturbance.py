@@ -103,5 +103,5 @@ def _found(fit: Fit) -> Iterator[Disturbance]:
         choice = [c for c in described if observation.shows(c)]
         for one in score_candidates(fit, choice, len(choice)):
             where, law_in_words = described[one.candidate](one)
-            p = one.p_family(1, fit.settings.of_fit)
+            p = one.p_family(1)
             yield Disturbance(where, law_in_words, one.fitted.expected, p, one.held_out.p, observation.name)

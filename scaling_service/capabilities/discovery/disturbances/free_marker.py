@@ -45,7 +45,9 @@ def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
     effect of its own: what is left there is a remainder.
     """
     model, settings = fit.model, fit.settings
-    laws = [o.fitted.expected for o in scored.best if MARKERS.shows(o.candidate)]
+    laws = [o for o in scored.best if MARKERS.shows(o.candidate)]
+    unseen = {item.name for item in fit.tracked if item.role == "held_out"}
+    square = sum(item.square for item in fit.tracked if item.name in unseen)
     changes = [e.candidate.change for e in fit.effects]
     known = {model.marker(c.marker).segment for c in changes if isinstance(c, Masked)}
     lawful = {name for e in fit.effects for name in e.candidate.where}
@@ -57,8 +59,11 @@ def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
         and candidate.where[0] not in lawful
     ]
     best = max(odd, key=lambda one: one.expected, default=None)
-    clear = settings.free_marker_lead * max(laws, default=0.0)
-    return best if best is not None and best.expected > clear else None
+    if best is None:
+        return None
+    here = unseen.issuperset(best.candidate.trials) and bool(best.candidate.trials)
+    told = [o.held_out.gain * square if here and not o.candidate.trials else o.fitted.expected for o in laws]
+    return best if best.expected > settings.free_marker_lead * max(told, default=0.0) else None
 
 
 def _fitted(fit: Fit) -> Iterator[tuple[Candidate, Fitted]]:

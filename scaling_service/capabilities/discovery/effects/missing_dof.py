@@ -92,7 +92,7 @@ def _along_best(fit: Fit, courses: Sequence[FreeCourse]) -> tuple[Vector, Fitted
     share = float((gain - noise).sum() / sum(c.square.sum() for c in tried))
     held_p = p_above_zero(_log_ratio(held, axis)) if held else p
     x, y, z = (float(v) for v in axis)
-    return (x, y, z), fitted, gains, HeldOut(share, held_p, folds=False)
+    return (x, y, z), fitted, gains, HeldOut(share, held_p, folds=not held)
 
 
 def _log_ratio(courses: Sequence[FreeCourse], axis: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,15 +33,18 @@ class ScoredCandidate:
     held_out: HeldOut
     equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
 
-    def p_family(self, count: int, of_fit: float) -> float:
-        """Of as much by chance in a catalogue of so many: in the fit, or in recordings that fitted nothing.
+    def p_family(self, count: int) -> float:
+        """Of as much by chance in a catalogue of so many: in the fit and in recordings that fitted nothing.
 
-        The fit may spend a share ``of_fit`` of the level (weighted Bonferroni: Holm 1979). One of few blocks
-        of time cannot pay for the whole catalogue, however much it explains.
+        These are other data, so the two combine (Fisher 1932, Statistical Methods for Research Workers,
+        21.1): a fit of few blocks of time cannot pay for the whole catalogue, however much it explains. Not
+        so for gains below the noise, as noise in the motion gives them to masses that swing with it.
         """
-        alone = not self.held_out.folds and self.held_out.outweighs_noise
-        held_out = self.held_out.p if alone else 1.0
-        return min(1.0, count * min(self.fitted.p / of_fit, held_out / (1.0 - of_fit)))
+        p = self.fitted.p
+        if self.held_out.outweighs_noise and not self.held_out.folds:
+            product = max(p * self.held_out.p, 1e-300)
+            p = product * (1.0 - math.log(product))
+        return min(1.0, count * p)
 
     def does_good(self, level: float) -> bool:
         """Whether it surely lowers what recordings that did not fit it disagree."""

@@ -65,10 +65,9 @@ class DiscoverySettings:
     # share of what the forces disagree by from which an effect is taken to be all of its cause (chosen: where
     # the model is right but for one thing, that thing leaves no more than this)
     whole_cause: float = 0.8
-
-    # share of the level that a candidate's fit may spend, the rest going to recordings that fitted nothing
-    # (chosen: most effects are decided by the fit)
-    of_fit: float = 0.9
+    # of what a wrong mass leaves, what another cause of as much weight may leave (chosen: of a load's weight
+    # the mass knows the size, and not the place)
+    mass_left: float = 0.5
 
     # share of what stands above the noise that an oscillation must explain at a frequency beside its own to
     # be tuned before it is tested (chosen: a grid's neighbour explains half or more)

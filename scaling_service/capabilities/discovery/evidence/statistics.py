@@ -27,6 +27,10 @@ has three, each with another share of the load)."""
 _MOST_OF_IT = 0.8
 """Share of what stands above the noise that is most of it (chosen: a cause leaves what its law misses)."""
 
+_SURELY = 5.0
+"""Standard deviations of white noise's squares from which something surely stands above it (chosen: memory of
+the noise makes them about twice as wide)."""
+
 _DETERMINED = 0.99
 """Share of a column's direction that must be shown for its number to mean anything (chosen)."""
 
@@ -98,12 +102,18 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
             f, of_blocks = follow[:, rows], scores[:, rows]
             mixed = f.T @ cross[:, :, rows]
             own = evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
-        found.append(fit_columns(of_blocks, own, raw[rows]))
+        found.append(fit_columns(of_blocks, own, raw[rows], () if candidate.trials else fits))
     return tuple(found)
 
 
-def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
-    """Fit columns to blocks: scores (n_blocks, k), products (n_blocks, k, k), squares as they were (k,)."""
+def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] = ()) -> Fitted:
+    """Fit columns to blocks: scores (n_blocks, k), products (n_blocks, k, k), squares as they were (k,).
+
+    ``blocks``: these, if the effect is in all recordings, so that others confirm it. Few do not tell how
+    scores stray, least where one of them shows most of the effect. What takes off most of what surely stands
+    above the noise is held against noise alone, too: scores stray as here, at least as white noise and as
+    what is left, and each block counts as a marker in one frame.
+    """
     curvature = own.sum(axis=0)
     inverse, identifiable, directions = inverse_of(curvature, raw)
     rank = directions.shape[1]
@@ -114,21 +124,41 @@ def fit_columns(scores: Array, own: Array, raw: Array) -> Fitted:
     left = white - shares @ total
     leverage = np.einsum("bii->b", shares) / rank
     left /= np.sqrt(np.maximum(1.0 - leverage, 0.05))[:, None]
-    variance = left.T @ left
+    variance, gain = left.T @ left, float(total @ total)
     counting = 1.0 / float((leverage**2).sum())
-    freedom = counting - rank
-    gain = float(total @ total)
+    freedom, by_chance, p = counting - rank, float("inf"), 1.0
+    if freedom >= 1.0:
+        value, vector = np.linalg.eigh(variance)
+        value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
+        hotelling = float(((vector.T @ total) ** 2 / value).sum())
+        by_chance = float(np.trace(variance))
+        p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
+    if _takes_most(gain, blocks):
+        unexplained = (sum(s.square for s in blocks) - gain) / sum(s.freedom for s in blocks)
+        strays, few = max(1.0, unexplained, float(np.trace(variance)) / rank), 3.0 * len(blocks)
+        p = min(1.0, 2.0 * min(p, float(scipy.special.fdtrc(rank, few, gain / (rank * strays)))))
+        if freedom < 1.0:
+            freedom, by_chance, variance = few, rank * strays, strays * np.eye(rank)
     size = inverse @ scores.sum(axis=0)
-    if freedom < 1.0:
-        return Fitted(size, np.zeros_like(inverse), gain, float("inf"), 1.0, identifiable)
-    value, vector = np.linalg.eigh(variance)
-    value = np.maximum(value, 1e-9 * max(float(value[-1]), 1e-300))
-    hotelling = float(((vector.T @ total) ** 2 / value).sum())
-    p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
+    if not np.isfinite(by_chance):
+        return Fitted(size, np.zeros_like(inverse), gain, by_chance, p, identifiable)
     covariance = directions @ variance @ directions.T
     shown = _share_shown(directions, raw) > _DETERMINED
     covariance *= np.outer(shown, shown)
-    return Fitted(size, covariance, gain, float(np.trace(variance)), p, identifiable, freedom)
+    return Fitted(size, covariance, gain, by_chance, p, identifiable, freedom)
+
+
+def _takes_most(gain: float, blocks: Sequence[Block]) -> bool:
+    """Whether a gain is most of what surely stands above the noise of blocks.
+
+    Noise with memory is larger than the floors, and no larger than in the quietest block.
+    """
+    if not blocks:
+        return False
+    square, count = np.array([(s.square, s.freedom) for s in blocks]).T
+    noise = max(1.0, float((square / count).min())) * float(count.sum())
+    above = float(square.sum()) - noise
+    return above > _SURELY * noise * np.sqrt(2.0 / float(count.sum())) and gain > _MOST_OF_IT * above
 
 
 def _share_shown(directions: Array, raw: Array) -> Array:
@@ -239,15 +269,14 @@ def try_held_out(
         freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    above = square - freedom
-    most = bool(every.sum() > _MOST_OF_IT * above > 0.0)
-    p, outweighs = p_above_zero(every), most or bool(every.sum() > freedom > 0.0)
+    most = _takes_most(float(every.sum()), [s for _, new in rounds for s in new])
+    p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
     if np.isfinite(overdispersion) and (most or (len(every) < _FEW and outweighs)):
         left = max(square - float(every.sum()), 0.0) / freedom
         noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
         alone = float(scipy.special.ndtr(-every.sum() / np.sqrt(noise))) if noise > 0.0 else 1.0
         p = min(1.0, 2.0 * min(p, alone))
-    return HeldOut(share, p, len(rounds) > 1, outweighs)
+    return HeldOut(share, p, len(rounds) > 1, most or outweighs)
 
 
 def p_above_zero(values: Array) -> float:

@@ -41,7 +41,7 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         effect,
         scored.fitted.spread,
         scored.fitted,
-        scored.p_family(among.count, settings.of_fit),
+        scored.p_family(among.count),
         scored.held_out,
         smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
         tuple(equivalents),

@@ -120,7 +120,7 @@ def _tuned(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) 
 
 def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
     level = fit.settings.level
-    by_chance = max(one.p_family(among.count, fit.settings.of_fit), one.fitted.p)
+    by_chance = max(one.p_family(among.count), one.fitted.p)
     likely = by_chance <= level and one.fitted.expected > 0.0
     contradicted = contradict_bias(one.candidate, one.fitted.size, fit.wrenches)
     return likely and one.does_good(level) and not (contradicted or _is_partial_plate_fault(one, fit))

@@ -1,0 +1,50 @@
+"""Whether the declared mass is the cause, or something else that weighs as much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from scaling_service.capabilities.discovery.effects import body_mass
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
+from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.laws.loads import PlateGain
+from scaling_service.capabilities.dynamics.weight import Weight
+from tests.discovery.hidden import person
+
+ABOVE, LEFT_BY_MASS = 1000.0, 40.0
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces that disagree by so much, of which a right mass leaves little."""
+
+    def above_noise(self, _fit: Fit) -> float:
+        return ABOVE
+
+    def squares(self, fit: Fit) -> float:
+        return LEFT_BY_MASS if fit.effects else ABOVE
+
+    def refit(self, fit: Fit, _free: object, effects: tuple[object, ...]) -> Fit:
+        return replace(fit, effects=effects)  # type: ignore[arg-type]
+
+    def shows(self, candidate: Candidate) -> bool:
+        return candidate.seen_in == "wrench"
+
+
+@pytest.mark.parametrize(("left", "is_mass"), [(300.0, True), (35.0, True), (15.0, False)])
+def test_a_load_is_the_cause_only_where_it_leaves_clearly_less_than_the_mass(
+    left: float, is_mass: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heavier = Weight(60.0, 65.0, 0.3, {"walk": 65.0})
+    monkeypatch.setattr(body_mass, "balance_weight", lambda _fit: heavier)
+    monkeypatch.setattr(body_mass, "WRENCH", Forces())
+    load = Candidate("carried_load", ("torso",), (Column("kg", 1.0, load=PlateGain("plate_1")),))
+    unseen = HeldOut(0.9, 1e-9, folds=False)
+    other = ScoredCandidate(load, replace(NOTHING, gain=ABOVE - left), np.zeros(3), unseen)
+    found = body_mass.question_mass(Fit(SearchContext(person().model)), [other])
+    assert (found is not None) is is_mass

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.motion.options import MotionOptions
     from scaling_service.capabilities.motion.run import Tracked, ik
     from scaling_service.capabilities.motion.saving import save_motions
-    from scaling_service.capabilities.scaling.run import Results, Scaling, compare, scale
+    from scaling_service.capabilities.scaling.result import Results, Scaling
+    from scaling_service.capabilities.scaling.run import compare, scale
     from scaling_service.capabilities.scaling.saving import save
     from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
     from scaling_service.capabilities.subject.loading import read_model
@@ -72,8 +73,8 @@ HOMES = {  # public name: its module, under this package
     "InputError": "core.errors",
     "MotionOptions": "capabilities.motion.options",
     "ProcessingSettings": "recording.settings",
-    "Results": "capabilities.scaling.run",
-    "Scaling": "capabilities.scaling.run",
+    "Results": "capabilities.scaling.result",
+    "Scaling": "capabilities.scaling.result",
     "Settings": "capabilities.shared.settings",
     "Subject": "model.subject",
     "Tracked": "capabilities.motion.run",

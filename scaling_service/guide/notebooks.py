@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ COMMAND = "!"
 """In a cell of a notebook a line that begins so is for the shell."""
 
 
-@cache
+@lru_cache(maxsize=16)
 def read_notebook(name: str) -> Any:
     """Read a notebook as its file has it (nbformat 4)."""
     return json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from functools import cache
+from functools import lru_cache
 from importlib.util import find_spec
 from inspect import cleandoc
 from pathlib import Path
@@ -17,7 +17,7 @@ _SECTION = re.compile(r"^([A-Z][a-z]+)\n-{3,}\n", re.MULTILINE)
 _ENTRY = re.compile(r"^(\S.*)\n?((?:(?: .*)?\n?(?!\S))*)", re.MULTILINE)
 
 
-@cache
+@lru_cache(maxsize=64)
 def describe_interface() -> str:
     """Describe every public name in Markdown: its signature, and what its docstring says."""
     names = scaling_service.__all__
@@ -59,7 +59,7 @@ def _find(module: str, name: str) -> ast.FunctionDef | ast.ClassDef:
     )
 
 
-@cache
+@lru_cache(maxsize=64)
 def _parse(module: str) -> ast.Module:
     spec = find_spec(module)
     if spec is None or spec.origin is None:

@@ -12,7 +12,8 @@ import pytest
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.builtin import builtin

@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.scaling.methods.table import calibrate
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths

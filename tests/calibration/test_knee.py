@@ -12,7 +12,8 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid

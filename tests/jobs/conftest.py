@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.recording.settings import ProcessingSettings
 from tests.jobs.laboratory import laboratory

@@ -8,7 +8,7 @@ from scaling_service.capabilities.scaling.clinical_gait import clinical_of
 from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.saving import comparison_document, method_document
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.report.reading import Node, read

@@ -10,7 +10,8 @@ import pytest
 import pyvista
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.run import Results, compare, run
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare, run
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject

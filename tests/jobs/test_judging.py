@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
 from scaling_service.capabilities.scaling.comparison.geometry import usual_lengths
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.model.trial import ImageEvidence
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from scaling_service.capabilities.scaling.job import ScalingRequest
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import SubjectInvalid

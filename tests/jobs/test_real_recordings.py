@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.scaling.run import Results, compare, scale
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.files.osim import read_osim
 from tests.jobs.laboratory import write_subject

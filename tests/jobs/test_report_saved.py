@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.run import Results, compare
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.cli import main
 from tests.jobs.conftest import UNSMOOTHED

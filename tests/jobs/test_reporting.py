@@ -13,7 +13,7 @@ from scaling_service.capabilities.playback.overlay import knee_axes
 from scaling_service.capabilities.scaling.comparison.curves import gait_curves
 from scaling_service.capabilities.scaling.demo import run_demo
 from scaling_service.capabilities.scaling.report.page import shown_trial
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.scene import overlay
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker

@@ -11,7 +11,7 @@ import pytest
 
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.scaling.comparison.geometry import geometry
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
 from scaling_service.documents import writing

@@ -10,7 +10,8 @@ import pytest
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
-from scaling_service.capabilities.scaling.run import Results, compare, scale
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid

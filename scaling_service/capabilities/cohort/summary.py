@@ -16,7 +16,7 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
     placed_centres,
 )
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.results import Array

@@ -22,7 +22,7 @@ from scaling_service.capabilities.motion.motion_files import (
     write_numbers,
 )
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.documents.writing import CYCLES_TABLE

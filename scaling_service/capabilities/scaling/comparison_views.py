@@ -21,7 +21,7 @@ from scaling_service.capabilities.scaling.comparisons import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.documents.results import ComparisonDocument, Provenance
 from scaling_service.documents.writing import write_json
 from scaling_service.model.results import Array

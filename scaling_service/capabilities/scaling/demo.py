@@ -10,7 +10,8 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
     centre_errors,
     length_errors,
 )
-from scaling_service.capabilities.scaling.run import Results, Scaling, run
+from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.progress import Progress, part_of, silent

@@ -22,7 +22,7 @@ from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.scaling.run import Results
+    from scaling_service.capabilities.scaling.result import Results
 
 _COMPUTING, _WRITING = 0.6, 0.95
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest

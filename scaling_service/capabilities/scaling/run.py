@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from html import escape
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
-from scaling_service.capabilities.scaling.comparison.geometry import Geometry, geometry, list_doubts
+from scaling_service.capabilities.motion.kinematic_error import kinematic_error
+from scaling_service.capabilities.scaling.comparison.geometry import geometry, list_doubts
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
-from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison, compare_muscles
-from scaling_service.capabilities.scaling.muscles.surface import MovedAttachments, follow_surfaces
+from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
+from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress, part_of, silent
-from scaling_service.core.tables import ResultTable
 from scaling_service.files.osim import render_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
@@ -30,165 +29,11 @@ from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Session, Subject
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.scaling.comparison.evidence import Verdict
+    pass
 
-_MM = 1e3
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Scaling:
-    """One method's model of a person, and how it follows the recordings.
-
-    Attributes
-    ----------
-    calibration : Calibration
-        The model, its scale factors, and every fitted number with its standard deviation.
-    motions : mapping of str to Motion
-        Of each calibration and evaluation trial, by its name: coordinates in rad and m.
-    errors : mapping of str to KinematicError
-        Of the same trials, m.
-    geometry : Geometry
-        Segment lengths, joint centres and marker shifts in m, knee axes in rad.
-    inverse_kinematics_s : float
-        Wall time of all motions, s.
-    osim : str, optional
-        The text of the model's file for OpenSim, where it is made already.
-    attachments : mapping of str to MovedAttachments
-        Segment to its muscles' attachments, where they follow the person's bone.
-
-    Examples
-    --------
-    >>> import scaling_service as ss
-    >>> scaling = ss.scale("lab/subject.json", "MB").scalings["MB"]
-    >>> isinstance(scaling, ss.Scaling)
-    True
-    >>> scaling.motions["gait_1"].q.shape  # frames, coordinates
-    (278, 14)
-    """
-
-    calibration: Calibration
-    motions: Mapping[str, Motion]
-    errors: Mapping[str, KinematicError]
-    geometry: Geometry
-    inverse_kinematics_s: float = 0.0
-    osim: str | None = None
-    attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        numbers = len(self.calibration.parameters)
-        return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Results:
-    """What one or several methods made of a subject.
-
-    Attributes
-    ----------
-    loaded : Loaded
-        The model and the recordings, and how their labels and axes were understood.
-    settings : Settings
-        What was chosen.
-    scalings : mapping of str to Scaling
-        By method, in the order computed.
-    warnings : tuple of str
-        What concerns all methods.
-    wall_s : float
-        Wall time, s.
-    subject_file : Path, optional
-        Where the subject came from.
-    options : ComparisonOptions
-        What else was asked for.
-    muscles : MuscleComparison, optional
-        Where it was asked for.
-
-    Examples
-    --------
-    >>> import scaling_service as ss
-    >>> results = ss.scale("lab/subject.json", "MB")
-    >>> isinstance(results, ss.Results)
-    True
-    >>> results
-    Results of MB for subject 'example'
-    MB was the only method computed: nothing here confirms it.
-    >>> results.held_out
-    ('gait_1', 'gait_2')
-    """
-
-    loaded: Loaded
-    settings: Settings
-    scalings: Mapping[str, Scaling]
-    warnings: tuple[str, ...] = ()
-    wall_s: float = 0.0
-    subject_file: Path | None = None
-    options: ComparisonOptions = PLAIN
-    muscles: MuscleComparison | None = None
-
-    @property
-    def session(self) -> Session:
-        """The model and the recordings that were used."""
-        return self.loaded.session
-
-    @property
-    def held_out(self) -> tuple[str, ...]:
-        """The trials that no method was fitted to."""
-        fitted = {trial.name for trial in self.session.calibration}
-        return tuple(trial.name for trial in self.session.dynamic if trial.name not in fitted)
-
-    @property
-    def errors(self) -> ResultTable:
-        """Kinematic error of every method in every trial, mm."""
-        columns = ("method", "trial", "role", "mean_mm", "sd_mm", "rms_mm", "max_mm")
-        rows = tuple(
-            (
-                method,
-                trial,
-                "held out" if trial in self.held_out else "used to fit",
-                *(_MM * value for value in (error.mean, error.sd, error.rms, error.max)),
-            )
-            for method, scaling in self.scalings.items()
-            for trial, error in scaling.errors.items()
-        )
-        return ResultTable("Kinematic error", columns, rows)
-
-    @property
-    def lengths(self) -> ResultTable:
-        """Segment lengths by every method, mm."""
-        rows = tuple(
-            (method, segment, _MM * length)
-            for method, scaling in self.scalings.items()
-            for segment, length in scaling.geometry.lengths.items()
-        )
-        return ResultTable("Segment lengths", ("method", "segment", "length_mm"), rows)
-
-    @property
-    def parameters(self) -> ResultTable:
-        """Every number that a method fitted, rad and m, and whether the recordings determine it."""
-        columns = ("method", "name", "value", "unit", "sd", "at_bound", "identifiable")
-        rows = tuple(
-            (method, p.name, p.value, p.unit, p.sd, p.at_bound, p.identifiable)
-            for method, scaling in self.scalings.items()
-            for p in scaling.calibration.parameters
-        )
-        return ResultTable("Fitted numbers", columns, rows)
-
-    @property
-    def verdict(self) -> Verdict:
-        """Which model to use for this person, why, and how far to trust it."""
-        from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
-        from scaling_service.capabilities.scaling.comparison.verdict import judge
-
-        return judge(evidence_of(self))
-
-    def __repr__(self) -> str:
-        said = f"\n{self.verdict.headline}" if self.scalings else ""
-        return f"Results of {', '.join(self.scalings)} for subject '{self.session.subject.id}'{said}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(repr(self))}</p>{self.errors._repr_html_()}{self.lengths._repr_html_()}"
 
 
 def scale(

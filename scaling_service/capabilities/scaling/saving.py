@@ -33,7 +33,8 @@ from scaling_service.capabilities.scaling.muscles.surface import write_attachmen
 from scaling_service.capabilities.scaling.muscles.writing import muscle_document, write_courses
 from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
-from scaling_service.capabilities.scaling.run import Results, Scaling, render_scaled
+from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.subject.loading import provenance, stated_sizes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.progress import Progress, silent

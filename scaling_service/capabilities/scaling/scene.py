@@ -11,7 +11,7 @@ from scaling_service.capabilities.playback.overlay import draw_body, follow_pers
 from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
 from scaling_service.capabilities.playback.shapes import MOST_FACES, place_bones
 from scaling_service.capabilities.scaling.comparison.curves import describe_test, gait_curves
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
 from scaling_service.model.body import BodyModel, Marker, Vector

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.run import Results, scale
+from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.files.osim import read_osim
 from scaling_service.files.trc import read_trc, write_trc

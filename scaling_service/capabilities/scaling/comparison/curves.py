@@ -10,7 +10,7 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.frames import SIDES, Side

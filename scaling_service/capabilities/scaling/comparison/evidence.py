@@ -13,7 +13,7 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.comparison.geometry import joint_angles, usual_lengths
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.run import Results, Scaling
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.documents.results import TrustNote
 from scaling_service.model.body import Vector
 

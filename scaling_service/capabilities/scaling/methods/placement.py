@@ -56,7 +56,7 @@ _FEWEST = 3  # landmarks without which a body cannot be placed at all
 _SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
 _EXACT = SweepSettings(max_steps=200, left=1e-12)
 _STARTS, _SPREAD = 64, 0.5
-"""Chosen: postures from which a static pose is sought, and how far their joints lie from the first guess, rad.
+"""Chosen: postures from which a static pose is sought, and how far joints lie from the first guess, rad.
 Of two standing trials of Rajagopal's model the best minimum is reached from one start in eight or more."""
 _MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
 _FOLLOWER = 1e-3  # chosen: a thousandth of a known marker's weight, so that it cannot move the pose by 0.1 mm

@@ -18,7 +18,7 @@ from scaling_service.capabilities.scaling.report.angles import angles_section, c
 from scaling_service.capabilities.scaling.report.bodies import errors_section, geometry_section
 from scaling_service.capabilities.scaling.report.muscles import muscles_section
 from scaling_service.capabilities.scaling.report.tables import fitted_table, plain_measure, truth_table
-from scaling_service.capabilities.scaling.run import Results
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.scene import overlay
 from scaling_service.documents.results import ComparisonDocument, FittedParameter, MethodResult, TruthDocument
 from scaling_service.model.trial import Trial

@@ -119,7 +119,7 @@ def test_without_images_angles_are_compared_to_mb_am_and_that_is_said():
     found = cohort_statistics(some, METHODS, settings=QUICK)
     assert [gate.method for gate in found.opensim_limits.methods] == list(METHODS[:3])
     assert found.curve("knee_angle_r").reference == "MB_am"
-    assert any("compared to MB_am" in note for note in found.notes)
+    assert any("compared with MB_am" in note for note in found.notes)
 
 
 def test_those_who_lack_methods_are_named_and_counted_where_they_can_be(cohort):

@@ -30,6 +30,7 @@ class Disturbance:
     p: float  # of as large a statistic by chance, for this law alone
     held_out: float  # of as consistent a gain by chance on what did not fit it
     seen_in: Seen = "markers"
+    flexible: bool = False  # of so many numbers that it follows nearly any course itself
 
 
 Describe = Callable[[ScoredCandidate], tuple[tuple[str, ...], str]]
@@ -79,12 +80,13 @@ def _clear(
 ) -> bool:
     """Whether it explains clearly more than any effect, or leaves little where they leave something.
 
-    What the effects explain is held to their own standard: a motion or force of any course follows every law.
+    What the effects explain is held to their own standard: a motion or force of any course follows every law,
+    and so does a law of many numbers.
     """
     rivals = 0.0
     for one in effects:
         if one.candidate.seen_in == law.seen_in:
-            any_course = isinstance(one.candidate.change, FreeMotion | Contact)
+            any_course = isinstance(one.candidate.change, FreeMotion | Contact) and not law.flexible
             factor = settings.free_course_share if any_course else settings.disturbance_lead
             rivals = max(rivals, factor * one.fitted.expected)
     lead = above - rivals / settings.disturbance_lead

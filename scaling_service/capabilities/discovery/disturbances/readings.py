@@ -83,7 +83,7 @@ def following_readings(fit: Fit) -> Iterator[Disturbance]:
     of_each = (squares[:, 0] - squares[:, 1]).sum(axis=0)
     off = [name for name, gain in zip(COMPONENTS, of_each, strict=True) if gain > _PART * of_each.max()]
     said = f"{', '.join(off)} {'is' if len(off) == 1 else 'are'} off by what the plates themselves read"
-    yield Disturbance(("forces", *off), said, float(of_each.sum()), p, held_out, "wrench")
+    yield Disturbance(("forces", *off), said, float(of_each.sum()), p, held_out, "wrench", flexible=True)
 
 
 def _by_chance(squares: Array) -> float:

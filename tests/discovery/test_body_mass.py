@@ -16,18 +16,20 @@ from scaling_service.capabilities.discovery.laws.loads import PlateGain
 from scaling_service.capabilities.dynamics.weight import Weight
 from tests.discovery.hidden import person
 
-ABOVE, LEFT_BY_MASS = 1000.0, 40.0
+ABOVE = 1000.0
 
 
 @dataclass(frozen=True)
 class Forces:
     """Forces that disagree by so much, of which a right mass leaves little."""
 
+    left_by_mass: float
+
     def above_noise(self, _fit: Fit) -> float:
         return ABOVE
 
     def squares(self, fit: Fit) -> float:
-        return LEFT_BY_MASS if fit.effects else ABOVE
+        return self.left_by_mass if fit.effects else ABOVE
 
     def refit(self, fit: Fit, _free: object, effects: tuple[object, ...]) -> Fit:
         return replace(fit, effects=effects)  # type: ignore[arg-type]
@@ -36,13 +38,16 @@ class Forces:
         return candidate.seen_in == "wrench"
 
 
-@pytest.mark.parametrize(("left", "is_mass"), [(300.0, True), (35.0, True), (15.0, False)])
-def test_a_load_is_the_cause_only_where_it_leaves_clearly_less_than_the_mass(
-    left: float, is_mass: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("left_by_mass", "left", "is_mass"),
+    [(100.0, 300.0, True), (100.0, 85.0, True), (100.0, 35.0, False), (10.0, -10.0, True)],
+)
+def test_a_load_is_the_cause_only_where_the_mass_leaves_something_of_which_it_leaves_clearly_less(
+    left_by_mass: float, left: float, is_mass: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     heavier = Weight(60.0, 65.0, 0.3, {"walk": 65.0})
     monkeypatch.setattr(body_mass, "balance_weight", lambda _fit: heavier)
-    monkeypatch.setattr(body_mass, "WRENCH", Forces())
+    monkeypatch.setattr(body_mass, "WRENCH", Forces(left_by_mass))
     load = Candidate("carried_load", ("torso",), (Column("kg", 1.0, load=PlateGain("plate_1")),))
     unseen = HeldOut(0.9, 1e-9, folds=False)
     other = ScoredCandidate(load, replace(NOTHING, gain=ABOVE - left), np.zeros(3), unseen)

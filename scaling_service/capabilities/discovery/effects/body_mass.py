@@ -24,10 +24,10 @@ from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, blocks
 def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidate | None:
     """The declared mass as an effect, if the plates clearly contradict it and no other effect is the cause.
 
-    Another one is, where it explains nearly all that the forces disagree by, and leaves clearly less than
-    the mass does: a load in the hand weighs as much as a heavier body, but its moments tell where it is; one
-    in the trunk explains a heavier body as well. Where recordings disagree about the weight, each is taken
-    with its own from then on: what plates miss in one of them is no load of the body.
+    Another one is, where it explains nearly all that the forces disagree by, and the mass leaves something of
+    which it leaves clearly less: a load in the hand weighs as much as a heavier body, but its moments tell
+    where it is; one in the trunk explains a heavier body as well. Where recordings disagree about the weight,
+    each is taken with its own from then on: what plates miss in one of them is no load of the body.
     """
     weight = balance_weight(fit)
     if weight is None or not (weight.differs and weight.lasting):
@@ -39,9 +39,11 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     candidate = Candidate("body_mass", ("world",), (), note=note, change=change)
     after = WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(candidate, np.zeros(0))))
     gain = WRENCH.squares(fit) - WRENCH.squares(after)
-    above = WRENCH.above_noise(fit)
-    least = above - min((1.0 - fit.settings.whole_cause) * above, fit.settings.mass_left * (above - gain))
-    if any(WRENCH.shows(one.candidate) and one.fitted.gain > least for one in scored):
+    above, settings = WRENCH.above_noise(fit), fit.settings
+    left = above - gain
+    least = above - min((1.0 - settings.whole_cause) * above, settings.mass_left * left)
+    better = any(WRENCH.shows(one.candidate) and one.fitted.gain > least for one in scored)
+    if better and left > settings.effects_leave * above:
         return None
     chance = 2.0 * float(scipy.stats.norm.sf(abs(weight.factor - 1.0) / change.sd))
     nothing_held_out = HeldOut(float("nan"), float("nan"), folds=False)  # the balance took all recordings

@@ -115,7 +115,7 @@ class DiscoverySettings:
     disturbance_main: float = 0.25
     # effects_leave, disturbance_leaves: of what stands above the noise, what the effects must leave, and of
     # that, what the disturbance may leave (chosen: an effect that is there leaves nothing; where one explains
-    # most, no law could explain clearly more)
+    # most, no law could explain clearly more). A wrong mass, too, must leave so much for a load to be better
     effects_leave: float = 0.05
     disturbance_leaves: float = 0.25
 

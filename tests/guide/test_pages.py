@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,6 @@ from tests.guide import notebooks
 from tests.guide.renew import MEASURES, PAPERS, measure_bank
 from tests.guide.running import LEFT_OUT, assert_shown, blocks, commands, run
 from tests.safety.running import find_data, program_environment
-from tests.service.page.visitor import ARGUMENTS, CHROMIUM
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -167,19 +167,15 @@ def test_the_guide_loads_nothing_that_computes() -> None:
 
 
 @pytest.fixture(scope="module")
-def visitor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
+def visitor(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[object]:
     """A browser without a network, at the guide's first page in a folder."""
-    if not CHROMIUM.is_file():
-        pytest.skip(f"no Chromium at {CHROMIUM}")
     folder = tmp_path_factory.mktemp("guide")
     write_site(folder)
-    api = pytest.importorskip("playwright.sync_api")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        page = browser.new_context(offline=True, viewport={"width": 360, "height": 740}).new_page()
-        page.goto((folder / "index.html").as_uri())
-        yield page
-        browser.close()
+    context = browser.new_context(offline=True, viewport={"width": 360, "height": 740})
+    page = context.new_page()
+    page.goto((folder / "index.html").as_uri())
+    yield page
+    context.close()
 
 
 def test_it_opens_and_searches_offline(visitor: object) -> None:

@@ -12,28 +12,16 @@ import pytest
 from scaling_service.service.http import site
 from tests.cli.serving import served
 from tests.service.page.node import packages
-from tests.service.page.visitor import ARGUMENTS, CHROMIUM, Visitor
+from tests.service.page.visitor import Visitor
 
 Visit = Callable[..., Visitor]
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """Debian's Chromium without a graphics card."""
-    if not CHROMIUM.is_file():
-        pytest.skip(f"no Chromium at {CHROMIUM}")
-    if not (site._BUNDLE / "index.html").is_file():
-        pytest.skip("this installation was built without the web page")
-    api = pytest.importorskip("playwright.sync_api")
-    with api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield running
-        running.close()
 
 
 @pytest.fixture
 def visit(browser: Any) -> Iterator[Visit]:
     """Opens the page of a service as a new visitor; at the end, no visitor may have met a defect."""
+    if not (site._BUNDLE / "index.html").is_file():
+        pytest.skip("this installation was built without the web page")
     with ExitStack() as stack:
         visitors = []
 

@@ -37,7 +37,7 @@ ROUNDS = 3
 NAMES = ("gait2354", "rajagopal_walk", "opencap_squat", "opencap_walk")
 MOST_WALK_S = 12e-3
 
-FIXED = (
+FIXED_COST = (
     "Some 13 steps of about 200 NumPy calls each, whatever the number of frames: seven for the 18 that "
     "begin, five for all, one made again. Ask for a better first guess or a compiled sweep."
 )
@@ -184,7 +184,7 @@ def test_it_is_many_times_faster_than_opensims_solver(
     assert rows[name].ratio >= at_least
 
 
-@pytest.mark.xfail(reason=FIXED, raises=AssertionError, strict=True)
+@pytest.mark.xfail(reason=FIXED_COST, raises=AssertionError, strict=True)
 def test_a_walk_of_131_frames_takes_little(rows: Mapping[str, Row]) -> None:
     walk = rows["opencap_walk"]
     assert walk.frames * walk.ours.s_per_frame <= MOST_WALK_S

@@ -63,12 +63,7 @@ def _describe_test(entry: QuantityEntry) -> str:
 def _lengths(found: StatisticsDocument) -> Iterator[str]:
     tests = [(words(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
     differ = dict.fromkeys(name for name, test in tests if test.significant)
-    if tests:
-        yield (
-            f"Segment lengths differ between methods for {', '.join(differ)}."
-            if differ
-            else "No segment length is found to differ between methods."
-        )
+    yield from _tell_differences(len(tests), ", ".join(differ), "segment length", "")
 
 
 def _nearest(found: StatisticsDocument) -> Iterator[str]:
@@ -86,9 +81,11 @@ def _nearest(found: StatisticsDocument) -> Iterator[str]:
 def _angles(found: StatisticsDocument) -> Iterator[str]:
     tests = [(words(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
     differ = dict.fromkeys(name for name, test in tests if test.significant)
-    if tests:
-        yield (
-            f"Joint angles differ between methods in the gait cycle for {'; '.join(differ)}."
-            if differ
-            else "No joint angle is found to differ between methods over the gait cycle."
-        )
+    yield from _tell_differences(len(tests), "; ".join(differ), "joint angle", " in the gait cycle")
+
+
+def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> Iterator[str]:
+    if differ:
+        yield f"{quantity.capitalize()}s differ between methods{where} for {differ}."
+    elif tested:
+        yield f"No {quantity} is found to differ between methods{where}."

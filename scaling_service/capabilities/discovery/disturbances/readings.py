@@ -63,7 +63,7 @@ def following_readings(fit: Fit) -> Iterator[Disturbance]:
     """The wrench as the plates' own readings predict it, where the motion is known down to its noise."""
     items = [item for item in fit.wrenches if item.usable.any()]
     fitting = [item for item in items if item.role == "fit"]
-    if not fitting or not fit.scene.plates or not _motion_known(fit):
+    if not fitting or not fit.scene.plates or not _knows_motion(fit):
         return
     parts = [_Frames.of(item, fit.scene.plates, fit.settings.block_s) for item in items]
     known = [part for part in parts if part.item.role == "fit"]
@@ -91,7 +91,7 @@ def _by_chance(squares: Array) -> float:
     return p_above_zero((squares[:, 0] - squares[:, 1]).sum(axis=1))
 
 
-def _motion_known(fit: Fit) -> bool:
+def _knows_motion(fit: Fit) -> bool:
     """Whether the model follows the markers down to their noise."""
     tally = MARKERS.tally(fit, "fit")
     return (

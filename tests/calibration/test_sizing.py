@@ -202,3 +202,23 @@ def _take_away(session: Session) -> None:
             assert less[length].sd >= full[length].sd * (1.0 - 1e-3), (what, length)
             # what was lost is within what the smaller deviation and the larger one leave open
             assert moved <= 3.0 * np.hypot(less[length].sd, full[length].sd), (what, length)
+
+
+def test_shoulders_that_a_standing_person_raises_are_measured_in_a_movement() -> None:
+    """In a T pose the acromia, here 60 mm further in each, say nothing of the trunk's breadth."""
+    session = person(3, seconds=2.0, model="full_body_35dof").session
+    static = session.static
+    raised = static.markers.copy()
+    for side, outward in (("R", 1.0), ("L", -1.0)):
+        arm = [
+            k
+            for k, label in enumerate(static.labels)
+            if label[0] == side and label[1:3] in ("EL", "ME", "WR", "MH")
+        ]
+        shoulder, elbow = (static.labels.index(f"{side}{name}") for name in ("SHO", "ELB"))
+        raised[:, shoulder, 2] -= outward * 0.06
+        raised[:, arm] += (raised[:, shoulder] + [0.0, 0.0, outward * 0.27] - raised[:, elbow])[:, None]
+    in_t_pose = replace(session, static=replace(static, markers=raised))
+    hanging, found = (size_segments(s, SETTINGS) for s in (session, in_t_pose))
+    assert found.sizes["torso"].factor == pytest.approx(hanging.sizes["torso"].factor, rel=0.01)
+    assert found.sizes["torso"].measured == pytest.approx(hanging.sizes["torso"].measured, rel=0.02)

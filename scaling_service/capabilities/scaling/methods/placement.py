@@ -94,7 +94,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
-    landmarks = {m.name: float(canonical(m.name) is not None) for m in model.markers}
+    landmarks = {m.name: float(m.anatomical and canonical(m.name) is not None) for m in model.markers}
     tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
     shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:

@@ -223,12 +223,17 @@ def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
 
 
 def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial:
-    """The trial with medial epicondyles and malleoli that it does not show, mirrored at the joint's centre.
+    """The trial as a model is posed by it: landmarks that it does not show added, raised shoulders left out.
+
+    Medial epicondyles and malleoli are the lateral ones, mirrored at the joint's centre.
 
     ``trial``: a standing trial.
     ``centres``: ``knee_r`` … in the frames of this trial.
     """
-    at = {canonical(label): trial.position(label) for label in _labels_seen(trial)}
+    at = without_raised_shoulders(read_landmarks(trial))
+    trial = _showing(trial, {name: at[name] for name in ("RSHO", "LSHO") if name in at})
+    seen_once = {_name(label) for label in _labels_seen(trial)}
+    at = {name: position for name, position in at.items() if name in seen_once}
     added: dict[str, Array] = {}
     for joint, lateral, medial in _OPPOSITE:
         for side in "rl":
@@ -244,6 +249,15 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
         labels=(*(trial.labels[k] for k in kept), *added),
         markers=np.concatenate([trial.markers[:, kept], np.stack([*added.values()], axis=1)], axis=1),
     )
+
+
+def _showing(trial: Trial, points: Points) -> Trial:
+    """The trial with some landmarks where these points are."""
+    markers = trial.markers.copy()
+    for k, label in enumerate(trial.labels):
+        if _name(label) in points:
+            markers[:, k] = points[_name(label)]
+    return replace(trial, markers=markers)
 
 
 def _labels_seen(trial: Trial) -> list[str]:

@@ -62,7 +62,7 @@ class Ratios:
 def measure_ratios(
     people: Sequence[PersonPoints], model: Points, segments: Sequence[str], *, besides: bool = True
 ) -> Ratios:
-    """Every distance that can be taken, each on the first recording that shows it.
+    """Every distance that can be taken, each on the first recording that shows it (a plain mean: on one).
 
     ``people``: the recordings, the best first.
     ``model``: the model's points, one frame.
@@ -73,10 +73,12 @@ def measure_ratios(
     for measurement in MEASUREMENTS:
         if not set(measurement.segments) & set(segments):
             continue
+        done: set[Pair] = set()
         for person in people:
             pairs = available(measurement, person.points, model, besides=besides)
-            if pairs:
-                taken += [(measurement, pair, person) for pair in pairs]
+            taken += [(measurement, pair, person) for pair in pairs if pair not in done]
+            done.update(pairs)
+            if done and not besides:
                 break
     errors = {id(person): _Propagated.through(person) for _, _, person in taken}
     inputs = sorted({key for found in errors.values() for key in found.inputs})

@@ -177,8 +177,8 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
 def _standing_anywhere(model: BodyModel) -> BodyModel:
     """The model with the whole body's place and turns unbounded: a person may walk a laboratory either way.
 
-    Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could not
-    be followed. What hangs on the ground by a joint that does not move freely, as an arm does, keeps its ranges.
+    Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could
+    not be followed. What hangs on the ground by a joint of fewer freedoms, as an arm does, keeps its ranges.
     """
     free = {coordinate for segment in model.children(GROUND) for coordinate in _free_coordinates(segment)}
     coordinates = tuple(

@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.saving import write_massive_model
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.optimised import tiltable_knees
-from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
+from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent, turning
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -22,6 +22,7 @@ from scaling_service.files.osim import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
 from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.parameters import axis_of
+from scaling_service.model.poses import follow
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
@@ -133,15 +134,24 @@ def real(request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: py
 def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     session, found = real
     evidence = session.images
-    assert {"pelvis", "femur_r", "tibia_r"} == found.image_poses.keys()
+    assert {"pelvis", "femur_r", "tibia_r", "talus_r"} == found.image_poses.keys()
     for name, at in centres_in_image(found).items():
         assert 1e3 * np.linalg.norm(at - evidence.centres[name.split()[0]]) < 1.0, name
-    for joint, parent, child in (("knee_r", "femur_r", "tibia_r"), ("ankle_r", "tibia_r", "talus_r")):
-        model: BodyModel = found.model
-        axis = axis_in_parent(model.segment(child), straight_values(model))
+    model: BodyModel = found.model
+    values = straight_values(model)
+    chain = ("femur_r", "tibia_r", "talus_r", "calcn_r")
+    for joint, parent, child in zip(("knee_r", "ankle_r", "subtalar_r"), chain, chain[1:], strict=False):
+        axis = axis_in_parent(model.segment(child), values)
         shown = found.image_poses[parent].rotation.T @ np.array(evidence.axes[joint])
         assert np.degrees(np.arccos(min(1.0, abs(float(axis @ shown))))) < 0.1
-    assert any("without a bone" in note and "calcn_r" in note for note in found.warnings)
+    heel = model.segment("calcn_r").joints
+    centre = follow(heel[: turning(model.segment("calcn_r"))[0]], values)[1]
+    off = found.image_poses["talus_r"].to_local(np.array(evidence.centres["subtalar_r"])) - centre
+    assert 1e3 * np.linalg.norm(np.cross(off, axis)) < 1.0
+    by_markers = follow(calibrate(session, "MB").model.segment("calcn_r").joints, values)
+    for theirs, ours in zip(by_markers, follow(heel, values), strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-9)  # the neutral foot stays where it is
+    assert any("without a bone's length" in note and "calcn_r" in note for note in found.warnings)
     source, path = Path(session.subject.model), tmp_path / "model.osim"
     write_osim(
         path,

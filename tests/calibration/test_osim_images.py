@@ -60,13 +60,26 @@ def test_a_person_imaged_whole_comes_back() -> None:
     assert float(motion.distances.max()) < 0.001  # the thigh's turn about its long axis is another convention
 
 
+def test_hips_further_apart_leave_the_pelvis_its_size() -> None:
+    who = person(47, factors=SIZES, tilts_deg=TILTS_DEG, seconds=2.0)
+    evidence = imaged(who, TILTS_DEG)
+    right, left = (np.array(evidence.centres[f"hip_{side}"]) for side in "rl")
+    out = 0.008 * (right - left) / np.linalg.norm(right - left)
+    apart = {"hip_r": vector(right + out), "hip_l": vector(left - out)}
+    found = as_osim(who, replace(evidence, centres={**evidence.centres, **apart}))
+    by_markers = calibrate(who.session, "MB")
+    assert found.scale_factors["pelvis"] == pytest.approx(by_markers.scale_factors["pelvis"])
+    assert segment_lengths(found.model)["inter_hip"] == pytest.approx(np.linalg.norm(right - left) + 0.016)
+    assert any("hip_r: its centre by" in note for note in found.warnings)
+
+
 def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
     who = person(44, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.002, seconds=3.0)
     found = as_osim(who, imaged(who, TILTS_DEG, "r"))
     assert found.scale_factors["femur_r"][0] == pytest.approx(1.05, abs=1e-6)
     assert found.scale_factors["femur_l"][0] == pytest.approx(1.03, abs=0.02)
     assert any("not imaged" in note and "femur_l" in note for note in found.warnings)
-    assert found.bone_sized == {"pelvis": "own"} | {
+    assert found.bone_sized == {
         f"{bone}_{side}": whose
         for bone in ("femur", "tibia")
         for side, whose in (("r", "own"), ("l", "other leg"))

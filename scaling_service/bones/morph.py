@@ -52,15 +52,15 @@ class SurfaceMap:
         return sizes
 
 
-def map_surface(model: Bone, person: Bone, fixed: Array) -> SurfaceMap:
+def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> SurfaceMap:
     """The thin-plate spline that takes a model's bone, laid onto a person's, to the person's surface.
 
     The spline of least bending energy in space (its kernel is distance: Bookstein 1989, smoothed as in Wahba
     1990) through counterparts, found anew in each round: the nearest place of the other surface that faces
     the same way, from both surfaces, so that no part of either is left out.
 
-    ``model``, ``person``: both in one frame, m. ``fixed``: (n, 3), m: what stays where it is, as the joints'
-        centres, which are one upon the other already.
+    ``model``, ``person``: both in one frame, m. ``ours_at``, ``theirs_at``: (n, 3), m: joint
+        centres of the model's bone, and where the person's are.
     Raises MeshRefused: the surfaces are not of one kind of bone.
     """
     ours, theirs = _surface(model), _surface(person)
@@ -78,11 +78,11 @@ def map_surface(model: Bone, person: Bone, fixed: Array) -> SurfaceMap:
                     remedy="Check that both are the same bone",
                 )
             start = np.concatenate(
-                [ours.points[own[kept]], _carry(moved, ours, cells[met], back[met]), fixed]
+                [ours.points[own[kept]], _carry(moved, ours, cells[met], back[met]), ours_at]
             )
-            end = np.concatenate([nearest[kept], theirs.points[wanted[met]], fixed])
+            end = np.concatenate([nearest[kept], theirs.points[wanted[met]], theirs_at])
             soft = np.full(len(end), smoothing)
-            soft[len(end) - len(fixed) :] /= _HELD
+            soft[len(end) - len(ours_at) :] /= _HELD
             spline = RBFInterpolator(start, end, kernel="linear", degree=1, smoothing=soft)
             moved = _facing(pv.PolyData.from_regular_faces(spline(ours.points), ours.regular_faces))
     return SurfaceMap(spline, float(np.sqrt(np.mean(gap[kept] ** 2))))

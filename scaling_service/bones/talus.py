@@ -1,11 +1,17 @@
-"""The talus: a cylinder on the trochlea, which is the ankle's axis."""
+"""The talus: the ankle's axis from a cylinder on its trochlea, the subtalar one from spheres on facets."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.fits import CylinderOnBone, refine_cylinder
+from scaling_service.bones.fits import (
+    CylinderOnBone,
+    SphereOnBone,
+    find_spheres,
+    place_sphere,
+    refine_cylinder,
+)
 from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
 from scaling_service.bones.shapes import across
@@ -21,6 +27,13 @@ SIZE_M = (0.035, 0.085)  # length of a talus, a child's to a giant's; adults hav
 ARC = 0.15  # least arc of the trochlea as a share of the turn: chosen, half of the usual 100-120 degrees
 AREA = 0.5  # least supporting area as a share of the squared radius: chosen, a third of the usual 1.5-2
 
+HEAD_RADII_M = (0.009, 0.025)  # chosen around 12-14 mm on three adults
+HEAD_COVERED = 0.3  # least share of a head's sphere; chosen, three adults have 0.41-0.51
+HEAD_OFF_M = 0.01  # least way from the ankle's axis to the head; chosen, three adults have 16-25 mm
+FACET_RADII_M = (0.013, 0.030)  # of the hollow that sits on the heel bone; chosen around 17-22 mm
+FACET_COVERED = 0.05  # usual share of its sphere; three adults have 0.05-0.08
+FACET_AREA = 0.3  # least area of it as a share of the squared radius; chosen, three adults have 0.5-1.1
+
 _RIDGE = float(np.sin(np.deg2rad(25.0)))  # keeps to the dome; its sides stand across
 _DIRECTIONS = 150  # chosen: about 11 degrees apart on the half sphere
 _CELL_M = 2e-3
@@ -30,13 +43,18 @@ _TRIED = 5
 def find_talus_landmarks(
     vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None, tibia: TibiaFrame
 ) -> BoneLandmarks:
-    """The ankle's centre and axis from a talus beside its tibia.
+    """The centres and axes of the ankle and of the subtalar joint from a talus beside its tibia.
 
     ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: a talus alone is what it is
     called. ``tibia``: of the same image: the trochlea faces it, and the axis is signed by it. A talus alone
-    has other cylinders (its neck, the rims of its facets) that carry as much surface. Returns point
-    ``ankle_centre``, cylinder ``trochlea``, axis ``ankle``. Raises MeshRefused: it is no talus, or no part
-    of it is a cylinder of a trochlea's size.
+    has other cylinders (its neck, the rims of its facets) that carry as much surface. Returns points
+    ``ankle_centre`` and, on the subtalar axis, ``subtalar_centre``, cylinder ``trochlea``, spheres ``head``
+    and ``heel_facet``, axes ``ankle`` and ``subtalar``, which points forward; what is subtalar is refused
+    where a sphere is not found. Raises MeshRefused: it is no talus, or no part of it is a cylinder of a
+    trochlea's size.
+
+    The subtalar axis runs through the centres of spheres on the talonavicular and the posterior talocalcaneal
+    facet (Parr et al. 2012, J Biomech 45:1103-1107; Montefiori et al. 2019, J Biomech 85:27-36).
     """
     surface, notes = require_one_bone(prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))
@@ -56,11 +74,28 @@ def find_talus_landmarks(
         confidence(found.covered, poor=ARC, good=0.28),
         confidence(found.area / found.radius**2, poor=AREA, good=1.2),
     )
+    head, facet = _find_subtalar_spheres(surface, centre, axis, up)
+    spheres = {
+        name: place_sphere(surface, ball, poor_cover=0.5 * usual, good_cover=usual)
+        for name, ball, usual in (("head", head, HEAD_COVERED), ("heel_facet", facet, FACET_COVERED))
+        if ball is not None
+    }
+    points, axes = {"ankle_centre": surface.to_image(centre)}, {"ankle": surface.turned(axis)}
+    words = {"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"}
+    if head is not None and facet is not None:
+        forward = spheres["head"].centre - spheres["heel_facet"].centre
+        points["subtalar_centre"], axes["subtalar"] = (
+            spheres["heel_facet"].centre,
+            forward / np.linalg.norm(forward),
+        )
+        words["subtalar_centre"] = "centre of the sphere on the facet that sits on the heel bone"
+    missing = "head" if head is None else "facet that sits on the heel bone"
     return BoneLandmarks(
         bone="talus",
         side=named_side,
         side_from="name",
-        points={"ankle_centre": surface.to_image(centre)},
+        points=points,
+        spheres=spheres,
         cylinders={
             "trochlea": Cylinder(
                 surface.to_image(centre),
@@ -69,10 +104,36 @@ def find_talus_landmarks(
                 Quality(found.rms, found.covered, trust),
             )
         },
-        axes={"ankle": surface.turned(axis)},
-        definitions={"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"},
+        axes=axes,
+        definitions=words,
+        refused={} if "subtalar" in axes else {"subtalar_centre": f"no sphere fits its {missing}"},
         warnings=(*surface.notes, *notes),
     )
+
+
+def _find_subtalar_spheres(
+    surface: Surface, ankle: Array, axis: Array, up: Array
+) -> tuple[SphereOnBone | None, SphereOnBone | None]:
+    """Its head, and the hollow that sits on the heel bone, on the other side of the ankle's axis."""
+    head = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, axis)), None)
+    if head is None:
+        return None, None
+    forward = head.centre - ankle
+    above = np.cross(axis, forward)
+    above *= np.sign(above @ up)
+    behind = surface.part(((surface.points - ankle) @ forward < 0.0) & (surface.normals @ above < 0.0))
+    hollows = [
+        (area, sphere)
+        for sphere in find_spheres(behind, FACET_RADII_M, hollow=True)
+        if (area := float(sphere.support @ behind.areas)) > FACET_AREA * sphere.radius**2
+        and (sphere.centre - ankle) @ forward < 0.0
+    ]
+    return head, max(hollows, key=lambda found: found[0], default=(0.0, None))[1]
+
+
+def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:
+    off = float(np.linalg.norm(np.cross(ball.centre - ankle, axis)))
+    return ball.covered >= HEAD_COVERED and off >= HEAD_OFF_M
 
 
 def _find_trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:

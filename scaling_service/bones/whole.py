@@ -229,7 +229,11 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-_CENTRES = {"femur": {"hip_centre": "hip", "knee_centre": "knee"}, "tibia": {"ankle_centre": "ankle"}}
+_CENTRES = {
+    "femur": {"hip_centre": "hip", "knee_centre": "knee"},
+    "tibia": {"ankle_centre": "ankle"},
+    "talus": {"subtalar_centre": "subtalar"},
+}
 _LANDMARKS = {
     "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
     "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
@@ -252,7 +256,7 @@ def evidence_of(
         {
             f"{joint}_{b.side}": _vector(b.axes[joint])
             for b in found.values()
-            for joint in ("knee", "ankle")
+            for joint in ("knee", "ankle", "subtalar")
             if joint in b.axes
         },
         dict(_marker_landmarks(found)),

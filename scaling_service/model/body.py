@@ -110,6 +110,11 @@ class Joint:
     """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
     frame, or in a joint frame fixed in it."""
 
+    @property
+    def turns(self) -> bool:
+        """Whether it is a rotation that something drives."""
+        return self.kind == "rotation" and not self.law.is_constant
+
 
 @dataclass(frozen=True, slots=True)
 class Segment:

@@ -141,7 +141,7 @@ def free_axis(
 
 
 def _tilted(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
-    moving = [k for k, j in enumerate(joints) if j.kind == "rotation" and not j.law.is_constant]
+    moving = [k for k, j in enumerate(joints) if j.turns]
     if not moving:
         raise ValueError("the joint has no rotation whose axis could be turned")
     first, last = moving[0], moving[-1] + 1

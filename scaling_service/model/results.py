@@ -100,12 +100,10 @@ class JointMove:
 
     shift: Vector = (0.0, 0.0, 0.0)  # of its centre, m, in the parent segment's frame
     turn: Vector = (0.0, 0.0, 0.0)  # of its rotation axes: a rotation vector, rad, in the joint's own frame
-    child_turn: Vector = (
-        0.0,
-        0.0,
-        0.0,
-    )  # of the child against the joint: a rotation vector, rad, in its frame
-    child_pivot: Vector = (0.0, 0.0, 0.0)  # what stays where it is in that turn, m, in the child's frame
+    child_turn: Vector = (0.0, 0.0, 0.0)
+    """Of the child against the joint, in the child's frame: a rotation vector, rad."""
+    child_shift: Vector = (0.0, 0.0, 0.0)
+    """How far that moves the child's origin, m, in the frame that the child had before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

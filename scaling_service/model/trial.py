@@ -201,6 +201,11 @@ class ImagePose:
     rotation: Array  # (3, 3)
     origin: Array  # (3,), m
 
+    def carrying(self, frame: tuple[Array, Array]) -> ImagePose:
+        """The pose of what lies at a rotation, (3, 3), and an origin, (3,) m, in this segment's frame."""
+        rotation, origin = frame
+        return ImagePose(self.rotation @ rotation, self.origin + self.rotation @ origin)
+
     def to_local(self, points: Array) -> Array:
         """Points of the image, (n, 3) or (3,), in the segment's frame, m."""
         local: Array = (points - self.origin) @ self.rotation
@@ -212,9 +217,9 @@ class ImageEvidence:
     """Points of one image session, all in its frame, m."""
 
     centres: Mapping[str, Vector] = field(default_factory=dict)
-    """``hip_r``, ``knee_r``, ``ankle_r`` and the left ones, as far as imaged."""
+    """``hip_r``, ``knee_r``, ``ankle_r``, ``subtalar_r`` and the left ones, as far as imaged."""
     axes: Mapping[str, Vector] = field(default_factory=dict)
-    """``knee_r``, ``ankle_r`` and the left ones: direction of the flexion axis, either way round."""
+    """``knee_r``, ``ankle_r``, ``subtalar_r`` and the left ones: directions of axes, either way round."""
     landmarks: Mapping[str, Vector] = field(default_factory=dict)
     """Points on bone by the name of the marker that is put on them (``RASIS``, ``RLFE`` …)."""
     markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)

@@ -40,7 +40,7 @@ def attachments(bone: Bone) -> Array:
 def test_a_known_map_is_found(bone: Bone) -> None:
     person = replace(bone, vertices=bend(bone.vertices))
     fixed = np.stack([HIP_CENTRE * 1e-3, np.zeros(3)])
-    found = map_surface(bone, person, np.stack([fixed[1]]))
+    found = map_surface(bone, person, fixed[1:], fixed[1:])
     at = attachments(bone)
     off, before = (1e3 * np.linalg.norm(p - bend(at), axis=1) for p in (found(at), at))
     assert np.median(off) < 1.0 < 2.0 < np.median(before)
@@ -52,7 +52,7 @@ def test_a_bone_onto_itself_stays(bone: Bone) -> None:
     full = pyvista.PolyData.from_regular_faces(bone.vertices, bone.faces)
     coarse = full.decimate(0.9)  # few enough faces to be taken as they are
     same, at = Bone(coarse.points, coarse.regular_faces), attachments(bone)
-    found = map_surface(same, same, np.zeros((1, 3)))
+    found = map_surface(same, same, *np.zeros((2, 1, 3)))
     assert found(at) == pytest.approx(at, abs=1e-4)
     assert found.sizes(at) == pytest.approx(np.ones(len(at)), abs=0.02)
 
@@ -69,4 +69,4 @@ def test_what_is_no_such_bone_is_refused(bone: Bone) -> None:
         np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]), np.array([[0, 1, 2], [0, 3, 1]])
     )
     with pytest.raises(MeshRefused, match="has its like"):
-        map_surface(box, replace(bone, vertices=bone.vertices + 1.0), np.zeros((1, 3)))
+        map_surface(box, replace(bone, vertices=bone.vertices + 1.0), *np.zeros((2, 1, 3)))

@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.saving import write_massive_model
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.optimised import tiltable_knees
-from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
+from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent, turning
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -22,6 +22,7 @@ from scaling_service.files.osim import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
 from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.parameters import axis_of
+from scaling_service.model.poses import follow
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
@@ -59,13 +60,26 @@ def test_a_person_imaged_whole_comes_back() -> None:
     assert float(motion.distances.max()) < 0.001  # the thigh's turn about its long axis is another convention
 
 
+def test_hips_further_apart_leave_the_pelvis_its_size() -> None:
+    who = person(47, factors=SIZES, tilts_deg=TILTS_DEG, seconds=2.0)
+    evidence = imaged(who, TILTS_DEG)
+    right, left = (np.array(evidence.centres[f"hip_{side}"]) for side in "rl")
+    out = 0.008 * (right - left) / np.linalg.norm(right - left)
+    apart = {"hip_r": vector(right + out), "hip_l": vector(left - out)}
+    found = as_osim(who, replace(evidence, centres={**evidence.centres, **apart}))
+    by_markers = calibrate(who.session, "MB")
+    assert found.scale_factors["pelvis"] == pytest.approx(by_markers.scale_factors["pelvis"])
+    assert segment_lengths(found.model)["inter_hip"] == pytest.approx(np.linalg.norm(right - left) + 0.016)
+    assert any("hip_r: its centre by" in note for note in found.warnings)
+
+
 def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
     who = person(44, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.002, seconds=3.0)
     found = as_osim(who, imaged(who, TILTS_DEG, "r"))
     assert found.scale_factors["femur_r"][0] == pytest.approx(1.05, abs=1e-6)
     assert found.scale_factors["femur_l"][0] == pytest.approx(1.03, abs=0.02)
     assert any("not imaged" in note and "femur_l" in note for note in found.warnings)
-    assert found.bone_sized == {"pelvis": "own"} | {
+    assert found.bone_sized == {
         f"{bone}_{side}": whose
         for bone in ("femur", "tibia")
         for side, whose in (("r", "own"), ("l", "other leg"))
@@ -133,15 +147,24 @@ def real(request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: py
 def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     session, found = real
     evidence = session.images
-    assert {"pelvis", "femur_r", "tibia_r"} == found.image_poses.keys()
+    assert {"pelvis", "femur_r", "tibia_r", "talus_r"} == found.image_poses.keys()
     for name, at in centres_in_image(found).items():
         assert 1e3 * np.linalg.norm(at - evidence.centres[name.split()[0]]) < 1.0, name
-    for joint, parent, child in (("knee_r", "femur_r", "tibia_r"), ("ankle_r", "tibia_r", "talus_r")):
-        model: BodyModel = found.model
-        axis = axis_in_parent(model.segment(child), straight_values(model))
+    model: BodyModel = found.model
+    values = straight_values(model)
+    chain = ("femur_r", "tibia_r", "talus_r", "calcn_r")
+    for joint, parent, child in zip(("knee_r", "ankle_r", "subtalar_r"), chain, chain[1:], strict=False):
+        axis = axis_in_parent(model.segment(child), values)
         shown = found.image_poses[parent].rotation.T @ np.array(evidence.axes[joint])
         assert np.degrees(np.arccos(min(1.0, abs(float(axis @ shown))))) < 0.1
-    assert any("without a bone" in note and "calcn_r" in note for note in found.warnings)
+    heel = model.segment("calcn_r").joints
+    centre = follow(heel[: turning(model.segment("calcn_r"))[0]], values)[1]
+    off = found.image_poses["talus_r"].to_local(np.array(evidence.centres["subtalar_r"])) - centre
+    assert 1e3 * np.linalg.norm(np.cross(off, axis)) < 1.0
+    by_markers = follow(calibrate(session, "MB").model.segment("calcn_r").joints, values)
+    for theirs, ours in zip(by_markers, follow(heel, values), strict=True):
+        assert ours == pytest.approx(theirs, abs=1e-9)  # the neutral foot stays where it is
+    assert any("without a bone's length" in note and "calcn_r" in note for note in found.warnings)
     source, path = Path(session.subject.model), tmp_path / "model.osim"
     write_osim(
         path,

@@ -208,7 +208,13 @@ def test_a_whole_document_outweighs_a_subject_file(lab: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "bone"),
-    [("Femur_R.stl", "femur_r"), ("leftTibia.ply", "tibia_l"), ("pelvis.obj", "pelvis"), ("femur.stl", None)],
+    [
+        ("Femur_R.stl", "femur_r"),
+        ("leftTibia.ply", "tibia_l"),
+        ("pelvis.obj", "pelvis"),
+        ("femur.stl", None),
+        ("L_Talus.stl", "talus_l"),
+    ],
 )
 def test_bones_are_known_by_their_names(name: str, bone: str | None) -> None:
     assert bone_of(name) == bone

@@ -30,7 +30,7 @@ def test_a_walker_with_bones(shared_data: Path, tmp_path: Path) -> None:
         "calibration": ["Walking02.c3d", "Walking04.c3d"],
         "evaluation": ["Walking01.c3d"],
     }
-    assert set(found.proposal["bones"]) == {"units", "pelvis", "femur_r", "tibia_r"}
+    assert set(found.proposal["bones"]) == {"units", "pelvis", "femur_r", "tibia_r", "talus_r"}
     assert all(m.label is not None for m in found.markers)
     walking = next(r for r in found.recordings if r.name == "Walking01")
     assert [len(p.corners_m or []) for p in walking.plates] == [4, 4]

@@ -29,6 +29,7 @@ _BONES = (
     ("pelvis", re.compile(r"pelvi|becken")),
     ("femur", re.compile(r"femur")),
     ("tibia", re.compile(r"tibia")),
+    ("talus", re.compile(r"talus|astragalus")),
 )
 _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
@@ -139,10 +140,17 @@ def _parts(name: str) -> set[str]:
 
 
 def assign_bones(found: Sequence[InputFile]) -> Roles:
-    """Surfaces whose names say which bone they are; a bone that two files claim is left to the user."""
+    """Surfaces whose names say which bone they are; a bone that two files claim is left to the user.
+
+    So is a talus without its tibia, beside which alone its trochlea can be told.
+    """
     claims = [(f.name, bone) for f in found if f.kind == "mesh" and f.usable and (bone := bone_of(f.name))]
     bones = [bone for _, bone in claims]
-    return {name: (f"bones.{bone}", "its name says so") for name, bone in claims if bones.count(bone) == 1}
+    return {
+        name: (f"bones.{bone}", "its name says so")
+        for name, bone in claims
+        if bones.count(bone) == 1 and bones.count(bone.replace("talus", "tibia")) == 1
+    }
 
 
 def bone_of(name: str) -> str | None:
@@ -150,7 +158,7 @@ def bone_of(name: str) -> str | None:
 
     Examples
     --------
-    >>> bone_of("S01_Femur_right.stl"), bone_of("pelvis_no_sacrum.stl"), bone_of("talus_r.stl")
+    >>> bone_of("S01_Femur_right.stl"), bone_of("pelvis_no_sacrum.stl"), bone_of("patella_r.stl")
     ('femur_r', 'pelvis', None)
     """
     stem = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.rpartition(".")[0]).lower().replace("_", " ")

@@ -75,6 +75,10 @@ class TalusDocument(BoneDocument):
 
     ankle_centre_mm: Vector | None = None
     ankle_axis: Vector | None = None
+    subtalar_centre_mm: Vector | None = Field(default=None, description="A point on the subtalar axis.")
+    subtalar_axis: Vector | None = Field(
+        default=None, description="Forward, from the heel facet to the head."
+    )
 
 
 class PelvisDocument(BoneDocument):

@@ -150,7 +150,7 @@ def _tibia(bone: BoneLandmarks) -> dict[str, Any]:
 _ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
     "femur": _femur,
     "tibia": _tibia,
-    "talus": lambda bone: {"ankle_axis": _unit(bone.axes["ankle"])},
+    "talus": lambda bone: {f"{joint}_axis": _unit(axis) for joint, axis in bone.axes.items()},
     "pelvis": lambda bone: {"asis_axis": _unit(bone.axes["asis"])},
 }
 

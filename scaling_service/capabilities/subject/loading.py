@@ -26,7 +26,7 @@ from scaling_service.files.osim import read_osim, read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, body_of
 from scaling_service.model.anatomy.markers import canonical, match_labels
-from scaling_service.model.body import GROUND, BodyModel, Vector
+from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
@@ -165,7 +165,7 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
-            return _facing_anywhere(
+            return _standing_anywhere(
                 read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
             )
     if str(name_or_path).lower().endswith(SUFFIX):
@@ -174,23 +174,24 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     return builtin(str(name_or_path))
 
 
-def _facing_anywhere(model: BodyModel) -> BodyModel:
-    """The model with the turns of the whole body unbounded: a person may walk the laboratory either way.
+def _standing_anywhere(model: BodyModel) -> BodyModel:
+    """The model with the whole body's place and turns unbounded: a person may walk a laboratory either way.
 
-    Of the models in use some clamp them to a right angle, so that a walk back could not be followed.
+    Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could
+    not be followed. What hangs on the ground by a joint of fewer freedoms, as an arm does, keeps its ranges.
     """
-    root = {
-        term.coordinate
-        for segment in model.children(GROUND)
-        for joint in segment.joints
-        if joint.kind == "rotation"
-        for term in joint.law.terms
-    }
+    free = {coordinate for segment in model.children(GROUND) for coordinate in _free_coordinates(segment)}
     coordinates = tuple(
-        replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in root and c.clamped else c
+        replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in free else c
         for c in model.coordinates
     )
     return replace(model, coordinates=coordinates)
+
+
+def _free_coordinates(segment: Segment) -> set[str]:
+    """Those of a joint that lets its segment move in all six directions; none of another."""
+    driven = {t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None}
+    return driven if len(driven) >= 6 else set()
 
 
 def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:

@@ -152,11 +152,10 @@ def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[floa
         ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
         ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
     ]
-    pivot = np.array(move["child_pivot"])
     back = rotation_from_vector(move["child_turn"]).T  # the body turns, so the joint turns back in it
     for end, frame, connect in ends:
         near = frame.findBaseFrame().getName() == parent
-        turn, shift = (np.eye(3), np.array(move["shift"])) if near else (back, pivot - back @ pivot)
+        turn, shift = (np.eye(3), np.array(move["shift"])) if near else (back, -back @ move["child_shift"])
         if not (shift.any() or (turn != np.eye(3)).any()):
             continue
         place = frame.findTransformInBaseFrame()

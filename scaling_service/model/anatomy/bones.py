@@ -125,5 +125,5 @@ def _turning_places(model: BodyModel, names: list[str]) -> Iterator[tuple[str, A
 
 
 def _first_turn(segment: Segment) -> int | None:
-    turns = (k for k, j in enumerate(segment.joints) if j.kind == "rotation" and not j.law.is_constant)
+    turns = (k for k, j in enumerate(segment.joints) if j.turns)
     return next(turns, None)

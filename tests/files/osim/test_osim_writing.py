@@ -130,7 +130,8 @@ def test_tilts_of_joints_of_fixed_kind(oracle, agrees, tmp_path, kind, reverse):
 
 @pytest.mark.parametrize("kind", ["PinJoint", "GimbalJoint"])
 @pytest.mark.parametrize("reverse", [False, True])
-def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse):
+@pytest.mark.parametrize("child_stays", [False, True])
+def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse, child_stays):
     source, path = tmp_path / "source.osim", tmp_path / "moved.osim"
     joints = [
         {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"},
@@ -138,10 +139,15 @@ def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse):
     ]
     oracle({"operation": "build", "file": str(source), "joints": joints, "nested": "b"})
     found = Registration(read_osim(source))
-    found.shift(found.model.segment("b"), np.array([0.01, -0.02, 0.03]))
     values = model_values(found.model)
+    by = np.array([0.01, -0.02, 0.03])
+    if child_stays:
+        found.move_axis(found.model.segment("b"), by, values)
+    else:
+        found.shift(found.model.segment("b"), by)
     found.turn(found.model.segment("b"), np.array([0.6, 0.0, 0.8]), values)
-    found.turn_child(found.model.segment("b"), np.array([0.1, 0.05, -0.2]), np.array([0.0, 0.1, 0.02]))
+    if not child_stays:
+        found.turn_child(found.model.segment("b"), np.array([0.1, 0.05, -0.2]), np.array([0.0, 0.1, 0.02]))
     assert axis_in_parent(found.model.segment("b"), values) == pytest.approx([0.6, 0.0, 0.8])
     write_osim(path, found.model, source=source, joint_moves=found.moves)
     agrees(path, found.model)

@@ -37,7 +37,7 @@ def axis_tilts(scene: Scene) -> Iterator[Candidate]:
     joint's own axis it would change nothing.
     """
     for segment in scene.jointed:
-        own = [j for j in segment.joints if j.kind == "rotation" and not j.law.is_constant]
+        own = [j for j in segment.joints if j.turns]
         if len({t.coordinate for j in own for t in j.law.terms} - {None}) < 3:
             main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
             across = [k for k in range(3) if k != main]

@@ -130,7 +130,7 @@ Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot | WarpedSpot
 
 def turning(segment: Segment) -> tuple[int, int] | None:
     """The first of the joints of a segment that turn, and one past the last; None if none does."""
-    found = [k for k, j in enumerate(segment.joints) if j.kind == "rotation" and not j.law.is_constant]
+    found = [k for k, j in enumerate(segment.joints) if j.turns]
     return (found[0], found[-1] + 1) if found else None
 
 

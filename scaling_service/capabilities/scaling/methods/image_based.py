@@ -238,7 +238,7 @@ def _osim_notes(
         )
     rest = [name for name in found.model.segment_names if name not in found.ratios]
     if rest:
-        notes.append(f"EB: without a bone, sized by markers as in MB: {few(rest)}")
+        notes.append(f"EB: without a bone's length, sized by markers as in MB: {few(rest)}")
     carried = [
         m for m in found.model.markers if m.weight > 0.0 and m.segment in found.poses and m.name not in placed
     ]

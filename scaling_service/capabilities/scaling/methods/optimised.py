@@ -18,7 +18,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import AXES, fitted
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.text import few
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import BodyModel, Joint, Segment
+from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.parameters import after, fold, free_axis, free_marker, free_scale, free_scale_axes
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Session
@@ -115,7 +115,7 @@ def level_feet(model: BodyModel) -> frozenset[str]:
     return frozenset(
         s.name
         for s in model.segments
-        if model.bone_of(s.name).startswith(_FEET) and sum(map(_is_turning, s.joints)) > 1
+        if model.bone_of(s.name).startswith(_FEET) and sum(j.turns for j in s.joints) > 1
     )
 
 
@@ -140,10 +140,6 @@ def _turned_by(segment: Segment) -> set[str]:
         for term in joint.law.terms
         if term.coordinate is not None
     }
-
-
-def _is_turning(joint: Joint) -> bool:
-    return joint.kind == "rotation" and not joint.law.is_constant
 
 
 _DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing

@@ -15,8 +15,7 @@ from scaling_service.capabilities.playback.shapes import place_bones
 from scaling_service.core.text import few
 from scaling_service.files.osim import Attachment, Wrap, move_attachments, read_attachments
 from scaling_service.model.anatomy.lengths import joint_ends
-from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Calibration
+from scaling_service.model.results import Array, Calibration, JointMove
 from scaling_service.model.trial import Bone
 
 
@@ -61,9 +60,8 @@ def follow_surfaces(
         here = [point for point in points if point.segment == segment]
         if not here or segment not in surfaces.bones:
             continue
-        fixed = _centres_on(calibration.model, segment)
         try:
-            mapped = map_surface(surfaces.bones[segment], person, fixed)
+            mapped = map_surface(surfaces.bones[segment], person, *_centres_on(calibration, segment))
         except MeshRefused as error:
             notes.append(f"{calibration.method}: attachments on {segment} are scaled: {error}")
             continue
@@ -102,12 +100,21 @@ def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) ->
     }
 
 
-def _centres_on(model: BodyModel, segment: str) -> Array:
-    """Joint centres that a segment knows, (n, 3), m."""
-    found = [
-        joint_ends(model, joint, side).get(segment) for joint in ("hip", "knee", "ankle") for side in "rl"
-    ]
-    return np.array([at for at in found if at is not None]).reshape(-1, 3)
+def _centres_on(calibration: Calibration, segment: str) -> tuple[Array, Array]:
+    """Joint centres that a segment knows, each (n, 3), m: where its own bone as scaled has them, and now."""
+    model, now, before = calibration.model, [], []
+    for joint in ("hip", "knee", "ankle"):
+        for side in "rl":
+            ends = joint_ends(model, joint, side)
+            if segment not in ends:
+                continue
+            parent, *carried = ends
+            moved = JointMove()
+            if segment == parent and carried:
+                moved = calibration.joint_moves.get(model.segment(carried[0]).joint_name, moved)
+            now.append(ends[segment])
+            before.append(ends[segment] - moved.shift)
+    return np.array(before).reshape(-1, 3), np.array(now).reshape(-1, 3)
 
 
 def _move(points: Sequence[Attachment], before: Array, mapped: SurfaceMap, person: Bone) -> MovedAttachments:

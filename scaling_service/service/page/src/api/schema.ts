@@ -1423,6 +1423,8 @@ export interface TalusDocument {
   warnings: Array<string>;
   ankle_centre_mm: [number, number, number] | null;
   ankle_axis: [number, number, number] | null;
+  subtalar_centre_mm: [number, number, number] | null;
+  subtalar_axis: [number, number, number] | null;
 }
 
 export interface TestEntry {

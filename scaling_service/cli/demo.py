@@ -49,6 +49,9 @@ def example(
     persons: Annotated[
         int, typer.Option(min=1, metavar="N", help="More than one get a folder each, and no bones.")
     ] = 1,
+    strides: Annotated[
+        float, typer.Option(min=2.5, max=10_000.0, metavar="N", help="Of each of a person's two walks.")
+    ] = 2.5,
     plates: Annotated[
         bool, typer.Option("--plates", help="Instead, one person who stands on two force plates.")
     ] = False,
@@ -61,6 +64,8 @@ def example(
     [bold]Examples[/bold]: scaling-service example --out lab
 
     scaling-service example --persons 3 --out cohort
+
+    scaling-service example --persons 27 --strides 390 --out large
 
     scaling-service example --plates --out plates
     """
@@ -77,7 +82,8 @@ def example(
                 write_plates_example(folder)
             else:
                 alone = persons == 1
-                write_example(folder, "example" if alone else folder.name, seed=k, imaged=alone)
+                name = "example" if alone else folder.name
+                write_example(folder, name, seed=k, imaged=alone, strides=strides)
     for folder in folders:
         console_of_results().print(f"Written: {folder / 'subject.json'}", highlight=False, soft_wrap=True)
 

@@ -136,7 +136,12 @@ _MM = 1e3
 
 
 def write_example(
-    folder: Path, name: str = "example", seed: int = 0, *, imaged: bool = True
+    folder: Path,
+    name: str = "example",
+    seed: int = 0,
+    *,
+    imaged: bool = True,
+    strides: float = RECORDED.strides,
 ) -> dict[str, Any]:
     """Write a virtual person's files, and the document that names them as ``subject.json``.
 
@@ -144,9 +149,9 @@ def write_example(
     that a model does not have: a marker slides with the knee, and two labels are exchanged for a while.
 
     ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person.
-    ``imaged``: whether there are bones. Returns the document.
+    ``imaged``: whether there are bones. ``strides``: of each walk. Returns the document.
     """
-    session, person, _hidden = hidden_session(seed)
+    session, person, _hidden = hidden_session(seed, replace(RECORDED, strides=strides))
     for trial in _trials(session):
         _write_recording(folder / f"{trial.name}.trc", trial)
     document = _document(name, session)

@@ -52,7 +52,7 @@ def page_of(people: list[SubjectSummary]) -> tuple[Node, StatisticsDocument]:
         settings={},
         seed=0,
         headline=headline(found),
-        why=reasons(found),
+        why=reasons(found, {p.subject: {} for p in people}),
         subjects=[
             SubjectEntry(
                 id=p.subject,
@@ -94,6 +94,16 @@ def test_numbers_are_those_of_the_statistics(cohort: tuple[Node, StatisticsDocum
     assert head[1:] == ["subjects", "MB", "MB_am", "EB", "Friedman p"]
     shown = [f"{scalar.mean[m]:.1f} ± {scalar.sd[m]:.1f}" for m in head[2:5]]
     assert row[:5] == ["held-out trials", "9", *shown]
+
+
+def test_groups_are_told_apart(cohort: tuple[Node, StatisticsDocument]) -> None:
+    _, found = cohort
+    errors = found.quantity("kinematic_error_mm", "evaluation").values
+    groups = {subject: {"shoes": "on" if k < 3 else "off"} for k, subject in enumerate(errors)}
+    (told,) = [said for said in reasons(found, groups) if said.startswith("By shoes")]
+    shod = np.mean([errors[subject]["EB"] for subject in list(errors)[:3]])
+    assert re.search(rf"on \(3\): MB_am \d\.\d, EB {shod:.1f}, MB", told)
+    assert "off (6): " in told
 
 
 def test_the_summary_ranks_by_the_error_and_names_the_nearest(

@@ -172,7 +172,7 @@ def summarise_cohort(
         settings=settings.resolved(),
         seed=settings.seed,
         headline=headline(statistics),
-        why=reasons(statistics),
+        why=reasons(statistics, {outcome.name: outcome.groups for outcome in outcomes}),
         subjects=[_entry(outcome) for outcome in outcomes],
         statistics=statistics,
         notes=list(notes),

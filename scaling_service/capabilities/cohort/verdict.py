@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 
 from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
@@ -24,10 +25,11 @@ def headline(found: StatisticsDocument) -> str:
     return said if entry.friedman.significant else f"{said}, but the methods may differ by chance"
 
 
-def reasons(found: StatisticsDocument) -> list[str]:
-    """What the headline rests on, and what it does not say."""
+def reasons(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """What the headline rests on, and what it does not say; ``groups``: the labels of each subject."""
     return [
         *_errors(found),
+        *_groups(found, groups),
         *_lengths(found),
         *_nearest(found),
         *_angles(found),
@@ -51,6 +53,24 @@ def _errors(found: StatisticsDocument) -> Iterator[str]:
     for said, entry in _compared_errors(found):
         ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
         yield f"{ranked} {_describe_test(entry)}"
+
+
+def _groups(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """The errors of the first role in each group of each label."""
+    for said, entry in islice(_compared_errors(found), 1):
+        for label in sorted({label for given in groups.values() for label in given}):
+            members: dict[str, list[Mapping[str, float]]] = {}
+            for subject in entry.compared.subjects:
+                members.setdefault(groups[subject].get(label) or "not given", []).append(
+                    entry.values[subject]
+                )
+            if len(members) > 1:
+                told = "; ".join(f"{group} ({len(of)}): {_rank(_means(of))}" for group, of in members.items())
+                yield f"By {label}, kinematic error {said}, mm: {told}. Groups are described, not tested."
+
+
+def _means(values: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {method: sum(one[method] for one in values) / len(values) for method in values[0]}
 
 
 def _describe_test(entry: QuantityEntry) -> str:

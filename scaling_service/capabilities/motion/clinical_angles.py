@@ -305,16 +305,15 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     rows = slice(
         max(int(np.searchsorted(times, start, side="right")) - 1, 0), int(np.searchsorted(times, end)) + 1
     )
-    known = [name for name, value in angles.values[side].items() if np.isfinite(value[rows]).all()]
-    if not known:
+    cut = {name: value[rows] for name, value in angles.values[side].items()}
+    within = {name: value for name, value in cut.items() if np.isfinite(value).all()}
+    if not within:
         return {}
-    within = {name: angles.values[side][name] for name in known}
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
     turned = _against(within, side, _heading(way, angles.heading) - angles.heading)
-    smooth = np.column_stack([turned[name] for name in known])
-    smooth[rows] = np.unwrap(smooth[rows], axis=0)
-    curves = normalised_cycles(times, smooth, [cycle], known, trial=angles.trial, nodes=NODES)[0]
-    return dict(zip(known, curves, strict=True))
+    smooth = np.unwrap(np.column_stack(list(turned.values())), axis=0)
+    curves = normalised_cycles(times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=NODES)
+    return dict(zip(turned, curves[0], strict=True))
 
 
 def _against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:

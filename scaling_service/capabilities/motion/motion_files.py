@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
 from scaling_service.files.sto import Table, motion_table, write_sto
+from scaling_service.files.tables import format_rows
 from scaling_service.model.anatomy.conventional import ANGLES
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel, Coupler
@@ -90,12 +91,13 @@ def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
     }
     if columns:
         rows = np.column_stack([angles.times, *columns.values()])
-        write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], map(format_numbers, rows))
+        write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], format_numbers(rows))
 
 
-def format_numbers(row: Array) -> list[str]:
-    """Empty where a number is not known."""
-    return [f"{value:.4f}" if np.isfinite(value) else "" for value in row]
+def format_numbers(table: Array) -> Iterator[list[str]]:
+    """Rows of a table, (n_rows, n_columns), as text; empty where a number is not known."""
+    for lines in format_rows(",".join(["%.4f"] * table.shape[1]), table):
+        yield from (line.split(",") for line in lines.replace("nan", "").splitlines())
 
 
 def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -285,8 +285,8 @@ def _cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
     unknown = np.full((len(cycles.cycles), NODES), np.nan)
     table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in ANGLES], axis=2))
     for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
-        for percent, row in enumerate(rows):
-            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *format_numbers(row)]
+        for percent, row in enumerate(format_numbers(rows)):
+            yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *row]
 
 
 def _deg(angle: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -108,6 +109,11 @@ class Kind:
     result: type[BaseModel] | None = None  # what the result follows
     parts: Parts | None = None
     """Where it is made of others. Its work then sees the subjects' documents, but not their files."""
+
+    def perform(self, request: Mapping[str, Any], folder: Path, progress: Progress) -> Any:
+        """Do the work in a folder with inputs and outputs; ``request``: as JSON gave it."""
+        asked = self.request.model_validate_json(json.dumps(request))
+        return self.work(asked, folder / "inputs", folder / "outputs", progress)
 
 
 def named_files(document: SubjectDocument) -> dict[str, str]:

@@ -4,9 +4,9 @@ from scaling_service.core.threads import use_one_thread
 
 use_one_thread()  # before numpy is imported
 
-import sys  # noqa: E402
+if __name__ == "__main__":  # each process of a job reads this file, too, and needs nothing of the runner's
+    import sys
 
-from scaling_service.service.jobs.process import main  # noqa: E402
+    from scaling_service.service.jobs.process import main
 
-if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

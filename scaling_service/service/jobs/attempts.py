@@ -34,7 +34,7 @@ from scaling_service.documents.names import DOCUMENT, PARTS
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
-from scaling_service.service.sandbox.child import Child, Progress
+from scaling_service.service.sandbox.child import Child
 from scaling_service.service.sandbox.launcher import warm_up
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome
@@ -111,16 +111,11 @@ def run_attempt(order: Order) -> Outcome:
     try:
         _prepare(order, asked["documents"])
         watch = Watch(order.folder, order.patience_s)
-        child = Child(partial(_work, order.kind, asked["request"]), order.folder, order.limits)
+        child = Child(partial(order.kind.perform, asked["request"]), order.folder, order.limits)
         outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
     except StoreUnavailable as error:
         return Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
-
-
-def _work(kind: Kind, request: dict[str, Any], folder: Path, progress: Progress) -> Any:
-    asked = kind.request.model_validate_json(json.dumps(request))
-    return kind.work(asked, folder / "inputs", folder / "outputs", progress)
 
 
 def _prepare(order: Order, documents: dict[str, Any]) -> None:

@@ -7,9 +7,10 @@ use_one_thread()  # before numpy is imported
 from importlib import import_module  # noqa: E402
 from pkgutil import walk_packages  # noqa: E402
 
-import pyvista  # noqa: E402, F401 (imported late by those who need it)
-
 from scaling_service import capabilities  # noqa: E402
+
+for _late in ("pyvista", "plotly.graph_objs._figure", "scipy.signal"):  # imported late by those who need them
+    import_module(_late)
 
 for _module in walk_packages(capabilities.__path__, f"{capabilities.__name__}."):
     if not _module.name.endswith((".command", ".screen", ".flags", ".arguments")):  # what jobs do not need

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -72,6 +73,7 @@ class Database:
     def __init__(self, url: str | URL) -> None:
         self._engine = _engine(_checked(url))
         self.is_sqlite = self._engine.dialect.name == "sqlite"
+        self._turn: AbstractContextManager[object] = threading.Lock() if self.is_sqlite else nullcontext()
 
     @contextmanager
     def read(self) -> Iterator[Connection]:
@@ -83,9 +85,10 @@ class Database:
     def write(self) -> Iterator[Connection]:
         """A transaction that is kept whole at the end, or not at all where an error leaves it.
 
-        On SQLite there is one writer at a time; the others wait.
+        On SQLite there is one writer at a time. Those of this process wait without a connection, and without
+        asking SQLite again and again, which serves whoever happens to ask next.
         """
-        with database_errors(), self._engine.connect() as connection:
+        with self._turn, database_errors(), self._engine.connect() as connection:
             chosen = connection.execution_options(writes=True)
             with chosen.begin():
                 yield chosen

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Select, Table, func, insert, select, update
+from sqlalchemy import Connection, Select, Table, bindparam, func, insert, select, update
 
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import Database, NowUs
@@ -25,6 +25,9 @@ from scaling_service.service.store.tables import (
 )
 
 SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns of a job that are small
+
+_ONE = select(*SHOWN).where(jobs.c.id == bindparam("job"), jobs.c.owner == bindparam("owner"))
+"""Made once: whoever follows a job asks again and again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +83,9 @@ def locked(connection: Connection, job: str, owner: str | None = None) -> JobRow
     return first(connection, statement if owner is None else statement.where(jobs.c.owner == owner))
 
 
-def first(connection: Connection, statement: Select[Any]) -> JobRow | None:
-    """The one job that a statement finds, if any."""
-    found = connection.execute(statement).mappings().one_or_none()
+def first(connection: Connection, statement: Select[Any], **values: str) -> JobRow | None:
+    """The one job that a statement finds, if any; ``values``: of its parameters."""
+    found = connection.execute(statement, values).mappings().one_or_none()
     return None if found is None else job_row(found)
 
 
@@ -95,7 +98,7 @@ def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
 def get(database: Database, owner: str, job: str) -> JobRow:
     """One job; NotFound where this owner has none of that name."""
     with database.read() as connection:
-        found = first(connection, select(*SHOWN).where(jobs.c.id == job, jobs.c.owner == owner))
+        found = first(connection, _ONE, job=job, owner=owner)
     if found is None:
         raise no_job(job)
     return found

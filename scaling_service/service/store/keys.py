@@ -16,6 +16,7 @@ from scaling_service.service.store.tables import KeyRow, api_keys, owners
 PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
 _SHOWN = tuple(api_keys.c[name] for name in KeyRow.__dataclass_fields__)
+_ANY_VALID = select(api_keys.c.id).where(api_keys.c.revoked_us.is_(None)).limit(1)
 _LONGEST = 200
 
 
@@ -64,8 +65,7 @@ def every(database: Database) -> list[KeyRow]:
 def any_valid(database: Database) -> bool:
     """Whether a key exists that is not revoked."""
     with database.read() as connection:
-        wanted = select(api_keys.c.id).where(api_keys.c.revoked_us.is_(None)).limit(1)
-        return connection.scalar(wanted) is not None
+        return connection.scalar(_ANY_VALID) is not None
 
 
 def revoke(database: Database, identity: str) -> None:

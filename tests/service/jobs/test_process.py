@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.documents.jobs import State
+from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.jobs.process import EXIT_INPUT, RunnerProcess
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
@@ -58,6 +60,7 @@ def test_it_is_started_again_and_the_job_is_done(settings: ServiceSettings) -> N
 
 PARENT = """
 import sys
+from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.jobs.process import RunnerProcess
 from scaling_service.service.jobs.settings import ServiceSettings
 process = RunnerProcess(ServiceSettings.model_validate_json(sys.argv[1]))
@@ -109,3 +112,22 @@ def test_settings_that_cannot_be_used_are_told_in_one_line(tmp_path: Path) -> No
     assert done.returncode == EXIT_INPUT
     assert "SCALING_SERVICE_WORKRES" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+FORKED = """
+import pickle, runpy, sys
+import scaling_service.service.sandbox.warm
+import scaling_service.service.sandbox.child
+runpy.run_module("scaling_service.service.jobs.__main__", run_name="__mp_main__")
+pickle.loads(sys.stdin.buffer.read())
+print([name for name in ("sqlalchemy", "fastapi", "uvicorn") if name in sys.modules])
+"""
+
+
+def test_what_computes_loads_nothing_of_the_runner() -> None:
+    """It is forked from a process that knows no database, and needs none."""
+    calls = pickle.dumps([kind.perform for kind in KINDS.values()])
+    told = subprocess.run(
+        [sys.executable, "-c", FORKED], input=calls, capture_output=True, check=True, cwd=ROOT
+    )
+    assert told.stdout.strip() == b"[]"

@@ -254,16 +254,14 @@ def _cut_strides(
     for trial in trials if names else ():
         found = find_gait_cycles(trial, side)
         why += [f"{trial.name}: {found.reason}"] if found.reason else []
-        tables = [
-            np.stack([motions[trial.name].column(name) for name in names], axis=1) for motions in methods
-        ]
+        columns = [motions[trial.name].column(name) for motions in methods for name in names]
+        table, named = np.stack(columns, axis=1), [*names] * len(methods)
         for cycle in found.cycles:
             try:
-                curves = [
-                    normalised_cycles(trial.times, t, [cycle], names, trial=trial.name)[0] for t in tables
-                ]
+                (curves,) = normalised_cycles(trial.times, table, [cycle], named, trial=trial.name)
             except TrialUnusable as error:
                 why.append(error.problem)
             else:
-                cut.setdefault(trial.name, []).append(np.stack(curves))
+                strides = cut.setdefault(trial.name, [])
+                strides.append(curves.reshape(len(methods), len(names), -1))
     return cut, why

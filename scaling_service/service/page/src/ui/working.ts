@@ -29,17 +29,20 @@ export function working(title?: string): Working {
       element.hidden = isOver(job);
       name.textContent = title ?? kindInWords(job.kind);
       told.textContent = stateInWords(job);
-      if (job.state === "running") bar.value = job.progress.share;
+      if (isCounted(job)) bar.value = job.progress.share;
       else bar.removeAttribute("value");
     },
   };
 }
 
+/** Whether its share tells how far it is. */
+export const isCounted = ({ state }: JobDocument): boolean => state === "running" || state === "waiting";
+
 export function stateInWords(job: JobDocument): string {
   const { what, share } = job.progress;
   switch (job.state) {
     case "waiting":
-      return `waits for the jobs that it is made of, ${Math.round(100 * share)} %`;
+      return `${Math.round(100 * share)} %, ${what}`;
     case "queued":
       return "waits for its turn";
     case "running":

@@ -6,7 +6,7 @@ import type { JobDocument, Specification } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { fill, h } from "../ui/dom.ts";
 import { duration, kindInWords, moment } from "../ui/words.ts";
-import { stateInWords } from "../ui/working.ts";
+import { isCounted, stateInWords } from "../ui/working.ts";
 
 interface Options {
   compact?: boolean;
@@ -27,7 +27,7 @@ function entry(job: JobDocument, signal: AbortSignal, compact: boolean): HTMLEle
     state.className = `state ${latest.state}`;
     state.textContent = isOver(latest) ? latest.state : stateInWords(latest);
     cancel.hidden = isOver(latest);
-    bar.hidden = latest.state !== "running";
+    bar.hidden = !isCounted(latest);
     bar.value = latest.progress.share;
     fill(failed, latest.failure !== null && `${latest.failure.problem}. ${latest.failure.remedy ?? ""}`);
   };

@@ -74,8 +74,9 @@ def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Pag
 
 def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
     main = [effect for effect in document.effects if effect.carries]
+    single = [effect for effect in main if not text.tells_class(effect)]
     blocks: list[Block] = [Bullets([_sentence(effect) for effect in main], numbered=True)]
-    cautions, classes = text.list_cautions(main), list(text.describe_classes(main))
+    cautions, classes = text.list_cautions(main), list(text.describe_classes(single))
     if cautions:
         blocks.append(Callout("Sizes to doubt", [Bullets(cautions)], "fair"))
     if classes:

@@ -191,15 +191,14 @@ def _place(candidate: Candidate) -> dict[str, Any]:
 
 def _effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocument:
     candidate, numbers = named.effect.candidate, _judged(named, model)
+    others = [PlacedEffect(**_place(other)) for other in named.equivalents]
     return EffectDocument(
         **_place(candidate),
-        name=text.describe_effect(
-            candidate.kind, candidate.where, candidate.driver, candidate.trials, numbers
-        ),
+        name=_name(named, others, numbers),
         carries=carries,
         parameters=numbers,
         smallest_nameable={name: size for name, size in named.smallest.items() if math.isfinite(size)},
-        confusable_with=[PlacedEffect(**_place(other)) for other in named.equivalents],
+        confusable_with=others,
         would_separate=named.would_separate or None,
         evidence=EvidenceDocument(
             gain_held_out=named.held_out.gain,
@@ -210,6 +209,14 @@ def _effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocume
         ),
         belief=_belief(named, numbers),
     )
+
+
+def _name(named: NamedEffect, others: Sequence[PlacedEffect], numbers: Mapping[str, QuantityDocument]) -> str:
+    """In plain English, or its class where no member of it stands out."""
+    one = named.candidate
+    if text.is_class(named.member):
+        return text.describe_class(PlacedEffect(**_place(one)), others, named.would_separate)
+    return text.describe_effect(one.kind, one.where, one.driver, one.trials, numbers)
 
 
 def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:

@@ -31,6 +31,9 @@ LEVELS = (
 
 _NORMAL_95 = 1.96
 _MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
+_TOLD_ALONE = 1.0 / 3.0
+"""Probability within its class from which an effect is told by itself (chosen: the class's others are no
+likelier each, so below it two of them and more are as good)."""
 _SUFFIXES = (
     ("_mm_per_deg", " mm/deg"),
     ("_deg_per_deg", " deg/deg"),
@@ -73,6 +76,32 @@ def describe_effect(
     return f"{few(where)}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
 
 
+def describe_class(first: PlacedEffect, others: Sequence[PlacedEffect], would_separate: str) -> str:
+    """Effects of which one is there, and these recordings do not tell which.
+
+    Examples
+    --------
+    >>> skin, hip = (PlacedEffect(kind="plate_gain", where=[where]) for where in ("plate_1", "plate_2"))
+    >>> describe_class(skin, [hip], "quiet standing")
+    'one of 2 not told apart here: plate gain at plate_1; plate gain at plate_2. To separate: quiet standing'
+    """
+    shown = [placed(each) for each in (first, *others)][:_MOST_ALIKE]
+    left = 1 + len(others) - len(shown)
+    more = f" and {left} more" if left else ""
+    apart = f". To separate: {would_separate}" if would_separate else ""
+    return f"one of {1 + len(others)} not told apart here: {'; '.join(shown)}{more}{apart}"
+
+
+def is_class(member: float) -> bool:
+    """Whether an effect of this probability within its class stands for all of it."""
+    return member < _TOLD_ALONE
+
+
+def tells_class(effect: EffectDocument) -> bool:
+    """Whether an effect stands for its class, and not for itself."""
+    return effect.belief is not None and is_class(effect.belief.member)
+
+
 def placed(effect: PlacedEffect) -> str:
     """An effect in a line: what, where, along with what, in which recording.
 
@@ -105,8 +134,10 @@ def headline(
     count = sum(effect.carries for effect in effects)
     things = "One missing effect was" if count == 1 else f"{count} missing effects were"
     doubtful = sum(effect.carries and has_doubtful_size(effect) for effect in effects)
-    whose = "" if count == 1 else f"{doubtful} of them "
-    doubt = f", {whose}of a size to doubt" if doubtful else ""
+    classes = sum(effect.carries and tells_class(effect) for effect in effects)
+    whose = ("", "") if count == 1 else (f"{classes} of them ", f"{doubtful} of them ")
+    doubt = f", {whose[0]}told only as a class of effects" if classes else ""
+    doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
     if level is None:
         return f"{things} found{doubt}"
     fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
@@ -182,7 +213,9 @@ def describe_evidence(named: NamedEffect) -> str:
 def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
     """Which effects these recordings do not tell from others, and what would."""
     for effect in effects:
-        if effect.confusable_with:
+        if tells_class(effect):
+            yield effect.name
+        elif effect.confusable_with:
             others = [placed(other) for other in effect.confusable_with]
             more = f" and {len(others) - _MOST_ALIKE} more" if len(others) > _MOST_ALIKE else ""
             apart = f". To separate: {effect.would_separate}" if effect.would_separate else ""
@@ -249,7 +282,8 @@ def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Ta
         size = "\n".join([*sizes[:_MOST_NUMBERS], *more])
         shown = Cell(size, tone="fair" if has_doubtful_size(effect) else "plain")
         cells: list[str | Cell] = [", ".join(effect.where) + following + only, shown, "\n".join(gaps)]
-        rows.append(Row(effect.kind.replace("_", " "), cells))
+        others = "\nor another of its class" if tells_class(effect) else ""
+        rows.append(Row(effect.kind.replace("_", " ") + others, cells))
     columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
     caption = "The missing effects" if carries else "Smaller things that improve the fit"
     return Table(caption, columns, rows, words=True)

@@ -33,6 +33,9 @@ class Disturbance:
     flexible: bool = False  # of so many numbers that it follows nearly any course itself
 
 
+_COMPARED = 8
+"""Laws of columns that are looked at closely: only the best of them can be clear (chosen)."""
+
 Describe = Callable[[ScoredCandidate], tuple[tuple[str, ...], str]]
 """Where, and in words and numbers."""
 
@@ -103,7 +106,7 @@ def _found(fit: Fit) -> Iterator[Disturbance]:
             described |= dict.fromkeys(law.candidates(fit), law.describe)
     for observation in OBSERVATIONS:
         choice = [c for c in described if observation.shows(c)]
-        for one in score_candidates(fit, choice, len(choice)):
+        for one in score_candidates(fit, choice, _COMPARED):
             where, law_in_words = described[one.candidate](one)
             p = one.p_family(1)
             yield Disturbance(where, law_in_words, one.fitted.expected, p, one.held_out.p, observation.name)

@@ -94,7 +94,7 @@ def _fit_course(trials: Sequence[Sequence[FreeCourse]]) -> Fitted:
     own = np.array([_taken(p.slope, p.curvature) for p in parts])
     square = np.array([p.square.sum() for p in parts])
     freedom = np.array([p.freedom.sum() for p in parts])
-    count = np.array([3.0 * len(p.square) for p in parts])
+    count = np.array([3.0 * p.frames for p in parts])
     chance = (square - own) / np.maximum(freedom - count, 1.0) * count
     ratio = np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300))
     gain, by_chance = float(own.sum()), float(chance.sum())

@@ -20,6 +20,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 
 _CHUNK = 64
+_RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
 _ROUNDS = 10
 
 
@@ -31,36 +32,46 @@ class FreeCourse:
     curvature: Array  # (n, 3, 3)
     square: Array  # (n,): of the residuals, smoothed like the slopes
     freedom: Array  # (n,)
+    every: int = 1  # how many frames each of them stands for
 
     def cut(self, rows: slice) -> FreeCourse:
         """A block of it."""
-        return FreeCourse(self.slope[rows], self.curvature[rows], self.square[rows], self.freedom[rows])
+        part = slice(-(-rows.start // self.every), -(-rows.stop // self.every))
+        return FreeCourse(
+            self.slope[part], self.curvature[part], self.square[part], self.freedom[part], self.every
+        )
+
+    @property
+    def frames(self) -> int:
+        """How many it stands for."""
+        return self.every * len(self.square)
 
 
 def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> tuple[list[FreeCourse], Array]:
     """Of every three spots what the residuals of a trial say, and the squares of their columns."""
-    n, groups = len(item.q), len(spots) // 3
+    groups, rate = len(spots) // 3, 1.0 / item.step
     generators = Generators.of(item, spots)
-    rows = 3 * len(item.markers)
-    gaps, made = np.empty((n, rows)), np.empty((n, len(spots), rows))
-    freedom, raw = np.empty(n), np.empty((n, len(spots)))
-
-    def fill(chunk: slice) -> None:
-        free = generators.freed(item, chunk)
-        raw[chunk] = np.square(free.columns).sum(axis=1) + np.square(free.hidden).sum(axis=1)
-        made[chunk], gaps[chunk] = free.columns.transpose(0, 2, 1), free.residuals
-        freedom[chunk] = 3.0 * item.seen[chunk].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
-
-    map_parallel(fill, item.chunks(_CHUNK))
-    rate = 1.0 / item.step
+    gaps, freedom = item.pose_free
+    every = max(1, int(rate / (_RATE * MOVEMENT_HZ)))
     if rate > 2.5 * MOVEMENT_HZ:
         gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=MOVEMENT_HZ, order=4).values
-    square = np.square(gaps).sum(axis=1)
-    slopes = (made @ gaps[:, :, None]).reshape(n, groups, 3)
-    of_groups = made.reshape(n, groups, 3, rows)
-    curvatures = of_groups @ of_groups.transpose(0, 1, 3, 2)
-    found = [FreeCourse(slopes[:, g], curvatures[:, g], square, freedom) for g in range(groups)]
-    return found, raw.sum(axis=0).reshape(groups, 3).max(axis=1)
+    gaps, freedom = gaps[::every], every * freedom[::every]
+    square = every * np.square(gaps).sum(axis=1)
+    slopes, curvatures = np.empty((len(gaps), groups, 3)), np.empty((len(gaps), groups, 3, 3))
+
+    def fill(start: int) -> Array:
+        rows = slice(start, start + _CHUNK)
+        free = generators.freed(item, slice(every * start, every * (start + _CHUNK), every))
+        made = free.columns.transpose(0, 2, 1)
+        slopes[rows] = every * (made @ gaps[rows, :, None]).reshape(-1, groups, 3)
+        of_groups = made.reshape(len(made), groups, 3, -1)
+        curvatures[rows] = every * (of_groups @ of_groups.transpose(0, 1, 3, 2))
+        squares = np.square(free.columns).sum(axis=(0, 1)) + np.square(free.hidden).sum(axis=(0, 1))
+        return np.asarray(every * squares)
+
+    raw = np.sum(map_parallel(fill, range(0, len(gaps), _CHUNK)), axis=0)
+    found = [FreeCourse(slopes[:, g], curvatures[:, g], square, freedom, every) for g in range(groups)]
+    return found, raw.reshape(groups, 3).max(axis=1)
 
 
 def common_axis(courses: Sequence[FreeCourse]) -> Array | None:
@@ -89,7 +100,7 @@ def energies(courses: Sequence[FreeCourse], axis: Array) -> tuple[Array, Array]:
     own = np.array([_along(c, axis).sum() for c in courses])
     others = np.array([c.square.sum() for c in courses]) - own
     freedom = np.array([c.freedom.sum() for c in courses])
-    frames = np.array([len(c.square) for c in courses])
+    frames = np.array([c.frames for c in courses])
     return own, others / np.maximum(freedom - frames, 1.0) * frames
 
 

@@ -15,13 +15,14 @@ from scaling_service.capabilities.discovery.evidence.observation import Observat
 from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.profiles import Profile, values_of
-from scaling_service.capabilities.discovery.laws.spots import Generators, Spot, span
+from scaling_service.capabilities.discovery.laws.spots import Generators, Spot
 from scaling_service.capabilities.discovery.observations.performed import performed
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.numerics.multibody.laws import Array
 
 _CHUNK, _FRAMES = 5e5, 48  # numbers of all columns at once: 4 MB, and frames of their spots (chosen)
 _MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
+_ROUGH = 5  # frames of a block that a rough look takes (chosen: each has as many numbers as all markers)
 _AT_ONCE = 128  # frames of a pose's freedom
 _LEAST_LEFT = 1e-3  # of a marker's noise that its pose always leaves (chosen: nothing is divided by zero)
 
@@ -46,7 +47,6 @@ class Markers(Observation[TrackedTrial]):
         spots = tuple(dict.fromkeys(part.spot for part in parts))
         profiles = tuple(dict.fromkeys(part.profile for part in parts))
         table = _Parts.of(layout.columns, spots, profiles)
-        step = _step(items, len(layout.columns))
         known: list[tuple[TrackedTrial, Generators]] = []
         sources = []
         for item in items:
@@ -56,7 +56,8 @@ class Markers(Observation[TrackedTrial]):
                 known.append((item, generators))
             on = np.array(layout.active_in(item.name), dtype=float)
             here = table._replace(gain=table.gain * on[table.column])
-            made = _Columns(item, generators, len(on), here, values_of(profiles, item), step)
+            step = _step(item, items, layout, block_s)
+            made = _Columns(item, generators, len(on), here, values_of(profiles, item), step, layout.rough)
             sources += [
                 BlockSource(item.name, item.role, partial(made.chunks, rows)) for rows in item.blocks(block_s)
             ]
@@ -103,10 +104,13 @@ def _same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
     return alike and one.task.model == other.task.model
 
 
-def _step(tracked: Sequence[TrackedTrial], n_columns: int) -> int:
-    """Every how many frames to look at, so that the products stay within bounds."""
-    products = sum(3 * item.task.measured.shape[0] * len(item.markers) for item in tracked) * n_columns
-    return 1 + int(products / _MOST)
+def _step(item: TrackedTrial, tracked: Sequence[TrackedTrial], layout: Layout, block_s: float) -> int:
+    """Every how many frames to look at; all together the products stay within bounds."""
+    if layout.rough:
+        shortest: int = min(rows.stop - rows.start for rows in item.blocks(block_s))
+        return max(1, shortest // _ROUGH)
+    numbers = sum(3 * len(each.q) * len(each.markers) for each in tracked)
+    return 1 + int(numbers * len(layout.columns) / _MOST)
 
 
 class _Parts(NamedTuple):
@@ -146,30 +150,40 @@ class _Columns:
     parts: _Parts
     values: Array
     step: int  # every how many frames to look at
+    rough: bool  # whether single precision will do
 
     def chunks(self, rows: slice) -> Iterator[Chunk]:
         """Of one block.
 
         The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
         """
-        at_once = max(1, int(_CHUNK / (3 * len(self.item.markers) * max(self.count, 1))))
         for start in range(rows.start, rows.stop, self.step * _FRAMES):
             frames = slice(start, min(start + self.step * _FRAMES, rows.stop), self.step)
-            free, values = self.generators.freed(self.item, frames), self.values[:, frames]
-            left, hidden = (np.ascontiguousarray(np.moveaxis(a, 2, 0)) for a in (free.columns, free.hidden))
+            free = self.generators.freed(self.item, frames)
+            square = np.square(free.residuals).sum(axis=1)
             numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
+            free, digits = free.condensed(), "f4" if self.rough else "f8"
+            left, hidden = (
+                np.asarray(np.ascontiguousarray(np.moveaxis(a, 2, 0), digits))
+                for a in (free.columns, free.hidden)
+            )
+            residuals: Array = free.residuals.astype(digits)
+            values: Array = self.values[:, frames].astype(digits)
+            at_once = max(1, int(_CHUNK / (left.shape[2] * max(self.count, 1))))
             for first in range(0, len(numbers), at_once):
                 some = slice(first, first + at_once)
                 columns = self._of(left[:, some], values[:, some])
                 raw = _squares(columns) + _squares(self._of(hidden[:, some], values[:, some]))
-                yield Chunk(columns, free.residuals[some].ravel(), raw, float(numbers[some].sum()))
+                counts = float(square[some].sum()), float(numbers[some].sum())
+                yield Chunk(columns, residuals[some].ravel(), raw, *counts)
 
     def _of(self, generated: Array, values: Array) -> Array:
         """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
-        parts, made = self.parts, np.zeros((self.count, *generated.shape[1:]))
+        parts, made = self.parts, np.zeros((self.count, *generated.shape[1:]), generated.dtype)
         for k, turn in enumerate(parts.turns):
             part = generated[parts.spot[turn]]
-            part *= (values[parts.profile[turn]] * parts.gain[turn, None])[:, :, None]
+            gains = values[parts.profile[turn]] * parts.gain[turn, None].astype(values.dtype)
+            part *= gains[:, :, None]
             if k == 0 and len(turn) == self.count:
                 made = part
             else:

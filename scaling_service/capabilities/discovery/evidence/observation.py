@@ -62,13 +62,14 @@ class Observation(ABC, Generic[Item]):
         block_s: float,
         *,
         together: bool,
+        rough: bool = False,
     ) -> Evidence:
         """Pass all recordings once, in blocks of a length (s).
 
         ``nuisances`` may take any value anyhow, ``candidates`` are looked at; ``together``: whether products
-        of different candidates are wanted.
+        of different candidates are wanted; ``rough``: whether it only tells which deserve a closer look.
         """
-        layout = Layout.of(nuisances, candidates, together=together)
+        layout = Layout.of(nuisances, candidates, together=together, rough=rough)
         sums = map_parallel(lambda source: source.add_up(layout), self.sources(items, layout, block_s))
         raw = sum((squares for _, squares in sums), np.zeros(len(layout.columns)))
         return Evidence(tuple(block for block, _ in sums), raw, layout.nuisances, layout.groups)
@@ -104,11 +105,14 @@ class Observation(ABC, Generic[Item]):
         """What is free or named already and is a sum of columns of this observation."""
         return [s for s in fit.estimates if s.candidate.columns and self.shows(s.candidate)]
 
-    def gather_beside(self, fit: Fit, candidates: Sequence[Candidate], *, together: bool) -> Evidence:
+    def gather_beside(
+        self, fit: Fit, candidates: Sequence[Candidate], *, together: bool, rough: bool = False
+    ) -> Evidence:
         """Candidates beside all that is known of their sort."""
         fit.context.advance()
         known = [s.candidate for s in self.known(fit)]
-        return self.gather(self.items(fit), known, candidates, fit.settings.block_s, together=together)
+        items, block_s = self.items(fit), fit.settings.block_s
+        return self.gather(items, known, candidates, block_s, together=together, rough=rough)
 
     def squares(self, fit: Fit, of: Sequence[Candidate] = ()) -> float:
         """Whitened sum of squares in the trials to fit, and in all trials of candidates in none of them."""

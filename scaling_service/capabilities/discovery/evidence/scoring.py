@@ -68,7 +68,7 @@ def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> l
         return []
     observation, picked = observation_of(choice[0]), choice
     if len(choice) > shortlist:
-        rough = observation.gather_beside(fit, choice, together=False)
+        rough = observation.gather_beside(fit, choice, together=False, rough=True)
         picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
     return score_gathered(observation.gather_beside(fit, picked, together=True), picked)
 

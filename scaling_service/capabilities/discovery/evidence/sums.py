@@ -98,6 +98,7 @@ class Chunk(NamedTuple):
     columns: Array  # (n_columns, rows)
     residuals: Array  # (rows,)
     raw: Array  # (n_columns,): squares of the columns before the pose was taken out
+    square: float  # of the residuals, also of what no column shows
     freedom: float  # how many numbers the residuals are, the pose's taken off
     weight: float = 1.0  # how many frames each frame stands for
 
@@ -130,12 +131,12 @@ class BlockSource:
         scores, raw, cross = np.zeros(count), np.zeros(count), np.zeros((known, count))
         own = layout.own(np.zeros((count, 0)))
         square = freedom = 0.0
-        for columns, residuals, squares, numbers, weight in chunks:
+        for columns, residuals, squares, left, numbers, weight in chunks:
             scores += weight * (columns @ residuals)
             cross += weight * (columns[:known] @ columns.T)
             own += weight * layout.own(columns)
             raw += weight * squares
-            square += weight * float(residuals @ residuals)
+            square += weight * left
             freedom += weight * numbers
         return Block(self.trial, self.role, scores, cross, own, square, freedom), raw
 
@@ -168,16 +169,24 @@ class Layout:
     nuisances: int  # how many of the columns, the first ones, may take any value
     edges: NDArray[np.intp]  # where the groups of the others begin and end
     together: bool  # whether products of different candidates are wanted
+    rough: bool = False  # whether fewer frames and digits, and fewer draws of noise, will do
 
     @classmethod
-    def of(cls, nuisances: Sequence[Candidate], candidates: Sequence[Candidate], *, together: bool) -> Layout:
+    def of(
+        cls,
+        nuisances: Sequence[Candidate],
+        candidates: Sequence[Candidate],
+        *,
+        together: bool,
+        rough: bool = False,
+    ) -> Layout:
         """For nuisances and candidates."""
         every = [*nuisances, *candidates]
         owners = tuple(candidate for candidate in every for _ in candidate.columns)
         columns = tuple(column for candidate in every for column in candidate.columns)
         count = sum(len(candidate.columns) for candidate in nuisances)
         edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
-        return cls(columns, owners, count, edges, together)
+        return cls(columns, owners, count, edges, together, rough)
 
     @property
     def groups(self) -> tuple[slice, ...]:

@@ -24,7 +24,7 @@ from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 5  # frames of a block; chosen: fewer say nothing of a block of half a second
 _RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
-_DRAWS = 4  # of noise; chosen: its products' own spread grows by an eighth
+_DRAWS = {False: 4, True: 1}  # of noise, also roughly; chosen: its products' spread grows by an eighth, 40 %
 
 
 class Wrench(Observation[WrenchFit]):
@@ -49,13 +49,14 @@ class Wrench(Observation[WrenchFit]):
         cameras' noise is. What they come to is told by noise drawn once more and taken off (the corrected
         score of errors in variables: Nakamura 1990, Biometrika 77:127).
         """
-        replicates = map_parallel(lambda item: list(item.noise_replicates(_DRAWS)), items)
+        draws = _DRAWS[layout.rough]
+        replicates = map_parallel(lambda item: list(item.noise_replicates(draws)), items)
         pairs = [(item, one) for item, some in zip(items, replicates, strict=True) for one in (item, *some)]
         made = iter(map_parallel(lambda pair: _whitened(*pair, layout), pairs))
         sources = []
         for item in items:
             own = next(made)
-            strays = [_White(*map(np.subtract, next(made), own)) for _ in range(_DRAWS)]
+            strays = [_White(*map(np.subtract, next(made), own)) for _ in range(draws)]
             weight = float(_thin(item))
             for used in _frames_of(item, block_s):
                 chunks, *by_chance = (partial(one.chunk, used, weight) for one in (own, *strays))
@@ -100,7 +101,8 @@ class _White(NamedTuple):
         """Some of those frames; no pose is taken out."""
         columns, residuals = self.columns[used], self.residuals[used]
         flat = np.ascontiguousarray(columns.reshape(-1, columns.shape[2]).T)
-        return [Chunk(flat, residuals.ravel(), np.square(flat).sum(axis=1), float(residuals.size), weight)]
+        raw, square = np.square(flat).sum(axis=1), float(np.square(residuals).sum())
+        return [Chunk(flat, residuals.ravel(), raw, square, float(residuals.size), weight)]
 
 
 def _thin(item: WrenchFit) -> int:

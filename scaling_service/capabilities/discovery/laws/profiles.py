@@ -105,6 +105,7 @@ class Skin:
     def __init__(self, item: TrackedTrial) -> None:
         self._item = item
         self._moved: dict[tuple[float, float], Array] = {}
+        self._passing: dict[int, Array] = {}
 
     @cached_property
     def _rates_and_axes(self) -> tuple[Array, Array, Array]:
@@ -115,8 +116,10 @@ class Skin:
 
     def passing(self, order: int) -> Array:
         """Rates of this order under every marker, (n, n_markers, 3), in the axes of its segment."""
-        *rates, axes = self._rates_and_axes
-        return np.asarray(np.einsum("majn,nmj->nma", axes, rates[order - 1]))
+        if order not in self._passing:
+            *rates, axes = self._rates_and_axes
+            self._passing[order] = np.asarray(np.einsum("majn,nmj->nma", axes, rates[order - 1]))
+        return self._passing[order]
 
     def local(self, frequency_hz: float, damping: float) -> Array:
         """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_scale
@@ -173,7 +173,7 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
     return model, tuple(names)
 
 
-_NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
+_EXACT = 1e-11  # of a column's square; chosen: far below what counts as shown, above rounding
 
 
 class PoseFree(NamedTuple):
@@ -183,6 +183,21 @@ class PoseFree(NamedTuple):
     columns: Array  # (n, r, n_spots)
     hidden: Array  # (n, q, n_spots): what the pose takes of the columns, along its basis
     basis: Array  # (n, r, q)
+
+    def condensed(self) -> PoseFree:
+        """The same products of residuals and columns in as many rows as there are spots, if these are fewer.
+
+        The rows are those of the Cholesky factor of the columns' products.
+        """
+        if self.columns.shape[2] >= self.columns.shape[1]:
+            return self
+        across = self.columns.transpose(0, 2, 1)
+        bend = across @ self.columns
+        size = np.einsum("nkk->nk", bend) + np.square(self.hidden).sum(axis=1)
+        np.einsum("nkk->nk", bend)[...] += np.maximum(_EXACT * size, np.finfo(float).tiny)
+        factor = np.linalg.cholesky(bend)
+        residuals = np.linalg.solve(factor, across @ self.residuals[:, :, None])[:, :, 0]
+        return self._replace(residuals=residuals, columns=np.asarray(factor.transpose(0, 2, 1)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,27 +239,17 @@ class Generators:
         poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = positions(self.tree, poses)
         rates = jacobian(self.tree, poses, placed, self.variables)
-        for k, spot in self.volumes:
-            rates = np.insert(rates, int(item.task.free.sum()) + k, spot.field(placed), axis=0)
-        n = placed.shape[-1]
+        n, count = placed.shape[-1], int(item.task.free.sum())
+        if self.volumes:
+            at = [count + k for k, _ in self.volumes]
+            of_body = np.delete(np.arange(len(rates) + len(at)), at)
+            every = np.empty((len(rates) + len(at), *rates.shape[1:]))
+            every[of_body], every[at] = rates, [spot.field(placed) for _, spot in self.volumes]
+            rates = every
         measured = item.task.measured[rows]
         scale = np.repeat(1.0 / item.floor, 3)
         shown = np.isfinite(measured).reshape(n, -1)
         gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
         white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0).transpose(0, 2, 1))
         white *= (shown * scale)[:, :, None]
-        count = int(item.task.free.sum())
         return gap, white[:, :, :count], white[:, :, count:]
-
-
-def span(pose: Array) -> Array:
-    """A basis of the columns of every frame, (n, r, q), orthonormal but for directions without meaning.
-
-    Those come out short, as far as rounding leaves anything of them.
-    """
-    size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
-    even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
-    bend = even.transpose(0, 2, 1) @ even
-    bend += _NULL * np.eye(pose.shape[2])
-    basis = np.linalg.solve(np.linalg.cholesky(bend), even.transpose(0, 2, 1))
-    return np.asarray(basis.transpose(0, 2, 1))

@@ -18,14 +18,14 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, gmres, splu
 
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
-from scaling_service.capabilities.discovery.laws.spots import Generators, span
+from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.oscillator import (
     oscillate,
     oscillator_taps,
     pulled,
     pulled_taps,
 )
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 

@@ -49,6 +49,8 @@ _ENOUGH = 30
 """Third differences from which a spread is told (chosen: its own error is then 15 %)."""
 
 DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
+_CHUNK = 64  # frames at once
+_NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 _RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
 
 
@@ -124,6 +126,27 @@ class TrackedTrial:
         """Measured minus model, (n_frames, n_markers, 3), m; NaN where not seen."""
         return np.asarray(self.task.measured - self.places)
 
+    def pose_columns(self, rows: slice) -> Array:
+        """What the coordinates do to the markers in some frames, by floors, (n, 3 n_markers, n_free)."""
+        tree, free = self.task.tree, np.flatnonzero(self.task.free)
+        poses = forward(tree, np.ascontiguousarray(self.q[rows].T), self.task.p)
+        rates = jacobian(tree, poses, positions(tree, poses), free)
+        white = np.moveaxis(rates.reshape(len(free), -1, rates.shape[-1]), 0, -1).transpose(1, 0, 2)
+        shown = np.repeat(self.seen[rows], 3, axis=1)
+        return np.asarray(white * (shown / np.repeat(self.floor, 3))[:, :, None])
+
+    @cached_property
+    def pose_free(self) -> tuple[Array, Array]:
+        """Residuals by floors without what the pose takes of them, (n, 3 n_markers); their freedom, (n,)."""
+        freed = np.nan_to_num((self.residuals / self.floor[:, None]).reshape(len(self.q), -1))
+        freedom = 3.0 * self.seen.sum(axis=1)
+        for rows in self.chunks(_CHUNK):
+            basis = span(self.pose_columns(rows))
+            taken = basis.transpose(0, 2, 1) @ freed[rows, :, None]
+            freed[rows] -= (basis @ taken)[:, :, 0]
+            freedom[rows] -= np.square(basis).sum(axis=(1, 2))
+        return freed, freedom
+
     @cached_property
     def memory(self) -> float:
         """Correlation of the noise from one frame to the next: first-order autoregressive, alike everywhere.
@@ -189,10 +212,23 @@ class TrackedTrial:
         """How many numbers the residuals are, the pose's taken off."""
         return 3.0 * float(self.seen.sum()) - len(self.q) * float(self.task.free.sum())
 
-    @property
+    @cached_property
     def seen(self) -> NDArray[np.bool_]:
         """Where a marker was seen, (n_frames, n_markers)."""
         return np.asarray(np.isfinite(self.task.measured).all(axis=2))
+
+
+def span(pose: Array) -> Array:
+    """A basis of the columns of every frame, (n, r, q), orthonormal but for directions without meaning.
+
+    Those come out short, as far as rounding leaves anything of them.
+    """
+    size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
+    even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
+    bend = even.transpose(0, 2, 1) @ even
+    bend += _NULL * np.eye(pose.shape[2])
+    basis = np.linalg.solve(np.linalg.cholesky(bend), even.transpose(0, 2, 1))
+    return np.asarray(basis.transpose(0, 2, 1))
 
 
 def marker_noise(measured: Array) -> Array:
@@ -252,11 +288,8 @@ def _strays(item: TrackedTrial) -> Array:
     Noise of each marker's own size and of the trial's memory, to which the pose of the frame gives way as far
     as it does when it is solved for: to first order, without the limits of joints.
     """
-    tree, free = item.task.tree, np.flatnonzero(item.task.free)
-    poses = item.poses
-    rates = jacobian(tree, poses, positions(tree, poses), free)
-    white = np.moveaxis(rates.reshape(len(free), -1, len(item.q)), -1, 0) / np.repeat(item.floor, 3)
-    white = np.where(np.repeat(item.seen, 3, axis=1)[:, None], white, 0.0)
+    free = np.flatnonzero(item.task.free)
+    white = item.pose_columns(slice(0, len(item.q))).transpose(0, 2, 1)
     bend = white @ white.transpose(0, 2, 1)
     size = np.einsum("nqq->nq", bend).max(axis=1)
     stream = np.random.default_rng(0)

@@ -40,7 +40,7 @@ from scaling_service.capabilities.discovery.search.estimation import (
     remove,
 )
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
-from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned
+from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tell_classes
 from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
 from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
@@ -101,7 +101,11 @@ def discover(
     fit, seen = _unmasked(fit)
     steps.begin("measuring the gap", _MEASURING, 1.0)
     findings = summarise(
-        named, scored, search.disturbance, (before, fit, seen), (*notes, *negligible, *insufficient)
+        tell_classes(named, fit),
+        scored,
+        search.disturbance,
+        (before, fit, seen),
+        (*notes, *negligible, *insufficient),
     )
     steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, fit)

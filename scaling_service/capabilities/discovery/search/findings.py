@@ -49,9 +49,9 @@ class NamedEffect:
     held_out: HeldOut
     # column to the size (as in the results) from which it is named nine times in ten
     smallest: Mapping[str, float] = field(default_factory=dict)
-    # its equivalence class: those that this recording does not tell from it
-    equivalents: tuple[Candidate, ...] = ()
-    member: float = 1.0  # probability that it is this one of them: each lead's chance as a posterior
+    # its equivalence class: those that this recording does not tell from it, the nearest first, each with
+    # how likely chance alone makes its lead
+    equivalents: Mapping[Candidate, float] = field(default_factory=dict)
     would_separate: str = ""  # the ordinary movement that would
     rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
     # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)
@@ -63,6 +63,12 @@ class NamedEffect:
     def candidate(self) -> Candidate:
         """What it is, and where."""
         return self.effect.candidate
+
+    @property
+    def member(self) -> float:
+        """Probability that it is this one of its class: each lead's chance as a posterior."""
+        chances = [min(p, 0.5) for p in self.equivalents.values()]
+        return 1.0 / (1.0 + sum(p / (1.0 - p) for p in chances))
 
     @property
     def key(self) -> str:

@@ -44,10 +44,8 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         scored.p_family(among.count),
         scored.held_out,
         smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
-        tuple(equivalents),
-        1.0 / (1.0 + sum(min(p, 0.5) / (1.0 - min(p, 0.5)) for p in equivalents.values())),
-        find_separating_movement(effect, tuple(equivalents), fit) if equivalents else "",
-        tuple(o.candidate for o in among.best if _comparable(o.candidate, candidate)),
+        equivalents,
+        rivals=tuple(o.candidate for o in among.best if _comparable(o.candidate, candidate)),
     )
 
 
@@ -83,6 +81,17 @@ def find_equivalents(
             if p > level:
                 found[one] = p
     return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def tell_classes(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
+    """Each with its class once all are known: without what is named itself, and what separates it."""
+    taken = {n.key for n in named}
+    found = []
+    for n in named:
+        others = {c: p for c, p in n.equivalents.items() if c.key not in taken}
+        movement = find_separating_movement(n.effect, tuple(others), fit)
+        found.append(replace(n, equivalents=others, would_separate=movement))
+    return found
 
 
 def smallest_nameable(effect: Estimate, fitted: Fitted, level: float, power: float) -> Mapping[str, float]:

@@ -26,7 +26,7 @@ from scaling_service.model.axes import DrivenAxis, Limb, list_axes_at_rest, list
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import rotation_from_vector
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 
 
 @dataclass(frozen=True, slots=True)

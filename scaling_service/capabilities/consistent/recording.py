@@ -39,7 +39,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, regressor_blocks
+from scaling_service.numerics.wrench import GRAVITY, regressor_blocks
 
 ARTEFACT_M: Mapping[str, float] = {
     "toe": 0.001,

@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.skin import SkinField, is_pin, rigid_modes
 from scaling_service.capabilities.motion.uncertainty import (
     Mask,
+    SkinField,
     distinct_patterns,
     frame_blocks,
+    is_pin,
     loses,
     marker_rates,
+    rigid_modes,
 )
 from scaling_service.model.body import BodyModel, Expectation
 from scaling_service.model.compile import piecewise

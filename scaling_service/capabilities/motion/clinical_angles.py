@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scaling_service.model.anatomy.conventional import ANGLES, KNEE, conventional_angles, heel_level
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy.frames import ANGLES, KNEE, SIDES, Side, conventional_angles, heel_level
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker

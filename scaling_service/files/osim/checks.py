@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Coordinate, Marker
 from scaling_service.model.compile import compile_model
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
-
-Array = NDArray[np.float64]
 
 SAME = 1e-6
 """m; the most that a written model may differ (chosen: a thousandth of a marker's measuring error)."""

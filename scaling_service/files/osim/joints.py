@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Joint, Law, Segment
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
-
-Array = NDArray[np.float64]
 
 _PARALLEL = 1e-9
 """Sine below which two axes count as one (chosen: far below OpenSim's own limit for axes that differ)."""

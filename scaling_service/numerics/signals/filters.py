@@ -16,7 +16,8 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from scaling_service.numerics.multibody.laws import Array
+
 Mask = NDArray[np.bool_]
 
 MIN_CONTEXT = 2

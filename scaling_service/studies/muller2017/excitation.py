@@ -29,7 +29,7 @@ from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench import root_wrench
 from scaling_service.virtual.artefact import draw_shared, glide_marker, shift_marker
 from scaling_service.virtual.motion import wander
 from scaling_service.virtual.sequence import sequence

@@ -35,7 +35,7 @@ from scaling_service.numerics.multibody.tree import (
     positions,
 )
 from scaling_service.numerics.signals.filters import butterworth, runs
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, moment_about
+from scaling_service.numerics.wrench import GRAVITY, moment_about
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
 """Weights of the central second difference of order 8 at lags 1 to 4, times the squared step (Fornberg 1988,

@@ -46,8 +46,7 @@ class Limb:
         frame = np.eye(4)
         for axis in self.axes:
             frame = frame @ axis.before
-        rest: Array = frame @ self.last
-        return rest
+        return frame @ self.last
 
 
 def list_limbs(model: BodyModel) -> tuple[Limb, ...]:

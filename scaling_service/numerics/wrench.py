@@ -275,8 +275,7 @@ def _inertia_rates(inertia: Array, twists: Array) -> Array:
     """``V x* I - I V x`` of every link, (k, 6, 6, n)."""
     columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
     half = np.moveaxis(force_cross(twists[:, None], columns), 1, 2)
-    rates: Array = half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
-    return rates
+    return half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
 
 
 def _times(matrix: Array, vector: Array) -> Array:

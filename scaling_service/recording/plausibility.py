@@ -103,8 +103,7 @@ def _median(positions: Array) -> Array:
     ordered = np.sort(positions, axis=1)  # NaN last
     count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
     low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
-    middle: Array = 0.5 * (low + high)
-    return middle
+    return 0.5 * (low + high)
 
 
 NEAR_M = 0.03

@@ -62,8 +62,7 @@ def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array],
 
 def _leading(coupler: Coupler, motion: Motion) -> Array:
     """The coordinate that a dependent one follows, (n_frames,)."""
-    x: Array = motion.q[:, motion.coordinates.index(coupler.independent)]
-    return x
+    return motion.q[:, motion.coordinates.index(coupler.independent)]
 
 
 def poses_table(motion: Motion, model: BodyModel) -> Table:

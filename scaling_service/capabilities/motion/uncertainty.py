@@ -198,8 +198,7 @@ def coordinate_sd(
 
 def loses(change: Array, unknown: Mask) -> Mask:
     """Which combinations, by their rates (n, k, n_coordinates), depend on an unknown coordinate, (n, k)."""
-    lost: Mask = np.asarray(((np.abs(change) > _NO_RATE) & unknown[:, None]).any(axis=2))
-    return lost
+    return np.asarray(((np.abs(change) > _NO_RATE) & unknown[:, None]).any(axis=2))
 
 
 def _spread(follow: Array, variance: Array, fields: Sequence[SkinField], weights: Array) -> Array:
@@ -303,8 +302,7 @@ def determined(
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
-    result: NDArray[np.bool_] = verdict[which]
-    return result
+    return verdict[which]
 
 
 def distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

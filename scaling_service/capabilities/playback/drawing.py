@@ -136,8 +136,7 @@ def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | Non
 def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
     """Points of segments in ground, (n_frames, n_points, 3), m."""
     carrier = model.with_markers(points)
-    placed: Array = marker_positions(compile_model(carrier), q, parameter_values(carrier))
-    return placed
+    return marker_positions(compile_model(carrier), q, parameter_values(carrier))
 
 
 def follow_person(scene: Scene) -> Scene:

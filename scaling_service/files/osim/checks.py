@@ -83,5 +83,4 @@ def _spread_poses(coordinates: tuple[Coordinate, ...]) -> Array:
     lower = np.array([c.lower if np.isfinite(c.lower) else c.default - _CHECKED_REACH for c in coordinates])
     upper = np.array([c.upper if np.isfinite(c.upper) else c.default + _CHECKED_REACH for c in coordinates])
     steps = np.arange(1, _CHECKED_POSES + 1)[:, None] * np.arange(1, len(coordinates) + 1)
-    spread: Array = np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])
-    return spread
+    return np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])

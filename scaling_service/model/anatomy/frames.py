@@ -127,8 +127,7 @@ def _clinical(flexion: float, side: Side) -> Array:
 
 
 def _points(points: ArrayLike) -> Array:
-    array: Array = np.atleast_2d(np.asarray(points, dtype=float))
-    return array
+    return np.atleast_2d(np.asarray(points, dtype=float))
 
 
 def _rightward(lateral: ArrayLike, medial: ArrayLike, side: Side) -> Array:

@@ -39,8 +39,7 @@ def runs(flags: Mask) -> NDArray[np.intp]:
     edges = np.flatnonzero(
         np.diff(np.concatenate(([False], np.asarray(flags, bool), [False])).astype(np.int8))
     )
-    pairs: NDArray[np.intp] = edges.reshape(-1, 2)
-    return pairs
+    return edges.reshape(-1, 2)
 
 
 def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:

@@ -189,8 +189,7 @@ def _smooth_max(a: Array, b: Array, blend: float) -> Array:
     if blend == 0.0:
         return larger
     near = np.maximum(blend - np.abs(a - b), 0.0)
-    rounded: Array = larger + near * near * (0.25 / blend)
-    return rounded
+    return larger + near * near * (0.25 / blend)
 
 
 def _interpolate(at: Array, knots: Array, values: Array) -> Array:

@@ -1,32 +1,129 @@
-"""Scaled skeletons for other engines, with markers and inertia: MuJoCo's MJCF and biorbd's bioMod.
-
-MJCF has one body a segment, one joint an axis, one site a marker. Axes of a body turn and shift one after
-the other in the frame reached so far, as ours do. An axis that follows a coordinate is a joint of its own,
-tied to it by an equality: exact where it is linear, else the quartic polynomial that is nearest over the
-coordinate's range, for MuJoCo knows no others (https://mujoco.readthedocs.io/en/stable/XMLreference.html,
-``equality/joint``).
-
-bioMod has one segment an axis, and one for each of ours with mass and markers. Its segments turn and shift
-along their own axes only, so each axis has a segment whose z lies along it (https://github.com/pyomeca/biorbd,
-"Model files"). It knows no coordinates that follow others: such an axis is a degree of freedom, whose value
-the caller gives.
-"""
+"""Scaled skeletons for other engines, with markers and inertia: MuJoCo's MJCF and biorbd's bioMod."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.axes import DrivenAxis, Limb, list_axes_at_rest, list_limbs, list_uncarried
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Joint, Law, Segment, Term
+from scaling_service.model.compile import law_value
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.rigid import rotation_from_vector
+from scaling_service.numerics.multibody.rigid import rotation_about, rotation_from_vector
 from scaling_service.numerics.wrench import GRAVITY
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrivenAxis:
+    """One turn about, or shift along, an axis."""
+
+    name: str  # the coordinate's where the axis moves as it does, else made of segment, kind and number
+    kind: str  # rotation or translation
+    axis: Array  # (3,), unit vector in the frame reached so far
+    term: Term  # its value, rad or m: a term of one coordinate
+    leads: bool  # whether the value is the coordinate itself
+    before: Array  # (4, 4): the fixed frame between the axis before, or the parent, and this one
+
+    def value(self, coordinates: Mapping[str, Array]) -> Array:
+        """What the axis moves by, rad or m, at values of the coordinates."""
+        return np.asarray(law_value(Law((self.term,)), coordinates))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limb:
+    """A segment with the axes that carry it from its parent."""
+
+    segment: Segment
+    axes: tuple[DrivenAxis, ...]
+    last: Array  # (4, 4): from the last axis to the segment's frame
+
+    @property
+    def at_rest(self) -> Array:
+        """The segment in its parent where all axes are at zero, (4, 4)."""
+        frame = np.eye(4)
+        for axis in self.axes:
+            frame = frame @ axis.before
+        return frame @ self.last
+
+
+def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
+    """The model's segments, parents first; locked coordinates stand at their default.
+
+    ValueError: parameters are not folded into the laws.
+    """
+    if model.parameters:
+        raise ValueError("fold the parameters into the laws first")
+    fixed = {c.name: c.default for c in model.coordinates if c.locked}
+    leading: set[str] = set()
+    return tuple(_limb(segment, fixed, leading) for segment in model.segments)
+
+
+def _limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
+    axes: list[DrivenAxis] = []
+    frame = np.eye(4)
+    for joint in segment.joints:
+        terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
+        constant = sum(float(law_value(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
+        frame = frame @ displace(joint, constant)
+        for term in terms:
+            axes.append(_axis(segment, joint, term, frame, len(axes), leading))
+            frame = np.eye(4)
+    return Limb(segment, tuple(axes), frame)
+
+
+def _axis(
+    segment: Segment, joint: Joint, term: Term, frame: Array, number: int, leading: set[str]
+) -> DrivenAxis:
+    coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
+    if abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading:
+        leading.add(coordinate)
+        plain = replace(term, gain=1.0)
+        return DrivenAxis(coordinate, joint.kind, axis * term.gain, plain, True, frame)
+    name = f"{segment.name}_{joint.kind}_{number}"
+    return DrivenAxis(name, joint.kind, axis, term, False, frame)
+
+
+def displace(joint: Joint, value: float) -> Array:
+    """The move of a joint by a value, (4, 4)."""
+    frame = np.eye(4)
+    if joint.kind == "translation":
+        frame[:3, 3] = value * np.asarray(joint.axis)
+    else:
+        frame[:3, :3] = rotation_about(joint.axis, value)
+    return frame
+
+
+def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
+    """Each axis with its direction and a point on it, (3,) each, in the segment's frame at rest."""
+    onwards: Array = limb.last
+    for axis in reversed(limb.axes):
+        back: Array = np.asarray(np.linalg.inv(onwards), dtype=float)
+        yield axis, back[:3, :3] @ axis.axis, back[:3, 3]
+        onwards = axis.before @ onwards
+
+
+def list_uncarried(model: BodyModel) -> tuple[str, ...]:
+    """What a skeleton of axes driven by one number each does not say of the model, in plain sentences."""
+    found = list_limbs(model)
+    following = [a for limb in found for a in limb.axes if not a.leads]
+    said = []
+    if following:
+        names = sorted({str(a.term.coordinate) for a in following})
+        said.append(
+            f"{len(following)} axes follow {', '.join(names)}: {', '.join(a.name for a in following)}"
+        )
+    skin = [m.name for m in model.markers if not all(law.is_constant for law in m.laws)]
+    if skin:
+        said.append(f"markers that move with joints are fixed where they are nominally: {', '.join(skin)}")
+    locked = [c.name for c in model.coordinates if c.locked]
+    if locked:
+        said.append(f"locked coordinates are fixed at their default: {', '.join(locked)}")
+    said.append("muscles, wrapping surfaces and meshes are not carried")
+    return tuple(said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +243,7 @@ def _fit_polynomial(axis: DrivenAxis, coordinate: Coordinate) -> tuple[Array, fl
 def write_biomod(model: BodyModel) -> Skeleton:
     """A ``.bioMod`` file, SI and rad, Y up; what it does not carry stands in comments at its head, too.
 
-    Its degrees of freedom come in the order of :func:`scaling_service.model.axes.list_limbs`' axes.
+    Its degrees of freedom come in the order of :func:`list_limbs`' axes.
     ValueError: the model's parameters are not folded into its laws.
     """
     said = list_uncarried(model)

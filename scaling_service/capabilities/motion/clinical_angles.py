@@ -16,7 +16,7 @@ from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
 from scaling_service.model.results import Array, Motion
 from scaling_service.numerics.multibody.tree import forward, jacobian, positions
-from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
+from scaling_service.numerics.statistics.waveforms import NODES, normalised_cycles
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")

@@ -31,7 +31,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import reference_folder
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.statistics.cycles import NODES
+from scaling_service.numerics.statistics.waveforms import NODES
 
 VARIABLES = (
     "pelvis_anterior_tilt",

@@ -215,8 +215,8 @@ def _place(
     first, last = row.span
     start = needed(neutral, first, side, person.sex, segment)
     end = landmark(neutral, last, side, person.sex)
-    if end is None and row.length_m is not None:
-        length = row.length_m * person.height_m / table.stature_m[person.sex]
+    if end is None and row.length_mm is not None:
+        length = 1e-3 * row.length_mm * person.height_m / table.stature_m[person.sex]
         end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
     if end is None and row.com_pct is None:
         end = start  # the fallback gives centre and radii
@@ -360,7 +360,7 @@ def _on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
     if top is None or bottom is None:
         return None
     table = inertia_table(TRUNK)
-    lengths = [table.row(part, sex).length_m or 0.0 for part in ("thorax", "abdomen", "pelvis")]
+    lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
     share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
     return np.asarray(top + share * (bottom - top))
 

@@ -127,7 +127,7 @@ def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | Non
     """Where, and along which direction, the first driven turn of a joint acts in the parent's frame."""
     values = model_values(model)
     for k, joint in enumerate(segment.joints):
-        if joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms):
+        if joint.kind == "rotation" and joint.law.coordinates:
             rotation, origin = follow(segment.joints[:k], values)
             return origin, rotation @ np.asarray(joint.axis)
     return None

@@ -75,7 +75,7 @@ def _agrees(shape: Shape, function: Function, points: Sequence[float]) -> bool:
 
 def at_coordinate(law: Law, x: float) -> float:
     """Value of a law of one coordinate and no parameter at one coordinate value."""
-    return float(law_value(law, {term.coordinate: x for term in law.terms if term.coordinate is not None}))
+    return float(law_value(law, dict.fromkeys(law.coordinates, x)))
 
 
 def law_breaks(law: Law) -> list[float]:
@@ -121,7 +121,7 @@ def substitute(law: Law, coordinate: str, follows: Law) -> Law:
 
 
 def _composed(outer: Shape, inner: Law) -> Law:
-    names = {t.coordinate for t in inner.terms if t.coordinate is not None}
+    names = inner.coordinates
     if not names:
         at = np.array(inner.constant_part)
         return Law.constant(float(shape_values(outer, at)))
@@ -358,7 +358,7 @@ def _coordinate_of(segment: Segment, law: Law) -> str:
     """The only coordinate that drives an axis."""
     if any(t.parameter is not None for t in law.terms):
         raise _refused(segment, "depends on a free parameter", "Fold the parameters in first")
-    names = sorted({t.coordinate for t in law.terms if t.coordinate is not None})
+    names = sorted(law.coordinates)
     if len(names) > 1:
         raise _refused(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
     return names[0]

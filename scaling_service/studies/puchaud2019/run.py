@@ -205,7 +205,7 @@ def build_document(
         cohort_statistics(some, METHODS, seed=settings.seed) for some in (summaries, summaries[:WALKERS])
     )
     document = Puchaud2019Document(
-        source=paper().source,
+        source=" ".join(paper()["source"].split()),
         code_version=code_version(),
         settings={**settings.resolved(), "generic": generic},
         seed=settings.seed,
@@ -214,7 +214,7 @@ def build_document(
         segment_lengths_mm=lengths(everybody),
         knee_axis_deg=knee_axes(everybody),
         kinematic_error_mm=errors(everybody),
-        literature_error_mm=dict(paper().literature_errors_mm),
+        literature_error_mm=dict(paper()["literature_error_mm"]),
         length_difference_mm=length_differences(everybody),
         marker_shift_mm=marker_shifts(everybody),
         notes=list(DIFFERENCES),
